@@ -1,0 +1,1 @@
+"""Controllers of the benchmark as FMUs, and what turns sources into FMUs."""

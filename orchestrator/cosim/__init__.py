@@ -1,0 +1,1 @@
+"""Closed-loop co-simulation of one plant FMU and one controller FMU."""

@@ -1,0 +1,59 @@
+"""Numba: compiled functions whose cache notices every change, and calls of C functions by address."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from ..folders import cache_folder
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@functools.cache
+def _cache_of_these_sources() -> str:
+    """A folder named by the hash of this package's sources. Numba itself looks only at the file of the function
+    it compiles and would run stale machine code after a change in a helper from another module."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return str(cache_folder() / "numba" / digest.hexdigest()[:16])
+
+
+def compiled(function: F) -> F:
+    """``function`` as machine code in IEEE arithmetic (no fast-math), cached on disk."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _cache_of_these_sources()
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+@intrinsic
+def call_status(typingctx, address, arguments):
+    """Call the C function at the integer ``address`` with the tuple ``arguments``; returns its status.
+
+    The status is an enumeration; as an unsigned number every illegal one is above the legal ones.
+
+    Integers of 64 bits also stand for pointers and ``size_t``, which the platforms' calling conventions pass
+    alike. The address is a run-time value: one compilation serves every FMU.
+    """
+    signature = types.int64(address, arguments)
+
+    def generate(context, builder, signature, values):
+        pointer, packed = values
+        c_arguments = [builder.extract_value(packed, i) for i in range(len(arguments))]
+        c_type = ir.FunctionType(ir.IntType(32), [argument.type for argument in c_arguments])
+        status = builder.call(builder.inttoptr(pointer, c_type.as_pointer()), c_arguments)
+        return builder.zext(status, ir.IntType(64))
+
+    return signature, generate

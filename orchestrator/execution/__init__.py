@@ -1,0 +1,1 @@
+"""Running many simulations, each group in a process of its own."""

@@ -1,0 +1,96 @@
+"""Cases over processes: groups of cases become jobs, outcomes become case results."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ..benchmark.case import Case
+from ..benchmark.metrics import CaseResult, judge
+from ..benchmark.protocol import Protocol
+from ..cosim.archive import Archive
+from ..cosim.fmi2 import Slave
+from ..cosim.master import simulate
+from ..cosim.scenario import Scenario
+from ..cosim.trajectory import Status, Trajectory
+from . import pool
+from .job import Died, Failed, Finished, Job, Outcome
+
+GROUP_SIZE = 9
+"""Cases a child process runs before it is replaced: enough that its start (some 0.1 s) does not count."""
+
+
+def available_cores() -> int:
+    """Number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def time_limit(scenario: Scenario) -> float:
+    """Wall time [s] a simulation may take: a minute for the start, and a tenth of real time."""
+    return 60.0 + 10.0 * float(scenario.duration)
+
+
+def evaluate(
+    protocol: Protocol,
+    cases: Sequence[Case],
+    plant: Archive,
+    controller: Archive,
+    controller_parameters: Mapping[str, float],
+    workers: int,
+) -> Iterator[CaseResult]:
+    """Results of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone."""
+    groups = [cases[first : first + GROUP_SIZE] for first in range(0, len(cases), GROUP_SIZE)]
+    work = functools.partial(_judged, protocol, dict(controller_parameters))
+    jobs = [
+        Job(plant, controller, tuple(group), work, tuple(time_limit(case.scenario) for case in group))
+        for group in groups
+    ]
+    for number, outcome in pool.run(jobs, workers):
+        yield _result(groups[number][outcome.index], outcome)
+
+
+def simulate_isolated(
+    scenario: Scenario,
+    plant: Archive,
+    controller: Archive,
+    controller_parameters: Mapping[str, float],
+    observe: Sequence[str] = (),
+) -> Trajectory:
+    """One simulation in a process of its own.
+
+    Raises the error of an FMU that fails before the first sample, :class:`RuntimeError` where its process dies.
+    """
+    work = functools.partial(_simulated, dict(controller_parameters), tuple(observe))
+    job = Job(plant, controller, (scenario,), work, (time_limit(scenario),))
+    for outcome in pool.run_isolated(job):
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        if isinstance(outcome, Died):
+            raise RuntimeError("\n  ".join((outcome.message, *outcome.output)))
+        return outcome.value
+    raise AssertionError("a job of one task has one outcome")
+
+
+def _simulated(
+    parameters: Mapping[str, float], observe: Sequence[str], plant: Slave, controller: Slave, scenario: Scenario
+) -> Trajectory:
+    return simulate(plant, controller, scenario, parameters, observe)
+
+
+def _judged(
+    protocol: Protocol, parameters: Mapping[str, float], plant: Slave, controller: Slave, case: Case
+) -> dict[str, Any]:
+    return judge(protocol, case, simulate(plant, controller, case.scenario, parameters))
+
+
+def _result(case: Case, outcome: Outcome) -> CaseResult:
+    if isinstance(outcome, Finished):
+        return CaseResult(case, wall_time=outcome.wall_time, **outcome.value)
+    if isinstance(outcome, Failed):
+        return CaseResult(case, Status.ERROR, 0.0, str(outcome.error), wall_time=outcome.wall_time)
+    status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
+    return CaseResult(case, status, 0.0, "\n  ".join((outcome.message, *outcome.output)), wall_time=outcome.wall_time)

@@ -1,0 +1,59 @@
+"""What crosses to a child process and what comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ..cosim.archive import Archive
+
+
+@dataclass(frozen=True)
+class Job:
+    """A plant, a controller, and tasks for the two; one child process runs the tasks in order.
+
+    ``work(plant, controller, task)`` gets the two loaded slaves and returns a picklable value; it must be a
+    module-level function (or a partial of one), since it is sent to another process. ``time_limit(task)`` is in
+    seconds of wall time.
+    """
+
+    plant: Archive
+    controller: Archive
+    tasks: tuple[Any, ...]
+    work: Callable[[Any, Any, Any], Any]
+    time_limits: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """``value`` is what the work returned for task ``index``; ``wall_time`` [s] is what it took."""
+
+    index: int
+    value: Any
+    wall_time: float
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Task ``index`` raised an error of the FMU's or the user's making: ``error``."""
+
+    index: int
+    error: Exception
+    wall_time: float
+
+
+@dataclass(frozen=True)
+class Died:
+    """The process ended in task ``index``: ``timeout`` tells whether at its time limit, ``message`` how, and
+    ``output`` holds the last lines that the process printed."""
+
+    index: int
+    timeout: bool
+    message: str
+    wall_time: float
+    output: tuple[str, ...] = ()
+
+
+Outcome = Finished | Failed | Died
+

@@ -1,0 +1,38 @@
+"""What the fork server imports once for all children: the whole stack, and the compiled loop, made ready to run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..cosim import loop
+from ..cosim.plan import make_plan
+from ..cosim.scenario import NO_DELAY, seconds
+from ..cosim.signals import ChirpSignal, PulseSignal
+from . import child
+
+__all__ = ["child"]
+
+
+def _load_compiled_loop() -> None:
+    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types."""
+    two, none = np.zeros(2), np.zeros(0, dtype=np.uint32)
+    port = loop.Port(0, 0, 0, 0, none, two, none, two, two, two, two)
+    parts = loop.Loop(
+        samples=0,
+        plan=make_plan(seconds("0.25e-3"), NO_DELAY, NO_DELAY),
+        q_m_ref=two,
+        u_m0=two,
+        gain=two,
+        limit=two,
+        torque_quantum=two,
+        angle_quantum=0.0,
+        noise=np.zeros((1, 2)),
+        chirp=ChirpSignal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
+        abort_distance=0.0,
+    )
+    record = loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
+    loop.run(port, port, parts, record)
+
+
+_load_compiled_loop()

@@ -1,0 +1,26 @@
+"""Compilation by Numba where it is installed; the same source runs without it, slower."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+try:
+    import numba
+except ImportError:
+    numba = None
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """``function`` as machine code, cached on disk; unchanged where Numba is not installed.
+
+    IEEE arithmetic is kept (no fast-math), so a result does not depend on the optimiser's choices.
+    """
+    if numba is None:
+        return function
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # nowhere to write the cache to: compile for this process alone
+        return numba.njit(error_model="numpy")(function)
