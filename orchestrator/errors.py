@@ -9,6 +9,10 @@ class InputError(BenchmarkError):
     """What the user gave cannot be used: a file, a name, a value. The commands exit with code 2."""
 
 
+class Crash(BenchmarkError):
+    """The process of a simulation ended before the simulation did."""
+
+
 class FmuError(BenchmarkError):
     """An FMU failed in an FMI call. ``call`` names the function, ``log`` holds the FMU's own last messages."""
 

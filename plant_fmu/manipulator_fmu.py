@@ -19,18 +19,22 @@ U_M, U_D, F, Q_M, Q_A, X, Q_M_REF, U_M0, Q_A_START, TABLE = 0, 2, 4, 6, 8, 10, 1
 """Value reference of the first component of each connector; TABLE is where Table 1 begins."""
 
 KIND = {
-    "input": dict(causality=Fmi2Causality.input, variability=Fmi2Variability.continuous),
-    "output": dict(
-        causality=Fmi2Causality.output, variability=Fmi2Variability.continuous, initial=Fmi2Initial.calculated
-    ),
-    "parameter": dict(
-        causality=Fmi2Causality.parameter, variability=Fmi2Variability.fixed, initial=Fmi2Initial.exact
-    ),
-    "calculatedParameter": dict(
-        causality=Fmi2Causality.calculatedParameter,
-        variability=Fmi2Variability.fixed,
-        initial=Fmi2Initial.calculated,
-    ),
+    "input": {"causality": Fmi2Causality.input, "variability": Fmi2Variability.continuous},
+    "output": {
+        "causality": Fmi2Causality.output,
+        "variability": Fmi2Variability.continuous,
+        "initial": Fmi2Initial.calculated,
+    },
+    "parameter": {
+        "causality": Fmi2Causality.parameter,
+        "variability": Fmi2Variability.fixed,
+        "initial": Fmi2Initial.exact,
+    },
+    "calculatedParameter": {
+        "causality": Fmi2Causality.calculatedParameter,
+        "variability": Fmi2Variability.fixed,
+        "initial": Fmi2Initial.calculated,
+    },
 }
 
 
@@ -104,7 +108,7 @@ class FlexibleManipulator(Fmi2Slave):
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return dict(values=list(self.values), memory=self.memory.tolist())
+        return {"values": list(self.values), "memory": self.memory.tolist()}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         self.values = list(state["values"])

@@ -47,7 +47,7 @@ class CaseResult:
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> dict[str, Any]:
     """Status, time, message, measurement and warnings of a simulated case, as fields of :class:`CaseResult`."""
     ending = trajectory.ending
-    result = dict(status=ending.status, time=ending.time, message=ending.message, warnings=ending.warnings)
+    result = {"status": ending.status, "time": ending.time, "message": ending.message, "warnings": ending.warnings}
     if ending.status is not Status.DONE:
         return result
     measurement = measure(protocol, case, trajectory)

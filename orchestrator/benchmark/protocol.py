@@ -119,9 +119,7 @@ def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration
     return Configuration(-1, q_a1, q_a2)
 
 
-def system(
-    protocol: Protocol, nominal: Mapping[str, float], seed: int, index: int, name: str, test: Test
-) -> System:
+def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: int, name: str, test: Test) -> System:
     """The system ``name`` of configuration ``index``; ``random_1``, ``random_2``, ... are drawn.
 
     Systems in performance tests draw their disturbance; those in stability tests have the fixed one.
@@ -137,11 +135,10 @@ def system(
     else:
         known = (*raw["systems"], "random_1", "random_2", "...")
         raise InputError(f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}.")
-    parameters = {
-        f"{symbol}[{axis}]": nominal[f"{symbol}[{axis}]"] * (1.0 + raw["uncertainty"][symbol] * deviation)
-        for symbol, pair in deviations.items()
-        for axis, deviation in zip((1, 2), pair, strict=True)
-    }
+    parameters = {name: value for name, value in nominal.items() if not name.startswith("q_a_start")}
+    for symbol, pair in deviations.items():
+        for axis, deviation in zip((1, 2), pair, strict=True):
+            parameters[f"{symbol}[{axis}]"] *= 1.0 + raw["uncertainty"][symbol] * deviation
     if test.systems == "performance":
         disturbance = _drawn(raw["disturbance"], stream)
     else:

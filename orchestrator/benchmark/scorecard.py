@@ -150,9 +150,7 @@ def _configuration(
     for criterion in criteria:
         value, _ = _worst(results, criterion.name)
         relative[criterion.name] = None if value is None else value / criterion.target
-    shares = (
-        None if (b := relative[criterion.name]) is None else criterion.weight * b for criterion in criteria
-    )
+    shares = (None if (b := relative[criterion.name]) is None else criterion.weight * b for criterion in criteria)
     return ConfigurationScore(configuration, _sum(shares), relative)
 
 

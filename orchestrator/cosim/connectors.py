@@ -43,6 +43,7 @@ CONTROLLER: tuple[Connector, ...] = (
     Connector("u_m0", ("input", "parameter"), "N.m", required=False),
 )
 
+
 @dataclass(frozen=True)
 class Bound:
     """A connector found in an FMU: value references of its two components and their causality there."""

@@ -58,9 +58,7 @@ def simulate(
         plant_inputs = [vr for name in ("u_m", "u_d", "F") for vr in plant_binding[name].references]
         plant_outputs = [vr for name in ("q_m", "X") for vr in plant_binding[name].references] + list(observed.values())
         plant_port = _port(plant, plant_inputs, plant_outputs)
-        controller_port = _port(
-            controller, controller_binding["q_m"].references, controller_binding["u_m"].references
-        )
+        controller_port = _port(controller, controller_binding["q_m"].references, controller_binding["u_m"].references)
         parts = _loop(scenario, q_m_ref, u_m0)
         record = _record(scenario, plant.get(plant_outputs), q_m_ref, parts)
         raw = loop.Ending(*loop.run(plant_port, controller_port, parts, record))
@@ -146,7 +144,7 @@ def _ending(raw: loop.Ending, scenario: Scenario, plant: fmi2.Slave, controller:
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     name = FMI_STATUS[raw.status] if 0 <= raw.status < len(FMI_STATUS) else f"the illegal status {raw.status}"
     message = "\n  ".join((f"{slave.archive.name}: {FMI_CALL[raw.call]} returned {name}", *fmi2.log()))
-    return Ending(Status.ERROR, time, message, raw.warnings)
+    return Ending(Status.ERROR, time, message, raw.warnings, FMI_CALL[raw.call])
 
 
 def _trajectory(

@@ -23,12 +23,16 @@ class Status(str, Enum):
 
 @dataclass(frozen=True)
 class Ending:
-    """``status``, the simulated ``time`` [s] it came at, and for anything but DONE a sentence why."""
+    """``status``, the simulated ``time`` [s] it came at, and for anything but DONE a sentence why.
+
+    ``warnings`` counts FMI calls that returned a warning; ``failed_call`` names the one that returned worse.
+    """
 
     status: Status
     time: float
     message: str = ""
     warnings: int = 0
+    failed_call: str = ""
 
 
 @dataclass(frozen=True)

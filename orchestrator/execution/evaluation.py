@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..benchmark.case import Case
@@ -15,6 +17,7 @@ from ..cosim.fmi2 import Slave
 from ..cosim.master import simulate
 from ..cosim.scenario import Scenario
 from ..cosim.trajectory import Status, Trajectory
+from ..errors import Crash, FmuError
 from . import pool
 from .job import Died, Failed, Finished, Job, Outcome
 
@@ -53,6 +56,19 @@ def evaluate(
         yield _result(groups[number][outcome.index], outcome)
 
 
+def rehearse(case: Case, plant: Archive, controller: Archive, controller_parameters: Mapping[str, float]) -> None:
+    """Begin ``case`` and stop after its first sample, so that what is wrong with the input shows before the rest.
+
+    Raises :class:`~orchestrator.errors.BenchmarkError` where the FMUs cannot be connected or initialized. It also
+    leaves the compiled code of both in the cache, before several processes would compile it at once.
+    """
+    scenario = replace(case.scenario, duration=case.scenario.sample_time)
+    with contextlib.suppress(Crash):  # a crash has a place in the results
+        ending = simulate_isolated(scenario, plant, controller, controller_parameters).ending
+        if ending.status is Status.ERROR and ending.failed_call:
+            raise FmuError(f"The first sample fails: {ending.message}", ending.failed_call)
+
+
 def simulate_isolated(
     scenario: Scenario,
     plant: Archive,
@@ -62,7 +78,7 @@ def simulate_isolated(
 ) -> Trajectory:
     """One simulation in a process of its own.
 
-    Raises the error of an FMU that fails before the first sample, :class:`RuntimeError` where its process dies.
+    Raises the error of an FMU that fails before the first sample, :class:`Crash` where its process dies.
     """
     work = functools.partial(_simulated, dict(controller_parameters), tuple(observe))
     job = Job(plant, controller, (scenario,), work, (time_limit(scenario),))
@@ -70,7 +86,7 @@ def simulate_isolated(
         if isinstance(outcome, Failed):
             raise outcome.error
         if isinstance(outcome, Died):
-            raise RuntimeError("\n  ".join((outcome.message, *outcome.output)))
+            raise Crash("\n  ".join((outcome.message, *outcome.output)))
         return outcome.value
     raise AssertionError("a job of one task has one outcome")
 

@@ -56,4 +56,3 @@ class Died:
 
 
 Outcome = Finished | Failed | Died
-

@@ -156,5 +156,3 @@ def _end(process: BaseProcess) -> None:
     else:
         process.kill()
     process.join()
-
-

@@ -27,9 +27,7 @@ def longest_substep(joints: tuple[Joint, Joint]) -> float:
     return min(MAX_SUBSTEP, MAX_STIFFNESS / rate) if rate > 0 else MAX_SUBSTEP
 
 
-def memory(
-    q_a: tuple[float, float], q_m: tuple[float, float], arm: Arm, joints: tuple[Joint, Joint]
-) -> np.ndarray:
+def memory(q_a: tuple[float, float], q_m: tuple[float, float], arm: Arm, joints: tuple[Joint, Joint]) -> np.ndarray:
     """Everything :func:`advance` works on, as one float64 array of shape (44,): an array crosses into machine
     code at the price of one argument. State at rest at link angles ``q_a`` and motor angles ``q_m`` [rad]."""
     state = (*q_a, *q_m, 0.0, 0.0, 0.0, 0.0)

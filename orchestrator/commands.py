@@ -1,0 +1,101 @@
+"""What the command modules share: options, and the way from an error to an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from .benchmark import protocol
+from .cosim.archive import Archive, open_archive
+from .errors import BenchmarkError, InputError
+from .fmus import DEFAULT_CONTROLLER, PLANT, own_fmu
+
+EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+EXIT_CODES = "exit codes: 0 all cases have a verdict, 1 some have none, 2 bad input, 130 interrupted"
+
+
+def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None) -> int:
+    """Run a command; an error of the user's or an FMU's making becomes one clear message and exit code 2."""
+    try:
+        return command(arguments)
+    except BenchmarkError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def add_common(parser: argparse.ArgumentParser) -> None:
+    """Options that both the evaluation and the single simulation have."""
+    parser.add_argument(
+        "controller",
+        nargs="?",
+        type=Path,
+        metavar="CONTROLLER.fmu",
+        help="the controller to test (default: the paper's PID)",
+    )
+    parser.add_argument(
+        "--protocol", default="paper", metavar="NAME", help=f"one of: {', '.join(protocol.names())} (default: paper)"
+    )
+    parser.add_argument(
+        "--seed", type=_natural, default=0, metavar="N", help="base seed of random systems and noise (default: 0)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="NAME=VALUE",
+        dest="controller_parameters",
+        help="a parameter of the controller, in SI units; may be given again",
+    )
+    parser.add_argument(
+        "--plant-set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="NAME=VALUE",
+        dest="plant_parameters",
+        help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
+    )
+
+
+def _natural(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return number
+
+
+def assignment(text: str) -> tuple[str, float]:
+    """``NAME=VALUE`` as a pair."""
+    name, equals, value = text.partition("=")
+    try:
+        if not equals or not name:
+            raise ValueError
+        return name.strip(), float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
+
+
+def open_fmus(controller: Path | None) -> tuple[Archive, Archive]:
+    """The plant and the controller (default: the paper's PID), checked and extracted."""
+    plant = open_archive(own_fmu(PLANT))
+    return plant, open_archive(controller if controller is not None else own_fmu(DEFAULT_CONTROLLER))
+
+
+def nominal_parameters(plant: Archive, changes: dict[str, float]) -> dict[str, float]:
+    """The plant's parameters by FMI name, ``changes`` applied; raises :class:`InputError` for an unknown name."""
+    values = {
+        variable.name: float(variable.start)
+        for variable in plant.description.modelVariables
+        if variable.causality == "parameter"
+    }
+    unknown = sorted(set(changes) - set(values))
+    if unknown:
+        raise InputError(f"The plant has no parameter {unknown[0]}. It has: {', '.join(values)}.")
+    return {**values, **changes}

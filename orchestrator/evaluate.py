@@ -1,0 +1,133 @@
+"""Evaluate a controller FMU: run a protocol over all cores, print the scorecard, write the results.
+
+python -m orchestrator.evaluate my_controller.fmu
+"""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import json
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from datetime import datetime, timezone
+from pathlib import Path
+
+from rich.console import Console
+
+from . import commands
+from .benchmark import protocol as protocols
+from .benchmark.case import Case
+from .benchmark.metrics import CaseResult
+from .benchmark.scorecard import score
+from .errors import InputError
+from .execution.evaluation import available_cores, evaluate, rehearse
+from .report import results as files
+from .report.progress import progress
+from .report.terminal import show
+
+EXAMPLES = """examples:
+  python -m orchestrator.evaluate                              the paper's PID
+  python -m orchestrator.evaluate my_controller.fmu            your controller
+  python -m orchestrator.evaluate my_controller.fmu --quick    a look in seconds, not comparable
+  python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
+  python -m orchestrator.evaluate --only 'c07.*'               one configuration
+  python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    options = _parser().parse_args(arguments)
+    protocol = protocols.load("quick" if options.quick else options.protocol)
+    controller_parameters = dict(options.controller_parameters)
+    plant_parameters = dict(options.plant_parameters)
+    plant, controller = commands.open_fmus(options.controller)
+    cases = protocols.cases(protocol, commands.nominal_parameters(plant, plant_parameters), options.seed)
+    chosen = _chosen(cases, options.only)
+    folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{protocol.name}"
+    files.prepare_folder(folder)
+    rehearse(chosen[0], plant, controller, controller_parameters)
+
+    start, begin = datetime.now(timezone.utc), time.perf_counter()
+    found: list[CaseResult] = []
+    with (
+        progress(protocol, len(chosen)) as update,
+        closing(evaluate(protocol, chosen, plant, controller, controller_parameters, options.jobs)) as stream,
+    ):
+        for result in stream:
+            found.append(result)
+            update(found)
+    order = {case: number for number, case in enumerate(chosen)}
+    found.sort(key=lambda result: order[result.case])
+
+    evaluation = files.Evaluation(
+        protocol=protocol,
+        seed=options.seed,
+        plant=plant,
+        controller=controller,
+        plant_parameters=plant_parameters,
+        controller_parameters=controller_parameters,
+        results=tuple(found),
+        scorecard=score(protocol, found, len(cases)),
+        timing=files.Timing(start, time.perf_counter() - begin, options.jobs),
+    )
+    files.write(evaluation, folder)
+    if options.json:
+        json.dump(files.document(evaluation), sys.stdout, indent=1)
+        print()
+    else:
+        show(evaluation, Console())
+    print(f"written to {folder}: results.json, cases.csv", file=sys.stderr)
+    judged = all(result.measurement is not None or result.status == "unstable" for result in found)
+    return commands.EXIT_OK if judged else commands.EXIT_INCOMPLETE
+
+
+def _chosen(cases: Sequence[Case], patterns: Sequence[str]) -> tuple[Case, ...]:
+    if not patterns:
+        return tuple(cases)
+    chosen = tuple(case for case in cases if any(fnmatch.fnmatchcase(case.id, pattern) for pattern in patterns))
+    if not chosen:
+        raise InputError(
+            f"No case matches --only {' '.join(patterns)}. Cases are named like {cases[0].id} and {cases[-1].id}."
+        )
+    return chosen
+
+
+def _workers(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("at least 1 process is needed")
+    return number
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m orchestrator.evaluate",
+        description="Evaluate a controller FMU on the flexible-manipulator benchmark.",
+        epilog=EXAMPLES + "\n" + commands.EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands.add_common(parser)
+    parser.add_argument("--quick", action="store_true", help="the same as --protocol quick")
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="only cases whose name matches, with * and ?; may be given again",
+    )
+    parser.add_argument(
+        "--jobs", type=_workers, default=available_cores(), metavar="N", help="processes (default: all cores)"
+    )
+    parser.add_argument(
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-PROTOCOL)"
+    )
+    parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(commands.guarded(main))

@@ -1,0 +1,116 @@
+"""Options that set or switch off single disturbances and imperfections of a scenario."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from .benchmark.protocol import Protocol
+from .cosim.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor, seconds
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options; :func:`vary` applies them."""
+    group = parser.add_argument_group(
+        "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"
+    )
+
+    def pair(name: str, text: str, kind: Any = float) -> None:
+        group.add_argument(name, nargs=2, type=kind, metavar=("AXIS1", "AXIS2"), help=text)
+
+    def number(name: str, text: str, kind: Any = float) -> None:
+        group.add_argument(name, type=kind, metavar="VALUE", help=text)
+
+    group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
+    group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
+    number("--duration", "length of the simulation [s]", _time)
+    number("--sample-time", "T_s [s]", _time)
+    number("--noise-power", "P_n of the measurement noise")
+    number("--angle-bits", "steps of a motor revolution, as a power of two", int)
+    number("--torque-bits", "steps of the torque range, as a power of two", int)
+    pair("--torque-limit", "saturation [N.m] (inf: none)")
+    pair("--delay", "transport delay from controller to motor, T_d included [s]", _time)
+    pair("--sensor-delay", "transport delay of the measurement [s]", _time)
+    pair("--gain", "loop gain about the initial torque (1: none)")
+    pair("--chirp-amplitude", "amplitude of the motor torque disturbance [N.m]")
+    group.add_argument(
+        "--chirp-frequencies", nargs=2, type=float, metavar=("START", "END"), help="its frequencies [Hz]"
+    )
+    number("--t-3", "start of the chirp [s]")
+    number("--t-4", "end of the chirp [s]")
+    number("--force", "tool force [N]")
+    number("--phi-F", "its direction [rad]")
+    number("--t-1", "start of the force [s]")
+    number("--t-2", "end of the force [s]")
+
+
+def _time(text: str) -> Fraction:
+    try:
+        value = seconds(text)
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 0.00025 or 1/3000") from None
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) -> Scenario:
+    """``scenario`` with the options that were given applied, the sweeping ones (undisturbed, ideal) first."""
+    raw, loop = protocol.raw["disturbance"], protocol.raw["loop"]
+
+    def given(name: str, default: Any) -> Any:
+        value = getattr(options, name)
+        return default if value is None else tuple(value) if isinstance(value, list) else value
+
+    sample_time = given("sample_time", scenario.sample_time)
+    sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
+    if options.undisturbed:
+        chirp, pulse = replace(chirp, amplitude=(0.0, 0.0)), replace(pulse, force=(0.0, 0.0))
+    if options.ideal:
+        sensor, drive = Sensor(), Drive()
+
+    power = given("noise_power", None)
+    sigma = sensor.noise.sigma if power is None else math.sqrt(power / sample_time)
+    angle_quantum, torque_quantum = sensor.quantum, drive.quantum
+    if options.angle_bits is not None:
+        angle_quantum = _quantum(math.radians(loop["angle_range_deg"]), options.angle_bits)
+    if options.torque_bits is not None:
+        first, second = (_quantum(2 * value, options.torque_bits) for value in loop["torque_limit"])
+        torque_quantum = (first, second)
+    F_x, F_z = pulse.force
+    if options.force is not None or options.phi_F is not None:
+        size = given("force", math.hypot(F_x, F_z))
+        direction = given("phi_F", math.atan2(scenario.pulse.force[1], scenario.pulse.force[0]))
+        F_x, F_z = size * math.cos(direction), size * math.sin(direction)
+    f_start, f_stop = given("chirp_frequencies", (chirp.f_start, chirp.f_stop))
+    return replace(
+        scenario,
+        duration=given("duration", scenario.duration),
+        sample_time=sample_time,
+        sensor=Sensor(
+            noise=Noise(sigma, scenario.sensor.noise.seed),
+            delay=given("sensor_delay", sensor.delay),
+            quantum=angle_quantum,
+        ),
+        drive=Drive(
+            gain=given("gain", drive.gain),
+            limit=given("torque_limit", drive.limit),
+            quantum=torque_quantum,
+            delay=given("delay", drive.delay),
+        ),
+        chirp=Chirp(
+            amplitude=given("chirp_amplitude", chirp.amplitude),
+            start=given("t_3", chirp.start),
+            stop=given("t_4", chirp.stop or raw["t_4"]),
+            f_start=f_start,
+            f_stop=f_stop,
+        ),
+        pulse=Pulse((F_x, F_z), given("t_1", pulse.start or raw["t_1"]), given("t_2", pulse.stop or raw["t_2"])),
+    )
+
+
+def _quantum(span: float, bits: int) -> float:
+    return span / 2**bits if bits > 0 else 0.0
