@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from pathlib import Path
 
 from .benchmark import protocol
 from .cosim.archive import Archive, open_archive
+from .cosim.controller import Setup
+from .cosim.scenario import seconds
 from .errors import BenchmarkError, InputError
 from .fmus import DEFAULT_CONTROLLER, PLANT, own_fmu
+from .settings import read_mapping, read_parameters
 
 EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -54,6 +58,39 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         help="a parameter of the controller, in SI units; may be given again",
     )
     parser.add_argument(
+        "--parameters",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        dest="parameter_files",
+        help="parameters of the controller from a .toml or .ssv file; --set goes above it",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        type=_connection,
+        metavar="CONNECTOR=VARIABLE",
+        dest="connections",
+        help="which variable of the controller a connector is, such as q_m[1]=In1; may be given again",
+    )
+    parser.add_argument(
+        "--mapping",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        dest="mapping_files",
+        help="the same from a .toml or .ssm file",
+    )
+    parser.add_argument(
+        "--sample-time",
+        type=time,
+        metavar="SECONDS",
+        help="the controller's sample time (default: its own, else the benchmark's 0.00025)",
+    )
+    parser.add_argument(
         "--plant-set",
         action="append",
         default=[],
@@ -62,6 +99,31 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         dest="plant_parameters",
         help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
     )
+
+
+def setup(options: argparse.Namespace) -> Setup:
+    """How the controller is used, from files and options; options go above files."""
+    parameters = {name: value for file in options.parameter_files for name, value in read_parameters(file).items()}
+    mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
+    return Setup({**parameters, **dict(options.controller_parameters)}, {**mapping, **dict(options.connections)})
+
+
+def time(text: str) -> Fraction:
+    """A non-negative time in seconds, exact: ``0.00025`` or ``1/3000``."""
+    try:
+        value = seconds(text)
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 0.00025 or 1/3000") from None
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def _connection(text: str) -> tuple[str, str]:
+    connector, equals, variable = text.partition("=")
+    if not (equals and connector.strip() and variable.strip()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form CONNECTOR=VARIABLE, such as q_m[1]=In1")
+    return connector.strip(), variable.strip()
 
 
 def _natural(text: str) -> int:

@@ -22,6 +22,7 @@ from .benchmark import protocol as protocols
 from .benchmark.case import Case
 from .benchmark.metrics import CaseResult
 from .benchmark.scorecard import score
+from .cosim.sampling import controller_sample_time
 from .errors import InputError
 from .execution.evaluation import available_cores, evaluate, rehearse
 from .report import results as files
@@ -42,20 +43,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
     protocol = protocols.load("quick" if options.quick else options.protocol)
-    controller_parameters = dict(options.controller_parameters)
+    setup = commands.setup(options)
     plant_parameters = dict(options.plant_parameters)
     plant, controller = commands.open_fmus(options.controller)
-    cases = protocols.cases(protocol, commands.nominal_parameters(plant, plant_parameters), options.seed)
+    sample_time = controller_sample_time(controller, protocol.sample_time, options.sample_time)
+    nominal = commands.nominal_parameters(plant, plant_parameters)
+    cases = protocols.cases(protocol, nominal, options.seed, sample_time.value)
     chosen = _chosen(cases, options.only)
     folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{protocol.name}"
     files.prepare_folder(folder)
-    rehearse(chosen[0], plant, controller, controller_parameters)
+    rehearse(chosen[0], plant, controller, setup)
 
     start, begin = datetime.now(timezone.utc), time.perf_counter()
     found: list[CaseResult] = []
     with (
         progress(protocol, len(chosen)) as update,
-        closing(evaluate(protocol, chosen, plant, controller, controller_parameters, options.jobs)) as stream,
+        closing(evaluate(protocol, chosen, plant, controller, setup, options.jobs)) as stream,
     ):
         for result in stream:
             found.append(result)
@@ -69,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         plant=plant,
         controller=controller,
         plant_parameters=plant_parameters,
-        controller_parameters=controller_parameters,
+        setup=setup,
         results=tuple(found),
         scorecard=score(protocol, found, len(cases)),
         timing=files.Timing(start, time.perf_counter() - begin, options.jobs),

@@ -10,6 +10,7 @@ import math
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from . import commands
@@ -17,6 +18,7 @@ from .benchmark import protocol as protocols
 from .benchmark.case import Case
 from .benchmark.metrics import measure
 from .benchmark.protocol import Protocol
+from .cosim.sampling import controller_sample_time
 from .cosim.trajectory import Status
 from .errors import InputError
 from .execution.evaluation import simulate_isolated
@@ -40,13 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     plant, controller = commands.open_fmus(options.controller)
     nominal = commands.nominal_parameters(plant, dict(options.plant_parameters))
     case = _case(protocol, nominal, options)
-    scenario = vary(case.scenario, protocol, options)
+    sample_time = controller_sample_time(controller, case.scenario.sample_time, options.sample_time)
+    scenario = vary(replace(case.scenario, sample_time=sample_time.value), protocol, options)
     folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{case.id}"
     prepare_folder(folder)
 
-    trajectory = simulate_isolated(
-        scenario, plant, controller, dict(options.controller_parameters), trajectory_files.OBSERVED
-    )
+    trajectory = simulate_isolated(scenario, plant, controller, commands.setup(options), trajectory_files.OBSERVED)
     units = {criterion.name: criterion.unit for criterion in protocol.criteria}
     pose = " / ".join(f"{math.degrees(angle):g}°" for angle in (case.configuration.q_a1, case.configuration.q_a2))
     title = f"{controller.name}, {case.system.name} system at {pose}, {case.test.name}"

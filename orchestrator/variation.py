@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
+from . import commands
 from .benchmark.protocol import Protocol
-from .cosim.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor, seconds
+from .cosim.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -18,22 +18,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"
     )
 
-    def pair(name: str, text: str, kind: Any = float) -> None:
-        group.add_argument(name, nargs=2, type=kind, metavar=("AXIS1", "AXIS2"), help=text)
+    def pair(name: str, text: str, kind: Any = float, metavar: tuple[str, str] = ("AXIS1", "AXIS2")) -> None:
+        group.add_argument(name, nargs=2, type=kind, metavar=metavar, help=text)
 
     def number(name: str, text: str, kind: Any = float) -> None:
         group.add_argument(name, type=kind, metavar="VALUE", help=text)
 
     group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
     group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
-    number("--duration", "length of the simulation [s]", _time)
-    number("--sample-time", "T_s [s]", _time)
+    number("--duration", "length of the simulation [s]", commands.time)
     number("--noise-power", "P_n of the measurement noise")
     number("--angle-bits", "steps of a motor revolution, as a power of two", int)
     number("--torque-bits", "steps of the torque range, as a power of two", int)
     pair("--torque-limit", "saturation [N.m] (inf: none)")
-    pair("--delay", "transport delay from controller to motor, T_d included [s]", _time)
-    pair("--sensor-delay", "transport delay of the measurement [s]", _time)
+    pair("--delay", "transport delay from controller to motor, T_d included [s]", commands.time)
+    pair("--sensor-delay", "transport delay of the measurement [s]", commands.time)
     pair("--gain", "loop gain about the initial torque (1: none)")
     pair("--chirp-amplitude", "amplitude of the motor torque disturbance [N.m]")
     group.add_argument(
@@ -47,16 +46,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     number("--t-2", "end of the force [s]")
 
 
-def _time(text: str) -> Fraction:
-    try:
-        value = seconds(text)
-    except (ValueError, ZeroDivisionError):
-        raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 0.00025 or 1/3000") from None
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative")
-    return value
-
-
 def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) -> Scenario:
     """``scenario`` with the options that were given applied, the sweeping ones (undisturbed, ideal) first."""
     raw, loop = protocol.raw["disturbance"], protocol.raw["loop"]
@@ -65,7 +54,6 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         value = getattr(options, name)
         return default if value is None else tuple(value) if isinstance(value, list) else value
 
-    sample_time = given("sample_time", scenario.sample_time)
     sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
     if options.undisturbed:
         chirp, pulse = replace(chirp, amplitude=(0.0, 0.0)), replace(pulse, force=(0.0, 0.0))
@@ -73,7 +61,7 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         sensor, drive = Sensor(), Drive()
 
     power = given("noise_power", None)
-    sigma = sensor.noise.sigma if power is None else math.sqrt(power / sample_time)
+    sigma = sensor.noise.sigma if power is None else math.sqrt(power / scenario.longest_hold)
     angle_quantum, torque_quantum = sensor.quantum, drive.quantum
     if options.angle_bits is not None:
         angle_quantum = _quantum(math.radians(loop["angle_range_deg"]), options.angle_bits)
@@ -89,7 +77,6 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
     return replace(
         scenario,
         duration=given("duration", scenario.duration),
-        sample_time=sample_time,
         sensor=Sensor(
             noise=Noise(sigma, scenario.sensor.noise.seed),
             delay=given("sensor_delay", sensor.delay),

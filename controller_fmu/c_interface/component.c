@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "identity.h" /* written by the build: MODEL_IDENTIFIER, MODEL_GUID, MODEL_HAS_ARRAYS */
+#include "identity.h" /* written by the build: MODEL_IDENTIFIER, MODEL_GUID, MODEL_HAS_ARRAYS, MODEL_FLOAT_BITS */
 
 /* An event counts as due a little early, in parts of the sample time: importers compute its time in their own
  * way and may miss it by a rounding error. */

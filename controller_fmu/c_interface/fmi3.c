@@ -1,7 +1,10 @@
 /* FMI 3.0 co-simulation and Model Exchange: a translation to component.h, nothing else. */
 #include "fmi3Functions.h"
 
+#include <stdlib.h>
+
 #include "component.h"
+#include "identity.h"
 
 static fmi3Status status(Component *component, bool succeeded)
 {
@@ -103,6 +106,8 @@ EMPTY(fmi3EvaluateDiscreteStates)
 
 /* ---- Variables ---- */
 
+#if MODEL_FLOAT_BITS == 64
+
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[],
                           size_t n_values)
 {
@@ -115,17 +120,53 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
     return status(c, component_set(c, vr, n, values, n_values));
 }
 
+#define FLOAT_TYPE "Float64"
+
+#else /* single precision outside, double precision inside */
+
+fmi3Status fmi3GetFloat32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float32 values[],
+                          size_t n_values)
+{
+    double *inside = calloc(n_values + 1, sizeof(double)); /* + 1: calloc(0) may return NULL */
+    if (!inside) return refuse(c, "no memory left to read variables");
+    const bool found = component_get(c, vr, n, inside, n_values);
+    for (size_t i = 0; found && i < n_values; i++)
+        values[i] = (fmi3Float32)inside[i];
+    free(inside);
+    return status(c, found);
+}
+
+fmi3Status fmi3SetFloat32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float32 values[],
+                          size_t n_values)
+{
+    double *inside = calloc(n_values + 1, sizeof(double));
+    if (!inside) return refuse(c, "no memory left to set variables");
+    for (size_t i = 0; i < n_values; i++)
+        inside[i] = values[i];
+    const bool found = component_set(c, vr, n, inside, n_values);
+    free(inside);
+    return status(c, found);
+}
+
+#define FLOAT_TYPE "Float32"
+
+#endif
+
 /* The other types; what stands between the references and the end differs. */
-#define NO_VARIABLES(function, ...)                                                                      \
-    fmi3Status function(fmi3Instance c, const fmi3ValueReference vr[], size_t n, __VA_ARGS__)            \
-    {                                                                                                    \
-        return n == 0 ? fmi3OK : refuse(c, #function ": all variables of this FMU are of type Float64"); \
+#define NO_VARIABLES(function, ...)                                                                          \
+    fmi3Status function(fmi3Instance c, const fmi3ValueReference vr[], size_t n, __VA_ARGS__)                \
+    {                                                                                                        \
+        return n == 0 ? fmi3OK : refuse(c, #function ": all variables of this FMU are of type " FLOAT_TYPE); \
     }
 #define NO_VARIABLES_OF_TYPE(name)                                    \
     NO_VARIABLES(fmi3Get##name, fmi3##name values[], size_t n_values) \
     NO_VARIABLES(fmi3Set##name, const fmi3##name values[], size_t n_values)
 
+#if MODEL_FLOAT_BITS == 64
 NO_VARIABLES_OF_TYPE(Float32)
+#else
+NO_VARIABLES_OF_TYPE(Float64)
+#endif
 NO_VARIABLES_OF_TYPE(Int8)
 NO_VARIABLES_OF_TYPE(UInt8)
 NO_VARIABLES_OF_TYPE(Int16)

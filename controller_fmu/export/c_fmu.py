@@ -113,6 +113,7 @@ def _identity(name: str, guid: str, dialect: Dialect) -> bytes:
         f"#define MODEL_IDENTIFIER {name}",
         f'#define MODEL_GUID "{guid}"',
         f"#define MODEL_HAS_ARRAYS {int(dialect.arrays)}",
+        f"#define MODEL_FLOAT_BITS {dialect.float_bits}",
     )
     return "".join(f"{line}\n" for line in lines).encode()
 

@@ -19,11 +19,18 @@ class Dialect:
     """In Model Exchange the model is sampled by time events."""
     arrays: bool = False
     """FMI 3.0: ``q_m`` with two elements instead of ``q_m[1]`` and ``q_m[2]``."""
+    float_bits: Literal[32, 64] = 64
+    """FMI 3.0: variables are Float64 or Float32; the model computes in double precision either way."""
 
     @property
     def guid_attribute(self) -> str:
         """The attribute of the description's root that holds the GUID."""
         return "instantiationToken" if self.version == 3 else "guid"
+
+    @property
+    def float_type(self) -> str:
+        """FMI 3.0's name for the type of the variables."""
+        return f"Float{self.float_bits}"
 
 
 def translate(root: Element, dialect: Dialect) -> Element:
@@ -128,10 +135,10 @@ def _fmi3(root: Element, dialect: Dialect) -> Element:
     translated.extend(_child(root, tag) for tag in _COMMON_3)
     groups = _arrays(variables(root)) if dialect.arrays else [[variable] for variable in variables(root)]
     listed = SubElement(translated, "ModelVariables")
-    listed.extend(_variable3(group, dialect.arrays) for group in groups)
+    listed.extend(_variable3(group, dialect) for group in groups)
     time_reference = 1 + max(int(variable.attrib["valueReference"]) for variable in variables(root))
     time = {"valueReference": str(time_reference), "causality": "independent", "variability": "continuous"}
-    SubElement(listed, "Float64", {"name": "time", **time, "unit": "s", "description": "Simulation time"})
+    SubElement(listed, dialect.float_type, {"name": "time", **time, "description": "Simulation time [s]"})
     structure = SubElement(translated, "ModelStructure")
     outputs = [
         group[0].attrib["valueReference"] for group in groups if group[0].attrib["causality"] == "output"
@@ -159,17 +166,17 @@ def _arrays(scalars: list[Element]) -> list[list[Element]]:
     return list(groups.values())
 
 
-def _variable3(elements: list[Element], arrays: bool) -> Element:
+def _variable3(elements: list[Element], dialect: Dialect) -> Element:
     first = elements[0]
     attributes = _copy_attributes(
         first, ("name", "valueReference", "causality", "variability", "description")
     )
-    attributes["name"] = array_name(first) if arrays else first.attrib["name"]
+    attributes["name"] = array_name(first) if dialect.arrays else first.attrib["name"]
     reals = [_child(element, "Real") for element in elements]
     attributes["unit"] = reals[0].attrib["unit"]
     if "start" in reals[0].attrib:
         attributes["start"] = " ".join(real.attrib["start"] for real in reals)
-    variable = Element("Float64", attributes)
+    variable = Element(dialect.float_type, attributes)
     if len(elements) > 1:
         SubElement(variable, "Dimension", start=str(len(elements)))
     return variable

@@ -110,7 +110,7 @@ def check_parameters(T_s: float, z_p: tuple[float, ...]) -> str | None:
     return None
 
 
-class DiagonalPID(Fmi2Slave):  # type: ignore[misc]  # pythonfmu carries no types
+class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
     """The slave; its variables are one list indexed by value reference, which halves the cost of a call."""
 
     author = "FlexibleManipulator benchmark contributors"

@@ -7,6 +7,7 @@ import sys
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from importlib import resources
 from itertools import product
 from typing import Any
@@ -53,6 +54,11 @@ class Protocol:
     reference: Mapping[str, float]
     raw: Mapping[str, Any]
 
+    @property
+    def sample_time(self) -> Fraction:
+        """T_s [s]."""
+        return seconds(self.raw["loop"]["sample_time"])
+
     def test(self, name: str) -> Test:
         """The test called ``name``; raises :class:`InputError` with the names there are."""
         for test in self.tests:
@@ -87,18 +93,26 @@ def load(name: str) -> Protocol:
     )
 
 
-def cases(protocol: Protocol, nominal: Mapping[str, float], seed: int) -> tuple[Case, ...]:
+def cases(
+    protocol: Protocol, nominal: Mapping[str, float], seed: int, sample_time: Fraction | None = None
+) -> tuple[Case, ...]:
     """All cases, configuration by configuration. ``nominal`` are the plant's start values by FMI name.
+
+    ``sample_time`` [s] is the controller's where it differs from the protocol's; the sensor's noise, a property of its
+    own, stays what it is.
 
     Random draws and noise depend on (seed, configuration, system) alone: every controller meets the same systems,
     disturbances and noise, and every test of a system the same noise.
     """
-    return tuple(
+    found = tuple(
         case(protocol, configuration, system(protocol, nominal, seed, configuration.index, name, test), test, seed)
         for configuration in protocol.grid
         for test in protocol.tests
         for name in protocol.raw[test.systems]["systems"]
     )
+    if sample_time is None:
+        return found
+    return tuple(replace(case, scenario=replace(case.scenario, sample_time=sample_time)) for case in found)
 
 
 def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration:
@@ -149,7 +163,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
 def case(protocol: Protocol, configuration: Configuration, system: System, test: Test, seed: int) -> Case:
     """The case of a configuration, a system and a test: everything its simulation needs."""
     loop, raw = protocol.raw["loop"], protocol.raw["disturbance"]
-    sample_time, delay = seconds(loop["sample_time"]), seconds(loop["delay"])
+    sample_time, delay = protocol.sample_time, seconds(loop["delay"])
     limit = tuple(loop["torque_limit"])
     disturbance = system.disturbance
     on_axis = [test.axis == axis for axis in (1, 2)]
@@ -176,6 +190,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
             delay=(delay + test.delay * on_axis[0], delay + test.delay * on_axis[1]),
         ),
         abort_distance=loop["abort_distance"],
+        longest_hold=sample_time,
     )
     if test.disturbed:
         scenario = replace(
@@ -206,10 +221,11 @@ def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 
 
 def _grid(raw: Mapping[str, Any]) -> tuple[Configuration, ...]:
-    axes = (
-        np.radians(np.linspace(*raw["workspace"][f"{name}_deg"], raw["grid"][f"{name}_points"]))
-        for name in ("q_a1", "q_a2")
-    )
+    def axis(name: str) -> np.ndarray:
+        low, high = raw["workspace"][f"{name}_deg"]
+        return np.radians(np.linspace(low, high, raw["grid"][f"{name}_points"]))
+
+    axes = (axis("q_a1"), axis("q_a2"))
     return tuple(Configuration(k, float(q_a1), float(q_a2)) for k, (q_a1, q_a2) in enumerate(product(*axes)))
 
 

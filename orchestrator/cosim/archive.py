@@ -1,10 +1,15 @@
-"""Opening an FMU file: checking the archive, reading its description, extracting it once by content."""
+"""Opening an FMU file: checking the archive, reading its description, extracting it once by content.
+
+The file comes from a stranger. Nothing of it is executed here, and nothing is written outside the cache folder.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
+import stat
 import tempfile
 import zipfile
 from dataclasses import dataclass
@@ -12,59 +17,134 @@ from pathlib import Path
 
 import fmpy
 from fmpy.model_description import ModelDescription
+from lxml import etree
 
 from ..errors import InputError
 from ..folders import cache_folder
+from .compilation import compile_sources
+
+MOST_FILES = 10_000
+MOST_BYTES = 2 * 1024**3
+"""Limits of an archive's contents; the largest FMUs of simulation tools have some hundred megabytes."""
+MOST_RATIO = 200
+"""Limit of the compression ratio of an archive larger than SMALL: beyond it is a zip bomb, not a model."""
+SMALL = 64 * 1024**2
+LARGEST_DESCRIPTION = 256 * 1024**2
 
 
 @dataclass(frozen=True)
 class Archive:
-    """An FMU on disk: its file, the SHA-256 of its bytes, the folder it is extracted to, its description."""
+    """An FMU on disk: its file, the SHA-256 of its bytes, the folder it is extracted to, its description.
+
+    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it.
+    """
 
     file: Path
     sha256: str
     folder: Path
     description: ModelDescription
+    kind: str
 
     @property
     def name(self) -> str:
         """File name, for messages."""
         return self.file.name
 
+    @property
+    def major_version(self) -> str:
+        """ "1", "2" or "3"."""
+        return str(self.description.fmiVersion)[0]
+
 
 def open_archive(file: Path) -> Archive:
     """Check and extract the FMU ``file``; a second call with the same bytes finds the first one's folder.
 
-    One folder per content also keeps compiled code that lies beside an FMU's sources. Raises
-    :class:`InputError` where the file is missing, not an FMU, or without a binary for this platform.
+    One folder per content also keeps compiled code that lies beside an FMU's sources. An FMU that has only sources is
+    compiled. Raises :class:`InputError` where the file cannot be used, with the reason and the way out.
     """
     if not file.is_file():
         raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).")
-    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
-    description = _describe(file)
-    if description.coSimulation is None or description.fmiVersion != "2.0":
-        raise InputError(
-            f"{file.name} is not an FMI 2.0 co-simulation FMU (FMI {description.fmiVersion}). "
-            "Export it again as FMI 2.0 co-simulation."
-        )
-    platforms = fmpy.supported_platforms(str(file))
-    if fmpy.platform not in platforms:
-        raise InputError(
-            f"{file.name} has no binary for this platform, {fmpy.platform}; it has "
-            f"{', '.join(platforms) or 'none'}. Export it for {fmpy.platform}."
-        )
-    return Archive(file, sha256, _extract(file, sha256), description)
-
-
-def _describe(file: Path) -> ModelDescription:
     try:
-        return fmpy.read_model_description(str(file))
-    except zipfile.BadZipFile:
+        content = file.read_bytes()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.") from problem
+    _check_contents(file)
+    description = read_description(file)
+    kind = _kind(file, description)
+    sha256 = hashlib.sha256(content).hexdigest()
+    folder = _extract(file, sha256)
+    _ensure_library(file, folder, description, kind)
+    return Archive(file, sha256, folder, description, kind)
+
+
+def read_description(file: Path) -> ModelDescription:
+    """The model description of an FMU; raises :class:`InputError` where it is missing or makes no sense.
+
+    The schema is not enforced: many exporters' descriptions have harmless flaws. ``orchestrator.check`` lists them.
+    """
+    try:
+        return fmpy.read_model_description(str(file), validate=False)
+    except KeyError as problem:
+        if "modelDescription.xml" in str(problem):
+            raise InputError(f"{file.name} is not an FMU: the archive has no modelDescription.xml.") from None
+        raise _unusable(file, problem) from problem
+    except etree.XMLSyntaxError as problem:
+        raise InputError(
+            f"The modelDescription.xml of {file.name} is not well-formed XML ({problem}). Export the FMU again."
+        ) from None
+    except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
+        raise _unusable(file, problem) from problem
+
+
+def _unusable(file: Path, problem: Exception) -> InputError:
+    return InputError(
+        f"The modelDescription.xml of {file.name} cannot be used: {problem or type(problem).__name__}. "
+        "Check it with: python -m fmpy validate."
+    )
+
+
+def _kind(file: Path, description: ModelDescription) -> str:
+    co_simulation, model_exchange = description.coSimulation, description.modelExchange
+    version = str(description.fmiVersion)
+    if co_simulation is not None:
+        kind, identifier = "CoSimulation", co_simulation.modelIdentifier
+    elif model_exchange is not None and not version.startswith("1"):
+        kind, identifier = "ModelExchange", model_exchange.modelIdentifier
+    else:
+        raise InputError(
+            f"{file.name} is FMI {version} for neither co-simulation nor (from FMI 2.0 on) Model Exchange. "
+            "Export it as FMI 2.0 or 3.0 co-simulation."
+        )
+    if not identifier or not re.fullmatch(r"\w+", identifier):
+        raise InputError(f"{file.name}: the modelIdentifier {identifier!r} is no C identifier. Export the FMU again.")
+    return kind
+
+
+def _check_contents(file: Path) -> None:
+    """Refuse archives that are none, are too large, or would write outside their folder."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         raise InputError(f"{file.name} is not an FMU: it is no zip archive. Export the controller again.") from None
-    except KeyError:
-        raise InputError(f"{file.name} is not an FMU: the archive has no modelDescription.xml.") from None
-    except Exception as problem:  # FMPy raises bare Exceptions for everything a description can get wrong
-        raise InputError(f"The modelDescription.xml of {file.name} cannot be used: {problem}") from problem
+    names = [member.filename for member in members]
+    size = sum(member.file_size for member in members)
+    packed = sum(member.compress_size for member in members)
+    for member in members:
+        parts = member.filename.split("/")
+        if member.filename.startswith("/") or ".." in parts or "\\" in member.filename or ":" in member.filename:
+            raise InputError(f"{file.name} is refused: its entry {member.filename!r} points outside the archive.")
+        if stat.S_ISLNK(member.external_attr >> 16):
+            raise InputError(f"{file.name} is refused: its entry {member.filename!r} is a link.")
+        if member.flag_bits & 1:
+            raise InputError(f"{file.name} is refused: its entry {member.filename!r} is encrypted.")
+    if names.count("modelDescription.xml") > 1:
+        raise InputError(f"{file.name} is refused: it has more than one modelDescription.xml.")
+    if len(members) > MOST_FILES or size > MOST_BYTES or (size > SMALL and size > MOST_RATIO * max(packed, 1)):
+        raise InputError(
+            f"{file.name} is refused: {len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB. "
+            f"The limits are {MOST_FILES} files, {MOST_BYTES / 1e6:.0f} MB, and a ratio of {MOST_RATIO}."
+        )
 
 
 def _extract(file: Path, sha256: str) -> Path:
@@ -72,14 +152,43 @@ def _extract(file: Path, sha256: str) -> Path:
     folder = cache_folder() / "fmus" / sha256
     if folder.is_dir():
         return folder
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
+    scratch: Path | None = None
     try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
         fmpy.extract(str(file), str(scratch / "fmu"))
         os.rename(scratch / "fmu", folder)
-    except OSError:
+    except OSError as problem:
         if not folder.is_dir():  # else another process was first
-            raise
+            raise InputError(
+                f"{file.name} cannot be extracted into the cache {folder.parent}: {problem.strerror or problem}."
+            ) from problem
+    except Exception as problem:  # FMPy and zipfile have bare ones for damaged archives
+        raise InputError(f"{file.name} cannot be extracted: {problem}. Export the FMU again.") from problem
     finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
     return folder
+
+
+def _ensure_library(file: Path, folder: Path, description: ModelDescription, kind: str) -> None:
+    """Make sure that there is a shared library for this platform; compile it where there are only sources."""
+    interface = description.coSimulation if kind == "CoSimulation" else description.modelExchange
+    identifier = interface.modelIdentifier
+    platform = fmpy.platform_tuple if str(description.fmiVersion).startswith("3") else fmpy.platform
+    library = folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}"
+    if library.is_file():
+        return
+    others = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
+    if platform in others:
+        raise InputError(
+            f"{file.name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit. "
+            "Export the FMU again."
+        )
+    if (folder / "sources").is_dir():
+        compile_sources(file.name, folder, identifier, description, library)
+        return
+    raise InputError(
+        f"{file.name} has no binary for this platform, {platform}; it has {', '.join(others) or 'none'}, and no "
+        f"sources. Export it for {platform}, or with source code included."
+    )

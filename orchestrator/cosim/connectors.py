@@ -6,9 +6,12 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fmpy.model_description import ModelDescription, ScalarVariable
+from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
+from .names import canonical, spelling, zero_based
+from .units import conversion
+from .variables import Variable, variables
 
 
 @dataclass(frozen=True)
@@ -19,6 +22,7 @@ class Connector:
     causalities: tuple[str, ...]
     unit: str
     required: bool = True
+    meaning: str = ""
 
     def components(self) -> tuple[str, str]:
         """FMI names of the two components."""
@@ -30,82 +34,223 @@ PLANT: tuple[Connector, ...] = (
     Connector("u_d", ("input",), "N.m"),
     Connector("F", ("input",), "N"),
     Connector("q_m", ("output",), "rad"),
+    Connector("q_a", ("output",), "rad"),
     Connector("X", ("output",), "m"),
     Connector("q_m_ref", ("calculatedParameter", "output"), "rad"),
     Connector("u_m0", ("calculatedParameter", "output"), "N.m"),
     Connector("q_a_start", ("parameter",), "rad"),
 )
 
+_SETTABLE = ("input", "parameter")
+
 CONTROLLER: tuple[Connector, ...] = (
-    Connector("q_m", ("input",), "rad"),
-    Connector("u_m", ("output",), "N.m"),
-    Connector("q_m_ref", ("input", "parameter"), "rad"),
-    Connector("u_m0", ("input", "parameter"), "N.m", required=False),
+    Connector("q_m", ("input",), "rad", False, "measured motor angles"),
+    Connector("u_m", ("output",), "N.m", True, "motor torques to command"),
+    Connector("q_m_ref", _SETTABLE, "rad", False, "motor angles to hold"),
+    Connector("e", ("input",), "rad", False, "position error q_m_ref - q_m, instead of the two"),
+    Connector("u_m0", _SETTABLE, "N.m", False, "torques in the initial steady state"),
+    Connector("q_a_ref", _SETTABLE, "rad", False, "link angles in the initial steady state"),
 )
+
+SAMPLE_TIME = "T_s"
+"""Optional scalar parameter of a controller: its sample time [s]."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A connector found in an FMU: value references of its two components and their causality there."""
+    """A connector found in an FMU: one array or two scalars, and the factors from the FMU's units to the connector's.
 
-    references: tuple[int, int]
-    causality: str
+    ``spelled`` tells how it was found: "exact", "by spelling", or "mapped". ``notes`` are worth telling the user.
+    """
+
+    connector: Connector
+    variables: tuple[Variable, ...]
+    factors: tuple[float, float]
+    spelled: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_parameter(self) -> bool:
+        """Whether it is set before initialization, not during it."""
+        return self.variables[0].causality == "parameter"
+
+    def values(self, pair: Iterable[float]) -> dict[Variable, list[float]]:
+        """A pair in the connector's unit as values of the FMU's variables."""
+        elements = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
+        if len(self.variables) == 1:
+            return {self.variables[0]: elements}
+        return {variable: [element] for variable, element in zip(self.variables, elements, strict=True)}
 
 
 Binding = Mapping[str, Bound]
 """Bound connectors by name; absent where an optional one is missing."""
 
 
-def bind(description: ModelDescription, connectors: tuple[Connector, ...], what: str) -> Binding:
-    """Find the variables of all ``connectors`` in an FMU.
+def bind(
+    description: ModelDescription,
+    connectors: tuple[Connector, ...],
+    what: str,
+    mapping: Mapping[str, str] | None = None,
+) -> Binding:
+    """Find the variables of all ``connectors`` in an FMU: as mapped, else by exact name, else by spelling.
 
-    Raises :class:`InputError` naming the connector and the nearest variables where a required one is missing or a
-    variable has another causality or type; ``what`` ("The controller x.fmu") begins the message.
+    ``mapping`` gives the FMU's variable for a component ("q_m[1]") or, for an array, a connector ("q_m"); ``what``
+    ("The controller x.fmu") begins messages. Raises :class:`InputError` where a required connector is missing, two
+    candidates spell the same, or a variable has another causality, type, size or kind of unit.
     """
-    variables = {variable.name: variable for variable in description.modelVariables}
+    known = variables(description)
+    mapping = _checked(mapping or {}, connectors, known, what)
     binding: dict[str, Bound] = {}
     for connector in connectors:
-        found = [variables.get(name) for name in connector.components()]
-        if found == [None, None] and not connector.required:
-            continue
-        first, second = (
-            _check(variable, name, connector, list(variables), what)
-            for variable, name in zip(found, connector.components(), strict=True)
-        )
-        binding[connector.name] = Bound((int(first.valueReference), int(second.valueReference)), first.causality)
+        found, spelled = _find(connector, known, mapping, what)
+        if found:
+            binding[connector.name] = _bound(description, connector, found, spelled, what)
+        elif connector.required:
+            raise InputError(_missing(connector, known, what))
     return binding
 
 
-def _check(
-    variable: ScalarVariable | None, name: str, connector: Connector, names: list[str], what: str
-) -> ScalarVariable:
-    wanted = " or ".join(connector.causalities)
-    if variable is None:
-        near = ", ".join(difflib.get_close_matches(name, names, 3, 0.3)) or "none like it"
-        raise InputError(
-            f"{what} has no variable {name}: the benchmark needs a real {wanted} of that name "
-            f"[{connector.unit}]. Nearest in the FMU: {near}."
-        )
-    if variable.type != "Real" or variable.causality not in connector.causalities:
-        raise InputError(
-            f"{what}: {name} is a {variable.type} {variable.causality}, but the benchmark needs a Real {wanted} "
-            f"[{connector.unit}]. Change its declaration and export the FMU again."
-        )
-    return variable
+def bind_controller(description: ModelDescription, what: str, mapping: Mapping[str, str] | None = None) -> Binding:
+    """:func:`bind` for a controller, which needs ``q_m``, or ``e`` in its place."""
+    binding = bind(description, CONTROLLER, what, mapping)
+    if "q_m" not in binding and "e" not in binding:
+        raise InputError(_missing(CONTROLLER[0], variables(description), what))
+    if "e" in binding and ("q_m" in binding or "q_m_ref" in binding):
+        return {name: bound for name, bound in binding.items() if name != "e"}
+    return binding
 
 
-def references(description: ModelDescription, causality: str, names: Iterable[str], what: str) -> dict[str, int]:
-    """Value references of the real variables of one ``causality`` ("parameter", "output") by ``names``.
+def find_parameters(
+    description: ModelDescription, given: Mapping[str, float], what: str
+) -> dict[Variable, list[float]]:
+    """Values of parameters given by name, scalars or single elements ``K_p[1]`` of arrays.
 
-    Raises :class:`InputError` with the nearest names where one is unknown.
+    Raises :class:`InputError` with the nearest names where a name is unknown or cannot be set.
     """
+    known = variables(description)
+    settable = {name: v for name, v in known.items() if v.is_real and v.causality == "parameter"}
+    found: dict[Variable, list[float]] = {}
+    for name, value in given.items():
+        base, _, index = name.rstrip("]").partition("[")
+        if name in settable and settable[name].size == 1:
+            found[settable[name]] = [value]
+        elif base in settable and index.isdigit() and 1 <= int(index) <= settable[base].size:
+            array = settable[base]
+            found.setdefault(array, list(array.start) or [0.0] * array.size)[int(index) - 1] = value
+        elif name in known:
+            kind = f"{known[name].type} {known[name].causality}"
+            hint = f" of {known[name].size} elements: give {name}[1]={value:g}" if known[name].size > 1 else ""
+            raise InputError(f"{what}: {name} is a {kind}{hint}, not a scalar real parameter, and cannot be set.")
+        else:
+            raise InputError(f"{what} has no parameter {name}. Nearest: {_nearest(name, settable)}.")
+    return found
+
+
+def find_outputs(description: ModelDescription, names: Iterable[str], what: str) -> list[Variable]:
+    """The scalar real outputs called ``names``; raises :class:`InputError` with the nearest where one is unknown."""
     known = {
-        variable.name: int(variable.valueReference)
-        for variable in description.modelVariables
-        if variable.causality == causality and variable.type == "Real"
+        name: v for name, v in variables(description).items() if v.is_real and v.size == 1 and v.causality == "output"
     }
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 4, 0.3) or list(known)[:8]
-            raise InputError(f"{what} has no {causality} {name}. Nearest: {', '.join(near)}.")
-    return {name: known[name] for name in names}
+            raise InputError(f"{what} has no output {name}. Nearest: {_nearest(name, known)}.")
+    return [known[name] for name in names]
+
+
+def _checked(
+    mapping: Mapping[str, str], connectors: tuple[Connector, ...], known: Mapping[str, Variable], what: str
+) -> Mapping[str, str]:
+    allowed = [name for connector in connectors for name in (connector.name, *connector.components())]
+    for target, source in mapping.items():
+        if target not in allowed:
+            raise InputError(
+                f"The mapping names {target}, which is no connector. Nearest: {_nearest(target, allowed)}."
+            )
+        if source not in known:
+            raise InputError(
+                f"{what} has no variable {source}, to which {target} is mapped. Nearest: {_nearest(source, known)}."
+            )
+    return mapping
+
+
+def _find(
+    connector: Connector, known: Mapping[str, Variable], mapping: Mapping[str, str], what: str
+) -> tuple[list[Variable], str]:
+    components = connector.components()
+    if connector.name in mapping:
+        return [known[mapping[connector.name]]], "mapped"
+    mapped = [name in mapping for name in components]
+    if all(mapped):
+        return [known[mapping[name]] for name in components], "mapped"
+    if any(mapped):
+        raise InputError(f"The mapping has only one of {components[0]} and {components[1]}. Give both.")
+    for pair in (components, zero_based(connector.name)):
+        if all(name in known for name in pair):
+            return [known[name] for name in pair], "exact"
+    if connector.name in known and known[connector.name].size > 1:
+        return [known[connector.name]], "exact"
+    return _by_spelling(connector, known, what), "by spelling"
+
+
+def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
+    wanted = canonical(connector.name)
+    candidates: dict[int, list[Variable]] = {0: [], 1: [], 2: []}
+    for variable in known.values():
+        found = spelling(variable.name, variable.size > 1)
+        if found is not None and found.base == wanted and variable.causality in connector.causalities:
+            candidates[found.index].append(variable)
+    arrays, first, second = (candidates[index] for index in (0, 1, 2))
+    if len(arrays) + max(len(first), len(second)) > 1:
+        names = ", ".join(variable.name for variable in (*arrays, *first, *second))
+        example = (arrays or first)[0].name
+        raise InputError(
+            f"{what} has more than one candidate for {connector.name}: {names}. "
+            f"Say which, such as --map {connector.name if arrays else connector.components()[0]}={example}."
+        )
+    if arrays:
+        return arrays
+    return [*first, *second] if first and second else []
+
+
+def _bound(
+    description: ModelDescription, connector: Connector, found: list[Variable], spelled: str, what: str
+) -> Bound:
+    wanted = " or ".join(connector.causalities)
+    for variable in found:
+        if not variable.is_real or variable.causality not in connector.causalities:
+            raise InputError(
+                f"{what}: {variable.name} is a {variable.type} {variable.causality}, but {connector.name} must be a "
+                f"real {wanted} [{connector.unit}]. Change its declaration and export the FMU again."
+            )
+    sizes = [variable.size for variable in found]
+    if sum(sizes) != 2:
+        raise InputError(
+            f"{what}: {found[0].name} has {sum(sizes)} elements, but {connector.name} needs 2, one an axis. "
+            "Change its dimension and export the FMU again."
+        )
+    if len({variable.type for variable in found}) > 1:
+        raise InputError(f"{what}: {found[0].name} and {found[1].name} differ in type. Give both the same.")
+    units = [
+        conversion(description, variable.unit, connector.unit, f"{what}: {variable.name}")
+        for variable in found
+        for _ in range(variable.size)
+    ]
+    notes = tuple(dict.fromkeys(unit.note for unit in units if unit.note))
+    return Bound(connector, tuple(found), (units[0].factor, units[1].factor), spelled, notes)
+
+
+def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> str:
+    first, second = connector.components()
+    candidates = [name for name, v in known.items() if v.causality in connector.causalities]
+    wanted = " or ".join(connector.causalities)
+    return (
+        f"{what} has no {wanted} {first}, {second} [{connector.unit}] ({connector.meaning}). "
+        f"Nearest: {_nearest(first, candidates)}. "
+        f"Rename it, or say which variable it is: --map {first}=NAME --map {second}=NAME."
+    )
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    pool = list(names)
+    near = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
+    return ", ".join(near) or "none"

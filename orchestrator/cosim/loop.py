@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import call_status, compiled
+from .jit import compiled
 from .plan import Plan
+from .port import GET, WARNING, exchange
 from .signals import ChirpSignal, PulseSignal, amplify, chirp, pulse, quantize, saturate
 
 ABSURD = 1e12
@@ -22,32 +23,6 @@ ABSURD = 1e12
 
 FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILED = range(5)
 """Why the loop ended."""
-
-SET, STEP, GET = range(3)
-"""The FMI call that failed."""
-
-WARNING = 1
-"""Highest FMI status that does not end a simulation."""
-
-
-class Port(NamedTuple):
-    """Native access to an instantiated slave: C functions by address, value references and value buffers.
-
-    ``inputs`` and ``outputs`` are uint32 value references; the buffers are float64. ``scale`` and ``offset`` turn a
-    signal into an input value, scale (signal - offset), and ``output_scale`` an output value into a signal.
-    """
-
-    instance: int
-    set_real: int
-    do_step: int
-    get_real: int
-    inputs: np.ndarray
-    input_values: np.ndarray
-    outputs: np.ndarray
-    output_values: np.ndarray
-    offset: np.ndarray
-    scale: np.ndarray
-    output_scale: np.ndarray
 
 
 class Loop(NamedTuple):
@@ -89,29 +64,6 @@ class Ending(NamedTuple):
     call: int
     status: int
     warnings: int
-
-
-@compiled
-def exchange(port, inputs, time, step, read):
-    """Write the first ``inputs`` input values, advance by ``step`` [s] from ``time`` [s], read the outputs if
-    ``read``. Returns the last FMI call made and its status; a status above WARNING ends the exchange."""
-    written = 0
-    if inputs > 0:
-        written = call_status(
-            port.set_real, (port.instance, port.inputs.ctypes.data, np.int64(inputs), port.input_values.ctypes.data)
-        )
-        if written > WARNING:
-            return SET, written
-    stepped = call_status(port.do_step, (port.instance, time, step, np.int32(1)))
-    if stepped > WARNING:
-        return STEP, stepped
-    got = 0
-    if read:
-        got = call_status(
-            port.get_real,
-            (port.instance, port.outputs.ctypes.data, np.int64(port.outputs.size), port.output_values.ctypes.data),
-        )
-    return GET, max(written, stepped, got)
 
 
 @compiled

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from . import fmi2, loop, signals
-from .connectors import CONTROLLER, PLANT, Binding, bind, references
+from . import loop, port, signals
+from .connectors import PLANT, Binding, bind, find_outputs, find_parameters
+from .controller import Setup, Steady, prepared
 from .plan import make_plan
 from .scenario import Pair, Scenario
+from .slaves import Slave, log
 from .trajectory import Ending, Status, Trajectory
 
-FMI_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-FMI_CALL = {loop.SET: "fmi2SetReal", loop.STEP: "fmi2DoStep", loop.GET: "fmi2GetReal"}
+STATUS_WORDS = {
+    **dict(enumerate(("ok", "warning", "discard", "error", "fatal", "pending"))),
+    port.TERMINATED: "ended the simulation",
+    port.EARLY_RETURN: "stopped before the end of the step",
+    port.ENDLESS_EVENTS: "asks for event iterations without end",
+}
 
 
 def simulate(
-    plant: fmi2.Slave,
-    controller: fmi2.Slave,
+    plant: Slave,
+    controller: Slave,
     scenario: Scenario,
-    controller_parameters: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
     observe: Sequence[str] = (),
 ) -> Trajectory:
     """Simulate the closed loop of ``scenario``.
@@ -30,51 +36,32 @@ def simulate(
     where an FMU fails before the first sample, :class:`~orchestrator.errors.InputError` where a name is unknown;
     what happens later is told by the trajectory's ending.
     """
-    plant_binding, controller_binding = bindings(plant, controller)
-    given = dict(scenario.parameters)
-    parameters = references(plant.archive.description, "parameter", given, f"The plant {plant.archive.name}")
-    observed = references(plant.archive.description, "output", observe, f"The plant {plant.archive.name}")
-    own = dict(controller_parameters or {})
-    own_references = references(
-        controller.archive.description, "parameter", own, f"The controller {controller.archive.name}"
-    )
+    what = f"The plant {plant.archive.name}"
+    binding = bind(plant.archive.description, PLANT, what)
+    parameters = find_parameters(plant.archive.description, dict(scenario.parameters), what)
+    observed = find_outputs(plant.archive.description, observe, what)
+    inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
+    outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
     stop_time = float(scenario.samples * scenario.sample_time)
 
-    with plant.instantiated(stop_time), controller.instantiated(stop_time):
-        plant.initialize({parameters[name]: value for name, value in given.items()}, {})
-        q_m_ref, u_m0 = (_pair(plant.get(plant_binding[name].references)) for name in ("q_m_ref", "u_m0"))
-
-        # At rest the sensor shows the reference; with equal values in initialization mode it makes no difference
-        # whether an exporter takes its first sample there or in the first step.
-        known = {"q_m_ref": q_m_ref, "q_m": q_m_ref, "u_m0": u_m0}
-        before = {own_references[name]: value for name, value in own.items()}
-        within: dict[int, float] = {}
-        for name, bound in controller_binding.items():
-            if name in known:
-                values = before if bound.causality == "parameter" else within
-                values.update(zip(bound.references, known[name], strict=True))
-        controller.initialize(before, within)
-
-        plant_inputs = [vr for name in ("u_m", "u_d", "F") for vr in plant_binding[name].references]
-        plant_outputs = [vr for name in ("q_m", "X") for vr in plant_binding[name].references] + list(observed.values())
-        plant_port = _port(plant, plant_inputs, plant_outputs)
-        controller_port = _port(controller, controller_binding["q_m"].references, controller_binding["u_m"].references)
-        parts = _loop(scenario, q_m_ref, u_m0)
-        record = _record(scenario, plant.get(plant_outputs), q_m_ref, parts)
-        raw = loop.Ending(*loop.run(plant_port, controller_port, parts, record))
-        ending = _ending(raw, scenario, plant, controller)
-        if raw.reason in (loop.FINISHED, loop.DIVERGED, loop.ABSURD_TORQUE):
-            plant.terminate()
-            controller.terminate()
-    return _trajectory(scenario, record, raw, ending, list(observed), q_m_ref, u_m0)
+    with plant.instantiated(stop_time):
+        plant.initialize(parameters, {})
+        steady = steady_state(plant, binding)
+        with prepared(controller, setup or Setup(), steady, scenario.sample_time, stop_time) as controller_port:
+            parts = _loop(scenario, steady)
+            record = _record(scenario, plant.get(outputs), steady, parts)
+            raw = loop.Ending(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
+            ending = _ending(raw, scenario, plant, controller)
+            if not ending.failed_call:
+                controller.terminate()
+                plant.terminate()
+    return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
 
 
-def bindings(plant: fmi2.Slave, controller: fmi2.Slave) -> tuple[Binding, Binding]:
-    """The connectors of both FMUs; raises :class:`~orchestrator.errors.InputError` where one is missing."""
-    return (
-        bind(plant.archive.description, PLANT, f"The plant {plant.archive.name}"),
-        bind(controller.archive.description, CONTROLLER, f"The controller {controller.archive.name}"),
-    )
+def steady_state(plant: Slave, binding: Binding) -> Steady:
+    """What the initialized plant publishes."""
+    q_m_ref, u_m0, q_a = (_pair(plant.get(binding[name].variables)) for name in ("q_m_ref", "u_m0", "q_a"))
+    return Steady(q_m_ref, u_m0, q_a)
 
 
 def _pair(values: Sequence[float]) -> Pair:
@@ -82,41 +69,25 @@ def _pair(values: Sequence[float]) -> Pair:
     return first, second
 
 
-def _port(slave: fmi2.Slave, inputs: Sequence[int], outputs: Sequence[int]) -> loop.Port:
-    return loop.Port(
-        instance=slave.instance,
-        set_real=slave.address("fmi2SetReal"),
-        do_step=slave.address("fmi2DoStep"),
-        get_real=slave.address("fmi2GetReal"),
-        inputs=np.array(inputs, dtype=np.uint32),
-        input_values=np.zeros(len(inputs)),
-        outputs=np.array(outputs, dtype=np.uint32),
-        output_values=np.zeros(len(outputs)),
-        offset=np.zeros(2),
-        scale=np.ones(2),
-        output_scale=np.ones(2),
-    )
-
-
-def _loop(scenario: Scenario, q_m_ref: Pair, u_m0: Pair) -> loop.Loop:
-    drive, sensor, chirp, pulse = scenario.drive, scenario.sensor, scenario.chirp, scenario.pulse
+def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:
+    drive, sensor = scenario.drive, scenario.sensor
     return loop.Loop(
         samples=scenario.samples,
-        plan=make_plan(scenario.sample_time, drive.delay, sensor.delay),
-        q_m_ref=np.array(q_m_ref),
-        u_m0=np.array(u_m0),
+        plan=make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold),
+        q_m_ref=np.array(steady.q_m_ref),
+        u_m0=np.array(steady.u_m0),
         gain=np.array(drive.gain),
         limit=np.array(drive.limit),
         torque_quantum=np.array(drive.quantum),
         angle_quantum=sensor.quantum,
         noise=signals.noise(sensor.noise, scenario.samples + 1),
-        chirp=signals.ChirpSignal(*chirp.amplitude, chirp.start, chirp.stop, chirp.f_start, chirp.f_stop),
-        pulse=signals.PulseSignal(*pulse.force, pulse.start, pulse.stop),
+        chirp=signals.chirp_signal(scenario.chirp),
+        pulse=signals.pulse_signal(scenario.pulse),
         abort_distance=scenario.abort_distance,
     )
 
 
-def _record(scenario: Scenario, outputs: Sequence[float], q_m_ref: Pair, parts: loop.Loop) -> loop.Record:
+def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts: loop.Loop) -> loop.Record:
     """Empty arrays with the initial state in row 0; a delayed sensor's line is filled with the reference."""
     samples = scenario.samples
     record = loop.Record(
@@ -127,11 +98,11 @@ def _record(scenario: Scenario, outputs: Sequence[float], q_m_ref: Pair, parts: 
     )
     record.outputs[0] = outputs
     taken_at_0 = [delay % scenario.sample_time == 0 for delay in scenario.sensor.delay]
-    record.measured[0] = np.where(taken_at_0, record.outputs[0, :2] + parts.noise[0], q_m_ref)
+    record.measured[0] = np.where(taken_at_0, record.outputs[0, :2] + parts.noise[0], steady.q_m_ref)
     return record
 
 
-def _ending(raw: loop.Ending, scenario: Scenario, plant: fmi2.Slave, controller: fmi2.Slave) -> Ending:
+def _ending(raw: loop.Ending, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
@@ -142,9 +113,14 @@ def _ending(raw: loop.Ending, scenario: Scenario, plant: fmi2.Slave, controller:
         message = f"{controller.archive.name} asked for a torque that is no number or beyond {loop.ABSURD:g} N.m"
         return Ending(Status.ERROR, time, message, raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
-    name = FMI_STATUS[raw.status] if 0 <= raw.status < len(FMI_STATUS) else f"the illegal status {raw.status}"
-    message = "\n  ".join((f"{slave.archive.name}: {FMI_CALL[raw.call]} returned {name}", *fmi2.log()))
-    return Ending(Status.ERROR, time, message, raw.warnings, FMI_CALL[raw.call])
+    call = slave.calls[("set", "step", "get")[raw.call]]
+    word = STATUS_WORDS.get(raw.status, f"the illegal status {raw.status}")
+    told = (
+        f"{slave.archive.name}: {call} returned {word}"
+        if raw.status < port.TERMINATED
+        else f"{slave.archive.name} {word}"
+    )
+    return Ending(Status.ERROR, time, "\n  ".join((told, *log.lines())), raw.warnings, call)
 
 
 def _trajectory(
@@ -153,8 +129,7 @@ def _trajectory(
     raw: loop.Ending,
     ending: Ending,
     observed: Sequence[str],
-    q_m_ref: Pair,
-    u_m0: Pair,
+    steady: Steady,
 ) -> Trajectory:
     """The samples that were reached."""
     commands = raw.sample
@@ -168,7 +143,7 @@ def _trajectory(
         measured=record.measured[:states],
         command=record.command[:commands],
         torque=record.torque[:commands],
-        q_m_ref=q_m_ref,
-        u_m0=u_m0,
+        q_m_ref=steady.q_m_ref,
+        u_m0=steady.u_m0,
         ending=ending,
     )

@@ -39,8 +39,10 @@ class Plan(NamedTuple):
     """int64, shape (2,)."""
 
 
-def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays) -> Plan:
+def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays, longest: Fraction | None = None) -> Plan:
     """The plan for a sample time and the transport delays per axis, all exact and in seconds.
+
+    No part is longer than ``longest``; by default there is no such limit.
 
     A command of sample k reaches the motor at t_k + delay; a measurement for sample k is taken at t_k minus the
     fractional part of the sensor's delay and given to the controller so many whole samples later.
@@ -48,7 +50,9 @@ def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays) -> Plan:
     whole_drive, arrival = zip(*(divmod(delay, sample_time) for delay in drive), strict=True)
     whole_sensor, early = zip(*(divmod(delay, sample_time) for delay in sensor), strict=True)
     takes = [sample_time - part for part in early]
-    begins = sorted({Fraction(0), *arrival, *(take for take in takes if take < sample_time)})
+    holds = math.ceil(sample_time / longest) if longest else 1
+    regular = [number * sample_time / holds for number in range(holds)]
+    begins = sorted({*regular, *arrival, *(take for take in takes if take < sample_time)})
     ends = [*begins[1:], sample_time]
     denominator = math.lcm(sample_time.denominator, *(time.denominator for time in begins))
 

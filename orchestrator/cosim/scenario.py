@@ -75,7 +75,8 @@ class Scenario:
     """One simulation, completely: with the bytes of the two FMUs it determines every number that comes out.
 
     ``parameters`` are start values of the plant by FMI name, ``duration`` [s] and ``sample_time`` [s] exact.
-    The simulation is abandoned where the TCP is more than ``abort_distance`` [m] from where it began.
+    The simulation is abandoned where the TCP is more than ``abort_distance`` [m] from where it began. The disturbances
+    are held no longer than ``longest_hold`` [s], however slowly the controller samples.
     """
 
     parameters: tuple[tuple[str, float], ...]
@@ -86,6 +87,7 @@ class Scenario:
     chirp: Chirp = field(default_factory=Chirp)
     pulse: Pulse = field(default_factory=Pulse)
     abort_distance: float = math.inf
+    longest_hold: Fraction = Fraction(1, 4000)
 
     @property
     def samples(self) -> int:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .jit import compiled
-from .scenario import Noise
+from .scenario import Chirp, Noise, Pulse
 
 
 class ChirpSignal(NamedTuple):
@@ -29,6 +29,16 @@ class PulseSignal(NamedTuple):
     z: float
     start: float
     stop: float
+
+
+def chirp_signal(chirp: Chirp) -> ChirpSignal:
+    """The record of a chirp."""
+    return ChirpSignal(*chirp.amplitude, chirp.start, chirp.stop, chirp.f_start, chirp.f_stop)
+
+
+def pulse_signal(pulse: Pulse) -> PulseSignal:
+    """The record of a pulse."""
+    return PulseSignal(*pulse.force, pulse.start, pulse.stop)
 
 
 @compiled

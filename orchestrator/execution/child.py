@@ -8,7 +8,7 @@ import sys
 import time
 from multiprocessing.connection import Connection
 
-from ..cosim.fmi2 import Slave
+from ..cosim.slaves import load
 from ..errors import BenchmarkError
 from .job import Failed, Finished, Job
 
@@ -28,7 +28,7 @@ def main(job: Job, outcomes: Connection, output: Connection) -> None:
     index = 0
     try:
         _alarm(job.time_limits[0])
-        plant, controller = Slave(job.plant), Slave(job.controller)
+        plant, controller = load(job.plant), load(job.controller)
         for index, task in enumerate(job.tasks):  # noqa: B007 - the handler below needs the index
             _alarm(job.time_limits[index])
             begin = time.perf_counter()

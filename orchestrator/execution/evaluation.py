@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,9 +13,10 @@ from ..benchmark.case import Case
 from ..benchmark.metrics import CaseResult, judge
 from ..benchmark.protocol import Protocol
 from ..cosim.archive import Archive
-from ..cosim.fmi2 import Slave
+from ..cosim.controller import Setup
 from ..cosim.master import simulate
 from ..cosim.scenario import Scenario
+from ..cosim.slaves import Slave
 from ..cosim.trajectory import Status, Trajectory
 from ..errors import Crash, FmuError
 from . import pool
@@ -42,12 +43,12 @@ def evaluate(
     cases: Sequence[Case],
     plant: Archive,
     controller: Archive,
-    controller_parameters: Mapping[str, float],
+    setup: Setup,
     workers: int,
-) -> Iterator[CaseResult]:
+) -> Generator[CaseResult, None, None]:
     """Results of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone."""
     groups = [cases[first : first + GROUP_SIZE] for first in range(0, len(cases), GROUP_SIZE)]
-    work = functools.partial(_judged, protocol, dict(controller_parameters))
+    work = functools.partial(_judged, protocol, setup)
     jobs = [
         Job(plant, controller, tuple(group), work, tuple(time_limit(case.scenario) for case in group))
         for group in groups
@@ -56,7 +57,7 @@ def evaluate(
         yield _result(groups[number][outcome.index], outcome)
 
 
-def rehearse(case: Case, plant: Archive, controller: Archive, controller_parameters: Mapping[str, float]) -> None:
+def rehearse(case: Case, plant: Archive, controller: Archive, setup: Setup) -> None:
     """Begin ``case`` and stop after its first sample, so that what is wrong with the input shows before the rest.
 
     Raises :class:`~orchestrator.errors.BenchmarkError` where the FMUs cannot be connected or initialized. It also
@@ -64,7 +65,7 @@ def rehearse(case: Case, plant: Archive, controller: Archive, controller_paramet
     """
     scenario = replace(case.scenario, duration=case.scenario.sample_time)
     with contextlib.suppress(Crash):  # a crash has a place in the results
-        ending = simulate_isolated(scenario, plant, controller, controller_parameters).ending
+        ending = simulate_isolated(scenario, plant, controller, setup).ending
         if ending.status is Status.ERROR and ending.failed_call:
             raise FmuError(f"The first sample fails: {ending.message}", ending.failed_call)
 
@@ -73,14 +74,14 @@ def simulate_isolated(
     scenario: Scenario,
     plant: Archive,
     controller: Archive,
-    controller_parameters: Mapping[str, float],
+    setup: Setup,
     observe: Sequence[str] = (),
 ) -> Trajectory:
     """One simulation in a process of its own.
 
     Raises the error of an FMU that fails before the first sample, :class:`Crash` where its process dies.
     """
-    work = functools.partial(_simulated, dict(controller_parameters), tuple(observe))
+    work = functools.partial(_simulated, setup, tuple(observe))
     job = Job(plant, controller, (scenario,), work, (time_limit(scenario),))
     for outcome in pool.run_isolated(job):
         if isinstance(outcome, Failed):
@@ -91,16 +92,12 @@ def simulate_isolated(
     raise AssertionError("a job of one task has one outcome")
 
 
-def _simulated(
-    parameters: Mapping[str, float], observe: Sequence[str], plant: Slave, controller: Slave, scenario: Scenario
-) -> Trajectory:
-    return simulate(plant, controller, scenario, parameters, observe)
+def _simulated(setup: Setup, observe: Sequence[str], plant: Slave, controller: Slave, scenario: Scenario) -> Trajectory:
+    return simulate(plant, controller, scenario, setup, observe)
 
 
-def _judged(
-    protocol: Protocol, parameters: Mapping[str, float], plant: Slave, controller: Slave, case: Case
-) -> dict[str, Any]:
-    return judge(protocol, case, simulate(plant, controller, case.scenario, parameters))
+def _judged(protocol: Protocol, setup: Setup, plant: Slave, controller: Slave, case: Case) -> dict[str, Any]:
+    return judge(protocol, case, simulate(plant, controller, case.scenario, setup))
 
 
 def _result(case: Case, outcome: Outcome) -> CaseResult:

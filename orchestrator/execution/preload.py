@@ -6,6 +6,7 @@ import numpy as np
 
 from ..cosim import loop
 from ..cosim.plan import make_plan
+from ..cosim.port import Port
 from ..cosim.scenario import NO_DELAY, seconds
 from ..cosim.signals import ChirpSignal, PulseSignal
 from . import child
@@ -16,7 +17,28 @@ __all__ = ["child"]
 def _load_compiled_loop() -> None:
     """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types."""
     two, none = np.zeros(2), np.zeros(0, dtype=np.uint32)
-    port = loop.Port(0, 0, 0, 0, none, two, none, two, two, two, two)
+    single = np.zeros(2, dtype=np.float32)
+    port = Port(
+        stepping=0,
+        with_sizes=False,
+        instance=0,
+        set_values=0,
+        do_step=0,
+        get_values=0,
+        functions=np.zeros(5, dtype=np.int64),
+        clock=two,
+        info=np.zeros(4),
+        inputs=none,
+        input_values=two,
+        outputs=none,
+        output_values=two,
+        single=(False, False),
+        input_singles=single,
+        output_singles=single,
+        offset=two,
+        scale=two,
+        output_scale=two,
+    )
     parts = loop.Loop(
         samples=0,
         plan=make_plan(seconds("0.25e-3"), NO_DELAY, NO_DELAY),

@@ -20,6 +20,7 @@ from ..benchmark.metrics import CaseResult
 from ..benchmark.protocol import Protocol
 from ..benchmark.scorecard import CriterionScore, Requirement, Scorecard, Verdict
 from ..cosim.archive import Archive
+from ..cosim.controller import Setup
 from ..errors import InputError
 
 SCHEMA = "flexible-manipulator-results/1"
@@ -45,7 +46,7 @@ class Evaluation:
     plant: Archive
     controller: Archive
     plant_parameters: Mapping[str, float]
-    controller_parameters: Mapping[str, float]
+    setup: Setup
     results: tuple[CaseResult, ...]
     scorecard: Scorecard
     timing: Timing
@@ -74,7 +75,7 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
             for score in card.configurations
         ],
         "cases": [_case(result) for result in evaluation.results],
-        "controller": {**_fmu(evaluation.controller), "parameters": dict(evaluation.controller_parameters)},
+        "controller": {**_fmu(evaluation.controller), "parameters": dict(evaluation.setup.parameters)},
         "plant": {**_fmu(evaluation.plant), "parameters": dict(evaluation.plant_parameters)},
         "seed": evaluation.seed,
         "sample_time": float(loop["sample_time"]),

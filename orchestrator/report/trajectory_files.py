@@ -20,8 +20,8 @@ OBSERVED = ("q_a[1]", "q_a[2]")
 def columns(trajectory: Trajectory, scenario: Scenario) -> dict[str, np.ndarray]:
     """All signals by name with unit, each of shape (N + 1,); torques of the last instant, not computed, are NaN."""
     t = trajectory.time
-    u_d = np.array([signals.chirp(_chirp(scenario), time) for time in t])
-    F = np.array([signals.pulse(_pulse(scenario), time) for time in t])
+    u_d = np.array([signals.chirp(signals.chirp_signal(scenario.chirp), time) for time in t])
+    F = np.array([signals.pulse(signals.pulse_signal(scenario.pulse), time) for time in t])
     pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
     torque = np.vstack([trajectory.torque, pending])
     command = np.vstack([trajectory.command, pending])
@@ -70,13 +70,3 @@ def write_plot(trajectory: Trajectory, scenario: Scenario, title: str, files: Se
         axes.set_xlim(t[0], t[-1] if len(t) > 1 else float(scenario.duration))
     for file in files:
         figure.savefig(file, dpi=150)
-
-
-def _chirp(scenario: Scenario) -> signals.ChirpSignal:
-    chirp = scenario.chirp
-    return signals.ChirpSignal(*chirp.amplitude, chirp.start, chirp.stop, chirp.f_start, chirp.f_stop)
-
-
-def _pulse(scenario: Scenario) -> signals.PulseSignal:
-    pulse = scenario.pulse
-    return signals.PulseSignal(*pulse.force, pulse.start, pulse.stop)

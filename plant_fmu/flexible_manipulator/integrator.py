@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from .coefficients import Arm, Joint
 from .dynamics import accelerations
+from .interface import VARIABLES
 from .jit import compiled
 from .kinematics import tcp
+
+STATE = len(VARIABLES)
+"""Where in the memory of :func:`advance` the state begins: behind the FMU's variables."""
+
+STATE_SIZE = 8 + 1 + len(Arm._fields) + 2 * len(Joint._fields)
+"""State, longest substep, constants: see :func:`state_at_rest`."""
 
 MAX_SUBSTEP = 0.25e-3 / 3
 """Longest substep [s]: three in the benchmark's sample time keep the TCP within 1e-8 m of an adaptive solution of
@@ -27,17 +32,17 @@ def longest_substep(joints: tuple[Joint, Joint]) -> float:
     return min(MAX_SUBSTEP, MAX_STIFFNESS / rate) if rate > 0 else MAX_SUBSTEP
 
 
-def memory(q_a: tuple[float, float], q_m: tuple[float, float], arm: Arm, joints: tuple[Joint, Joint]) -> np.ndarray:
-    """Everything :func:`advance` works on, as one float64 array of shape (44,): an array crosses into machine
-    code at the price of one argument. State at rest at link angles ``q_a`` and motor angles ``q_m`` [rad]."""
-    state = (*q_a, *q_m, 0.0, 0.0, 0.0, 0.0)
-    return np.array([*state, longest_substep(joints), *arm, *joints[0], *joints[1]], dtype=np.float64)
+def state_at_rest(
+    q_a: tuple[float, float], q_m: tuple[float, float], arm: Arm, joints: tuple[Joint, Joint]
+) -> tuple[float, ...]:
+    """What :func:`advance` finds in its memory from STATE on, for rest at link angles ``q_a`` and motor angles
+    ``q_m`` [rad]: the state, the longest substep, the constants of arm and joints."""
+    return (*q_a, *q_m, 0.0, 0.0, 0.0, 0.0, longest_substep(joints), *arm, *joints[0], *joints[1])
 
 
 @compiled
-def unpack(memory):
-    """The constants in :func:`memory`: ``(Arm, Joint 1, Joint 2)``."""
-    c = memory[9:]
+def unpack(c):
+    """The constants in :func:`state_at_rest`: ``(Arm, Joint 1, Joint 2)``."""
     return (
         Arm(c[0], c[1], c[2], c[3], c[4], c[5], c[6]),
         Joint(c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20]),
@@ -68,27 +73,31 @@ def along(x, h, dx):
 
 
 @compiled
-def advance(memory, u_m1, u_m2, u_d1, u_d2, F_x, F_z, step):
-    """Advance the state in ``memory`` in place by ``step`` [s] >= 0 with the inputs held.
+def advance(memory, step):
+    """Advance the system in ``memory`` in place by ``step`` [s] >= 0 with the inputs held.
 
-    The first eight entries of ``memory`` are the state: link angles, motor angles [rad], link speeds, motor
-    speeds [rad/s]. Returns the outputs at the end of the step, ``(q_m1, q_m2, q_a1, q_a2, X_x, X_z)`` [rad, m].
+    ``memory`` is one float64 array, since an array crosses into machine code at the price of one number. It
+    begins with the FMU's variables by value reference, of which the inputs u_m, u_d, F are read and the outputs
+    q_m, q_a, X written. At STATE stand link angles, motor angles [rad], link speeds, motor speeds [rad/s], then
+    the longest substep and the constants.
     """
-    arm, joint_1, joint_2 = unpack(memory)
-    tau_1 = joint_1.gamma * u_m1 + u_d1
-    tau_2 = joint_2.gamma * u_m2 + u_d2
-    x = (memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6], memory[7])
+    x = memory[STATE:]
+    arm, joint_1, joint_2 = unpack(x[9:])
+    tau_1 = joint_1.gamma * memory[0] + memory[2]
+    tau_2 = joint_2.gamma * memory[1] + memory[3]
+    F_x, F_z = memory[4], memory[5]
+    y = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
     # A step of three substeps must not become one of four because its size was rounded up.
-    substeps = math.ceil(step / memory[8] * (1.0 - 1e-9))
+    substeps = math.ceil(step / x[8] * (1.0 - 1e-9))
     h = step / max(substeps, 1)
     for _ in range(substeps):
-        k_1 = derivative(arm, joint_1, joint_2, x, tau_1, tau_2, F_x, F_z)
-        k_2 = derivative(arm, joint_1, joint_2, along(x, 0.5 * h, k_1), tau_1, tau_2, F_x, F_z)
-        k_3 = derivative(arm, joint_1, joint_2, along(x, 0.5 * h, k_2), tau_1, tau_2, F_x, F_z)
-        k_4 = derivative(arm, joint_1, joint_2, along(x, h, k_3), tau_1, tau_2, F_x, F_z)
+        k_1 = derivative(arm, joint_1, joint_2, y, tau_1, tau_2, F_x, F_z)
+        k_2 = derivative(arm, joint_1, joint_2, along(y, 0.5 * h, k_1), tau_1, tau_2, F_x, F_z)
+        k_3 = derivative(arm, joint_1, joint_2, along(y, 0.5 * h, k_2), tau_1, tau_2, F_x, F_z)
+        k_4 = derivative(arm, joint_1, joint_2, along(y, h, k_3), tau_1, tau_2, F_x, F_z)
         slope = along(along(along(k_1, 2.0, k_2), 2.0, k_3), 1.0, k_4)
-        x = along(x, h / 6.0, slope)
-    memory[0], memory[1], memory[2], memory[3] = x[0], x[1], x[2], x[3]
-    memory[4], memory[5], memory[6], memory[7] = x[4], x[5], x[6], x[7]
-    X_x, X_z = tcp(arm, x[0], x[1])
-    return x[2], x[3], x[0], x[1], X_x, X_z
+        y = along(y, h / 6.0, slope)
+    x[0], x[1], x[2], x[3] = y[0], y[1], y[2], y[3]
+    x[4], x[5], x[6], x[7] = y[4], y[5], y[6], y[7]
+    memory[6], memory[7], memory[8], memory[9] = y[2], y[3], y[0], y[1]
+    memory[10], memory[11] = tcp(arm, y[0], y[1])

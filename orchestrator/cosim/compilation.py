@@ -1,0 +1,71 @@
+"""Compiling FMUs that come as source code."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import fmpy
+from fmpy.model_description import ModelDescription
+
+from ..errors import InputError
+
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+"""The FMI standard's headers, which source FMUs expect the importer to have."""
+
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+TIME_LIMIT = 300.0
+
+
+def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
+    """Compile the sources that the description of the FMU ``name`` lists into ``library``.
+
+    Raises :class:`InputError` where there is no compiler or the sources do not compile.
+    """
+    wanted = shlex.split(os.environ.get("CC", ""))
+    compiler = next((c for c in ([wanted] if wanted else [[c] for c in COMPILERS]) if shutil.which(c[0])), None)
+    if compiler is None:
+        raise InputError(
+            f"{name} comes as source code only, and there is no C compiler here ({', '.join(COMPILERS)}). "
+            f"Install one, or export the FMU with a binary for {fmpy.platform}."
+        )
+    sources, definitions = _listed(folder, identifier, description)
+    if not sources:
+        raise InputError(f"{name} has a folder of sources, but its description lists none to compile.")
+    for source in sources:
+        if not (folder / "sources" / source).resolve().is_relative_to((folder / "sources").resolve()):
+            raise InputError(f"{name} is refused: its source file {source!r} lies outside the FMU.")
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+        output = Path(scratch) / library.name
+        command = [
+            *compiler,
+            *FLAGS,
+            *definitions,
+            *(f"-I{path}" for path in (folder / "sources", HEADERS)),
+            *(str(folder / "sources" / source) for source in sources),
+            *("-o", str(output), "-lm"),
+        ]
+        try:
+            subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIME_LIMIT)
+        except subprocess.CalledProcessError as problem:
+            lines = "\n  ".join(problem.stderr.strip().splitlines()[:5])
+            raise InputError(f"The sources of {name} do not compile:\n  {lines}") from None
+        except subprocess.TimeoutExpired:
+            raise InputError(f"The sources of {name} do not compile within {TIME_LIMIT:g} s.") from None
+        os.replace(output, library)
+
+
+def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:
+    """Source files below ``sources`` and preprocessor definitions as compiler options."""
+    for configuration in description.buildConfigurations:
+        if configuration.modelIdentifier in (None, identifier):
+            sets = configuration.sourceFileSets
+            definitions = [f"-D{d.name}={d.value or ''}" for own in sets for d in own.preprocessorDefinitions]
+            return [source for own in sets for source in own.sourceFiles], definitions
+    return sorted(path.name for path in (folder / "sources").glob("*.c")), []

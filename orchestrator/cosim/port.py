@@ -1,0 +1,203 @@
+"""Native access to an instantiated slave from the compiled loop: one exchange of values around one step.
+
+FMI 1, 2 and 3 co-simulation differ in how a step is called; Model Exchange controllers without continuous states
+are stepped here too, from one time event to the next.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .jit import call_status, compiled
+
+SET, STEP, GET = range(3)
+"""The FMI call that failed."""
+
+WARNING = 1
+"""Highest FMI status that does not end a simulation."""
+
+TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 10, 11, 12
+"""What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
+the step, or goes on asking for another event iteration."""
+
+CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3 = range(4)
+"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, time events of FMI 2 and FMI 3."""
+
+SET_TIME, ENTER_EVENTS, UPDATE, ENTER_CONTINUOUS, COMPLETED = range(5)
+"""Functions of Model Exchange in ``Port.functions``."""
+
+NEXT_EVENT, IN_EVENT_MODE = range(2)
+"""Entries of ``Port.clock``: time of the next event [s], and 1 while the FMU is in event mode."""
+
+MOST_ITERATIONS = 1000
+
+
+class Port(NamedTuple):
+    """C functions by address, value references and value buffers of one slave.
+
+    ``inputs`` and ``outputs`` are uint32 value references; a reference to an array stands for all its elements, and
+    the value buffers (float64) hold the elements. Where ``single`` is true, inputs or outputs are Float32 and pass
+    through the buffers of that type. ``scale`` and ``offset`` turn a signal into an input value, scale (signal -
+    offset), and ``output_scale`` an output value into a signal.
+    """
+
+    stepping: int
+    with_sizes: bool
+    """Whether get and set take the number of values beside the number of references, as in FMI 3."""
+    instance: int
+    set_values: int
+    do_step: int
+    get_values: int
+    functions: np.ndarray
+    """int64 addresses, shape (5,); 0 where a function is not to be called."""
+    clock: np.ndarray
+    """float64, shape (2,)."""
+    info: np.ndarray
+    """float64, shape (4,): memory for what an FMU reports through pointers."""
+    inputs: np.ndarray
+    input_values: np.ndarray
+    outputs: np.ndarray
+    output_values: np.ndarray
+    single: tuple[bool, bool]
+    input_singles: np.ndarray
+    output_singles: np.ndarray
+    offset: np.ndarray
+    scale: np.ndarray
+    output_scale: np.ndarray
+
+
+@compiled
+def exchange(port, count, time, step, read):
+    """Write the first ``count`` inputs, advance by ``step`` [s] from ``time`` [s], read the outputs if ``read``.
+
+    Returns the last call made (SET, STEP or GET) and its status; a status above WARNING ends the exchange.
+    """
+    if port.stepping == EVENTS or port.stepping == EVENTS_3:
+        return _exchange_events(port, count, time, step, read)
+    written = _write(port, count) if count > 0 else 0
+    if written > WARNING:
+        return SET, written
+    if port.stepping == CO_SIMULATION:
+        stepped = call_status(port.do_step, (port.instance, time, step, np.int32(1)))
+    else:
+        stepped = _do_step_3(port, time, step)
+    if stepped > WARNING:
+        return STEP, stepped
+    got = _read(port) if read else 0
+    return GET, max(written, stepped, got)
+
+
+@compiled
+def _write(port, count):
+    references, values = port.inputs.ctypes.data, port.input_values.ctypes.data
+    if port.single[0]:
+        for i in range(port.input_values.size):
+            port.input_singles[i] = port.input_values[i]
+        values = port.input_singles.ctypes.data
+    if port.with_sizes:
+        sizes = (np.int64(count), values, np.int64(port.input_values.size))
+        return call_status(port.set_values, (port.instance, references, sizes[0], sizes[1], sizes[2]))
+    return call_status(port.set_values, (port.instance, references, np.int64(count), values))
+
+
+@compiled
+def _read(port):
+    references, values = port.outputs.ctypes.data, port.output_values.ctypes.data
+    if port.single[1]:
+        values = port.output_singles.ctypes.data
+    count = np.int64(port.outputs.size)
+    if port.with_sizes:
+        size = np.int64(port.output_values.size)
+        status = call_status(port.get_values, (port.instance, references, count, values, size))
+    else:
+        status = call_status(port.get_values, (port.instance, references, count, values))
+    if port.single[1]:
+        for i in range(port.output_values.size):
+            port.output_values[i] = port.output_singles[i]
+    return status
+
+
+@compiled
+def _do_step_3(port, time, step):
+    """fmi3DoStep with its outputs eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime."""
+    flags = port.info.view(np.uint8)
+    flags[:3] = 0
+    port.info[1] = time + step
+    at = port.info.ctypes.data
+    status = call_status(port.do_step, (port.instance, time, step, np.uint8(1), at, at + 1, at + 2, at + 8))
+    if status > WARNING:
+        return status
+    if flags[1]:
+        return TERMINATED
+    if flags[2] or port.info[1] < time + step * (1.0 - 1e-6):
+        return EARLY_RETURN
+    return status
+
+
+@compiled
+def _exchange_events(port, count, time, step, read):
+    """Model Exchange without continuous states: the event due at ``time`` sees the inputs written now."""
+    tolerance = 1e-6 * step
+    status = call_status(port.functions[SET_TIME], (port.instance, time))
+    if status > WARNING:
+        return STEP, status
+    due = port.clock[IN_EVENT_MODE] > 0.0 or port.clock[NEXT_EVENT] <= time + tolerance
+    if due and port.clock[IN_EVENT_MODE] == 0.0:
+        status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
+        if status > WARNING:
+            return STEP, status
+        port.clock[IN_EVENT_MODE] = 1.0
+    written = _write(port, count) if count > 0 else 0
+    if written > WARNING:
+        return SET, written
+    if due:
+        status = _handle_event(port)
+        if status > WARNING:
+            return STEP, status
+    while port.clock[NEXT_EVENT] < time + step - tolerance:
+        status = call_status(port.functions[SET_TIME], (port.instance, port.clock[NEXT_EVENT]))
+        if status <= WARNING:
+            status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
+        if status <= WARNING:
+            status = _handle_event(port)
+        if status > WARNING:
+            return STEP, status
+    if port.functions[COMPLETED] != 0:
+        at = port.info.ctypes.data
+        if port.stepping == EVENTS:
+            status = call_status(port.functions[COMPLETED], (port.instance, np.int32(1), at, at + 8))
+        else:
+            status = call_status(port.functions[COMPLETED], (port.instance, np.uint8(1), at, at + 8))
+        if status > WARNING:
+            return STEP, status
+    got = _read(port) if read else 0
+    return GET, max(written, got)
+
+
+@compiled
+def _handle_event(port):
+    """Event iteration until the FMU is content; leaves event mode and notes the time of the next event."""
+    for _ in range(MOST_ITERATIONS):
+        if port.stepping == EVENTS:
+            # struct fmi2EventInfo: five 4-byte flags, padding, nextEventTime
+            flags = port.info.view(np.int32)
+            flags[:5] = 0
+            status = call_status(port.functions[UPDATE], (port.instance, port.info.ctypes.data))
+            again, terminate, defined = flags[0] != 0, flags[1] != 0, flags[4] != 0
+        else:
+            bits = port.info.view(np.uint8)
+            bits[:5] = 0
+            at = port.info.ctypes.data
+            status = call_status(port.functions[UPDATE], (port.instance, at, at + 1, at + 2, at + 3, at + 4, at + 24))
+            again, terminate, defined = bits[0] != 0, bits[1] != 0, bits[4] != 0
+        if status > WARNING:
+            return status
+        if terminate:
+            return TERMINATED
+        if not again:
+            port.clock[NEXT_EVENT] = port.info[3] if defined else np.inf
+            port.clock[IN_EVENT_MODE] = 0.0
+            return call_status(port.functions[ENTER_CONTINUOUS], (port.instance,))
+    return ENDLESS_EVENTS

@@ -1,0 +1,56 @@
+"""The sample time at which a controller runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ..errors import InputError
+from .archive import Archive
+from .scenario import seconds
+
+
+@dataclass(frozen=True)
+class SampleTime:
+    """``value`` [s], and where it comes from: "given", "fixedInternalStepSize", "DefaultExperiment" or "benchmark"."""
+
+    value: Fraction
+    origin: str
+
+
+def controller_sample_time(controller: Archive, benchmark: Fraction, given: Fraction | None = None) -> SampleTime:
+    """The sample time of ``controller``: as given, else its own, else the ``benchmark``'s [s].
+
+    Raises :class:`InputError` where it is no integer multiple or fraction of the benchmark's.
+    """
+    found = _find(controller, benchmark, given)
+    ratio = found.value / benchmark if found.value > 0 else Fraction(0)
+    if found.value <= 0 or (ratio.denominator != 1 and ratio.numerator != 1):
+        raise InputError(
+            f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), no integer multiple "
+            f"or fraction of the benchmark's {float(benchmark):g} s. Export it so, or say what "
+            f"it is: --sample-time {float(benchmark):g}."
+        )
+    return found
+
+
+def _find(controller: Archive, benchmark: Fraction, given: Fraction | None) -> SampleTime:
+    if given is not None:
+        return SampleTime(given, "given")
+    description = controller.description
+    fixed = getattr(description.coSimulation, "fixedInternalStepSize", None) if description.coSimulation else None
+    experiment = description.defaultExperiment
+    default = experiment.stepSize if experiment is not None else None
+    for text, origin in ((fixed, "fixedInternalStepSize"), (default, "DefaultExperiment")):
+        if text not in (None, ""):
+            return SampleTime(_near(seconds(str(text)), benchmark), origin)
+    return SampleTime(benchmark, "benchmark")
+
+
+def _near(value: Fraction, benchmark: Fraction) -> Fraction:
+    """``value``, freed from the rounding of a decimal notation: 0.000333333 is a third of 0.001."""
+    for ratio in (value / benchmark, benchmark / value if value else Fraction(0)):
+        whole = round(ratio)
+        if whole and abs(ratio - whole) < Fraction(1, 10**5) * whole:
+            return benchmark * whole if value >= benchmark else benchmark / whole
+    return value

@@ -1,0 +1,29 @@
+"""The FMUs' own messages: kept for the day something goes wrong, few enough to be read."""
+
+from __future__ import annotations
+
+from collections import deque
+
+LOG_LINES = 20
+"""Only the last messages are kept: they are the ones that say what went wrong."""
+
+LINE_LENGTH = 500
+
+_lines: deque[str] = deque(maxlen=LOG_LINES)
+
+
+def note(instance: bytes, status: int, message: bytes) -> None:
+    """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8."""
+    if status > 0:
+        text = (message or b"").decode(errors="replace").strip()[:LINE_LENGTH]
+        _lines.append(f"{(instance or b'').decode(errors='replace')}: {text}")
+
+
+def lines() -> tuple[str, ...]:
+    """The messages kept."""
+    return tuple(_lines)
+
+
+def clear() -> None:
+    """Forget all messages; called when an instance begins."""
+    _lines.clear()

@@ -1,0 +1,79 @@
+"""Units at a connection: the factor from an FMU's declared unit to the connector's, checked by base units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fmpy.model_description import BaseUnit, ModelDescription
+
+from ..errors import InputError
+
+EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A unit as ``factor`` times a product of base units; ``exponents`` in the order of ``EXPONENTS``."""
+
+    factor: float
+    exponents: tuple[int, ...]
+
+
+def _of(factor: float = 1.0, **exponents: int) -> Dimension:
+    return Dimension(factor, tuple(exponents.get(name, 0) for name in EXPONENTS))
+
+
+KNOWN: dict[str, Dimension] = {
+    **dict.fromkeys(("rad", "radian"), _of(rad=1)),
+    **dict.fromkeys(("deg", "degree", "°"), _of(math.pi / 180, rad=1)),
+    **dict.fromkeys(("N.m", "Nm", "N*m", "N m", "N·m"), _of(kg=1, m=2, s=-2)),
+    **dict.fromkeys(("mN.m", "mNm", "mN*m"), _of(1e-3, kg=1, m=2, s=-2)),
+    **dict.fromkeys(("kN.m", "kNm", "kN*m"), _of(1e3, kg=1, m=2, s=-2)),
+    "N": _of(kg=1, m=1, s=-2),
+    "m": _of(m=1),
+    **dict.fromkeys(("s", "sec"), _of(s=1)),
+    "ms": _of(1e-3, s=1),
+}
+"""Units that are understood by name where an FMU does not say what they are made of."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """``value in the connector's unit = factor * value in the FMU``; ``note`` says what could not be checked."""
+
+    factor: float
+    note: str = ""
+
+
+def conversion(description: ModelDescription, unit: str | None, wanted: str, where: str) -> Conversion:
+    """The conversion from ``unit``, as declared in an FMU, to the unit ``wanted`` of a connector.
+
+    Raises :class:`InputError` where the two are of different kind or the declared one cannot be understood.
+    """
+    if unit is None:
+        return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
+    definition = next((known for known in description.unitDefinitions if known.name == unit), None)
+    base = definition.baseUnit if definition is not None else None
+    found = _dimension(base) if base is not None else KNOWN.get(unit)
+    target = KNOWN[wanted]
+    if found is None:
+        if unit == wanted:
+            return Conversion(1.0)
+        raise InputError(
+            f"{where} has the unit {unit!r}, which the FMU does not define by base units. "
+            f"Declare it in {wanted}, or give its definition a BaseUnit."
+        )
+    if found.exponents != target.exponents:
+        if not _differ_in_radians_only(found, target):
+            raise InputError(f"{where} has the unit {unit!r}, which is no {wanted}. Connect it to another variable.")
+        return Conversion(found.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
+    return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
+
+
+def _dimension(base: BaseUnit) -> Dimension:
+    return Dimension(float(base.factor), tuple(int(getattr(base, name)) for name in EXPONENTS))
+
+
+def _differ_in_radians_only(first: Dimension, second: Dimension) -> bool:
+    return first.exponents[:-1] == second.exponents[:-1]

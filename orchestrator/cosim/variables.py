@@ -1,0 +1,63 @@
+"""The real variables of an FMU, of any FMI version, in one form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fmpy.model_description import ModelDescription, ModelVariable
+
+REAL_TYPES = ("Real", "Float64", "Float32")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A scalar (size 1) or an array of an FMU; ``unit`` is the name declared, None where there is none.
+
+    ``start`` holds the declared start values, one an element, or nothing.
+    """
+
+    name: str
+    reference: int
+    type: str
+    size: int
+    causality: str
+    variability: str
+    unit: str | None
+    start: tuple[float, ...]
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the master can set and get it."""
+        return self.type in REAL_TYPES
+
+
+def variables(description: ModelDescription) -> dict[str, Variable]:
+    """All variables of an FMU by name."""
+    return {variable.name: _convert(variable) for variable in description.modelVariables}
+
+
+def _convert(variable: ModelVariable) -> Variable:
+    declared = variable.declaredType
+    unit = variable.unit or (declared.unit if declared is not None else None)
+    size = math.prod(variable.shape) if variable.shape else 1
+    return Variable(
+        name=variable.name,
+        reference=int(variable.valueReference),
+        type=variable.type,
+        size=size,
+        causality=variable.causality or "local",
+        variability=variable.variability or "",
+        unit=unit or None,
+        start=_numbers(variable.start, size) if variable.type in REAL_TYPES else (),
+    )
+
+
+def _numbers(start: Any, size: int) -> tuple[float, ...]:
+    if start is None:
+        return ()
+    words = start.split() if isinstance(start, str) else start if isinstance(start, Sequence) else [start]
+    numbers = tuple(float(word) for word in words)
+    return numbers * size if len(numbers) == 1 else numbers

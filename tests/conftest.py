@@ -1,0 +1,75 @@
+"""Where a test session keeps compiled code and extracted FMUs, and the FMUs that tests share."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import pytest
+
+import build_fmus
+
+PLANT_SOURCES = Path(build_fmus.__file__).parent / "plant_fmu"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep caches in the session's cache folder, for child processes too; the user's own are left alone.
+
+    Numba looks for changes only in the file of the function it compiles, and would test stale machine code after a
+    change in a helper of another module: the plant's sources get a folder by their hash.
+    """
+    folder = config.cache.mkdir("flexible-manipulator")
+    digest = hashlib.sha256()
+    for source in sorted(PLANT_SOURCES.rglob("*.py")):
+        digest.update(source.read_bytes())
+    os.environ.setdefault("FLEXIBLE_MANIPULATOR_CACHE", str(folder))
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba-plant" / digest.hexdigest()[:16]))
+
+
+@pytest.fixture(scope="session")
+def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the session's FMUs."""
+    return tmp_path_factory.mktemp("session_fmus")
+
+
+@pytest.fixture(scope="session")
+def plant_file(fmu_folder: Path) -> Path:
+    """The manipulator's FMU."""
+    return build_fmus.build("FlexibleManipulator", fmu_folder)
+
+
+@pytest.fixture(scope="session")
+def pid_file(fmu_folder: Path) -> Path:
+    """The default controller's FMU, the one in Python."""
+    return build_fmus.build("DiagonalPID", fmu_folder)
+
+
+@pytest.fixture(scope="session")
+def pid_c_file(fmu_folder: Path) -> Path:
+    """The default controller's FMU, the one in C."""
+    return build_or_skip(lambda: build_fmus.build("DiagonalPID_C", fmu_folder))
+
+
+@pytest.fixture(scope="session")
+def probe_plant_file(fmu_folder: Path) -> Path:
+    """The stub of ``tests/stubs/probe_plant.c``."""
+    from stubs import PROBE_PLANT, build_stub
+
+    return build_or_skip(lambda: build_stub("probe_plant", PROBE_PLANT, fmu_folder))
+
+
+@pytest.fixture(scope="session")
+def feedthrough_file(fmu_folder: Path) -> Path:
+    """The stub of ``tests/stubs/feedthrough.c``."""
+    from stubs import FEEDTHROUGH, build_stub
+
+    return build_or_skip(lambda: build_stub("feedthrough", FEEDTHROUGH, fmu_folder))
+
+
+def build_or_skip(build):
+    """What ``build`` builds; the test is skipped where the machine has no C compiler."""
+    try:
+        return build()
+    except build_fmus.NoCompilerError as problem:
+        pytest.skip(str(problem))

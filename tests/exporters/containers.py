@@ -1,0 +1,114 @@
+"""The PID as a container FMU around two single-axis FMUs: fmu-manipulation-toolbox (FMI 2.0, 3.0) and FMPy (2.0)."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from fmpy import read_model_description
+from fmpy.container_fmu.cli import create_container_fmu
+from fmpy.container_fmu.config import Component, Configuration
+from fmpy.model_description import (
+    BaseUnit,
+    CoSimulation,
+    DefaultExperiment,
+    ModelDescription,
+    ModelVariable,
+    Unit,
+    Unknown,
+)
+from pid_fmus import T_S
+
+from .native import CModel
+from .recipe import Recipe
+
+AXES = (1, 2)
+INPUTS = ("q_m_ref", "q_m", "u_m0")
+
+
+@contextlib.contextmanager
+def _axes(beside: Path) -> Iterator[Path]:
+    """Give a folder, next to ``beside``, with the single-axis FMUs ``axis_1.fmu`` and ``axis_2.fmu``."""
+    beside.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=beside.parent) as folder:
+        for axis in AXES:
+            CModel(axes=(axis - 1,)).build(Path(folder, f"axis_{axis}.fmu"))
+        yield Path(folder)
+
+
+def _fmu_manipulation_toolbox(target: Path, fmi_version: Literal[2, 3]) -> Path:
+    from fmu_manipulation_toolbox.container import FMUContainer
+
+    # It says on the console that it embeds FMI 2.0 into FMI 3.0.
+    with _axes(target) as folder, contextlib.redirect_stdout(io.StringIO()):
+        container = FMUContainer(target.stem, folder, fmi_version=fmi_version)
+        for axis in AXES:
+            part = f"axis_{axis}.fmu"
+            container.get_fmu(part)
+            for name in INPUTS:
+                container.add_input(f"{name}[{axis}]", part, name)
+            container.add_output(part, "u_m", f"u_m[{axis}]")
+        container.make_fmu(target.name, step_size=T_S)
+        return (folder / target.name).replace(target)
+
+
+def _fmpy(target: Path) -> Path:
+    with _axes(target) as folder:
+        parts = [folder / f"axis_{axis}.fmu" for axis in AXES]
+        components = [Component(part.stem, part, read_model_description(str(part))) for part in parts]
+        time = ModelVariable(name="time", type="Real", causality="independent", variability="continuous")
+        outer: list[ModelVariable] = [time]
+        mappings = {}
+        for axis, component in zip(AXES, components, strict=True):
+            for inner in component.modelDescription.modelVariables:
+                variable = ModelVariable(
+                    name=f"{inner.name}[{axis}]",
+                    type="Real",
+                    causality=inner.causality,
+                    variability=inner.variability,
+                    start=inner.start,
+                    unit=inner.unit,
+                )
+                outer.append(variable)
+                mappings[variable] = [(component, inner)]
+        outputs = [Unknown(variable=variable) for variable in outer if variable.causality == "output"]
+        description = ModelDescription(
+            fmiVersion="2.0",
+            modelName=target.stem,
+            instantiationToken=f"{{{target.stem}}}",
+            variableNamingConvention="structured",
+            coSimulation=CoSimulation(fixedInternalStepSize=T_S),
+            defaultExperiment=DefaultExperiment(stepSize=str(T_S)),
+            unitDefinitions=[
+                Unit("rad", BaseUnit(rad=1)),
+                Unit("N.m", BaseUnit(kg=1, m=2, s=-2)),
+            ],
+            modelVariables=outer,
+            outputs=outputs,
+            initialUnknowns=outputs,
+        )
+        # Value reference 0 is the time, which has no mapping; the others follow in the order of the mappings.
+        configuration = Configuration(False, description, components, [], mappings)
+        unpacked = folder / "unpacked"
+        unpacked.mkdir()
+        create_container_fmu(configuration, unpacked, target)
+    return target
+
+
+RECIPES = (
+    *(
+        Recipe(
+            f"container_fmi{version}",
+            partial(_fmu_manipulation_toolbox, fmi_version=version),
+            modules=("fmu_manipulation_toolbox",),
+            needs_compiler=True,
+        )
+        for version in (2, 3)
+    ),
+    Recipe("container_fmpy", _fmpy, needs_compiler=True),
+)

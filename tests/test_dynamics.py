@@ -1,0 +1,290 @@
+"""The equations of motion against Lagrange's: energies come from the geometry of Figure 2, SymPy does the rest.
+
+Nothing here repeats a formula of eq. (3): what is written down are positions, energies, the stiffness and the
+friction as Figures 3 and 4 show them.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from manipulators import CORNERS, at_rest, constants, table, uncertain_tables, workspace
+from scipy.integrate import quad, solve_ivp
+
+from plant_fmu.flexible_manipulator import dynamics
+from plant_fmu.flexible_manipulator.integrator import STATE
+
+EPS = float(np.finfo(float).eps)
+
+ROUNDING = 100 * EPS
+"""Two ways to evaluate one expression of some tens of operations differ by that much of its largest term."""
+
+speeds = st.floats(-10.0, 10.0)
+motor_speeds = st.floats(-500.0, 500.0)
+deflections = st.floats(-5e-3, 5e-3)
+forces = st.floats(-500.0, 500.0)
+torques = st.floats(-35.0, 35.0)
+
+
+# ---- Lagrange's equations of the links ----
+
+LINK_SYMBOLS = ("j[1]", "j[2]", "m[1]", "m[2]", "l[1]", "l[2]", "xi[1]", "xi[2]", "g")
+
+
+@cache
+def links():
+    """Functions of (parameters, q, w): inertia matrix, Coriolis and gravity torques, energy, TCP and its Jacobian."""
+    t = sympy.Symbol("t")
+    j_1, j_2, m_1, m_2, l_1, l_2, xi_1, xi_2, g = parameters = sympy.symbols("j_1 j_2 m_1 m_2 l_1 l_2 xi_1 xi_2 g")
+    angles = [sympy.Function(name)(t) for name in ("q_1", "q_2")]
+    # Figure 2: link 1 points up at q_a1 = 0 and turns towards x; at q_a2 = 0 link 2 stands at a right angle to it.
+    upright = sympy.Matrix([sympy.sin(angles[0]), sympy.cos(angles[0])])
+    turned = angles[0] + angles[1] + sympy.pi / 2
+    along_2 = sympy.Matrix([sympy.sin(turned), sympy.cos(turned)])
+    centre_1, centre_2, tool = xi_1 * upright, l_1 * upright + xi_2 * along_2, l_1 * upright + l_2 * along_2
+
+    def kinetic(mass, inertia, centre, turning):
+        velocity = centre.diff(t)
+        return mass * velocity.dot(velocity) / 2 + inertia * turning**2 / 2
+
+    w = [angle.diff(t) for angle in angles]
+    T = kinetic(m_1, j_1, centre_1, w[0]) + kinetic(m_2, j_2, centre_2, w[0] + w[1])
+    V = g * (m_1 * centre_1[1] + m_2 * centre_2[1])
+
+    q_1, q_2, w_1, w_2 = state = sympy.symbols("q_1 q_2 w_1 w_2")
+    flat = [*zip(w, (w_1, w_2), strict=True), *zip(angles, (q_1, q_2), strict=True)]
+    T, V, tool = (expression.subs(flat) for expression in (T, V, tool))
+    q, w = sympy.Matrix([q_1, q_2]), sympy.Matrix([w_1, w_2])
+    momentum = sympy.Matrix([T]).jacobian(w).T
+    M = momentum.jacobian(w)
+    C = momentum.jacobian(q) * w - sympy.Matrix([T]).jacobian(q).T
+    G = sympy.Matrix([V]).jacobian(q).T
+    results = [M.tolist(), list(C), list(G), T + V, list(tool), tool.jacobian(q).tolist()]
+    return sympy.lambdify([parameters, state], results, "math", cse=True)
+
+
+def evaluated(values, q, w):
+    """The functions of :func:`links` as arrays, at link angles ``q`` and speeds ``w``."""
+    return [
+        np.array(item, dtype=float) for item in links()([values[name] for name in LINK_SYMBOLS], (*q, *w))
+    ]
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), q=workspace, w=st.tuples(speeds, speeds))
+def test_inertia_coriolis_and_gravity_follow_from_the_energies(values, q, w):
+    M, C, G, *_ = evaluated(values, q, w)
+    arm, _ = constants(values)
+    J_11, J_12, J_22 = dynamics.inertia(arm, math.sin(q[1]))
+    np.testing.assert_allclose([[J_11, J_12], [J_12, J_22]], M, rtol=0, atol=ROUNDING * M[0, 0])
+    largest = arm.b * (abs(w[0]) + abs(w[1])) ** 2
+    np.testing.assert_allclose(
+        dynamics.coriolis(arm, math.cos(q[1]), *w), C, rtol=0, atol=ROUNDING * largest + 1e-300
+    )
+    gravity = dynamics.gravity(arm, math.sin(q[0]), math.cos(q[0] + q[1]))
+    np.testing.assert_allclose(gravity, G, rtol=0, atol=ROUNDING * (arm.c_1 + arm.c_2))
+
+
+# ---- Spring and friction ----
+
+
+def stiffness(values, axis, delta):
+    """Figure 3 as words: k_low at rest, growing with the square of the deflection to k_high at psi, then constant."""
+    k_low, k_high, psi = (values[f"{symbol}[{axis}]"] for symbol in ("k_low", "k_high", "psi"))
+    return k_low + (k_high - k_low) * min(abs(delta) / psi, 1.0) ** 2
+
+
+@settings(deadline=None, max_examples=50)
+@given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), delta=deflections)
+def test_spring_is_the_integral_of_its_stiffness(values, axis, delta):
+    joint = constants(values)[1][axis - 1]
+    psi = values[f"psi[{axis}]"]
+    kinks = [math.copysign(psi, delta)] if abs(delta) > psi else None
+    # The integrand is a polynomial on either side of the kink: the quadrature is exact but for rounding.
+    torque, _ = quad(lambda x: stiffness(values, axis, x), 0.0, delta, points=kinks, epsabs=0.0, epsrel=1e-13)
+    assert dynamics.spring(joint, delta) == pytest.approx(torque, rel=1e-12, abs=1e-300)
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), delta=deflections)
+def test_spring_is_odd_and_rises(values, axis, delta):
+    joint = constants(values)[1][axis - 1]
+    assert dynamics.spring(joint, -delta) == -dynamics.spring(joint, delta)
+    step = 1e-6
+    slope = (dynamics.spring(joint, delta + step) - dynamics.spring(joint, delta)) / step
+    ends = sorted((values[f"k_low[{axis}]"], values[f"k_high[{axis}]"]))
+    rounding = 4 * EPS * abs(dynamics.spring(joint, abs(delta) + step)) / step
+    assert ends[0] - rounding <= slope <= ends[1] + rounding
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_spring_has_the_shape_of_figure_3(axis):
+    values = table()
+    joint = constants(values)[1][axis - 1]
+    psi, k_low, k_high = (values[f"{symbol}[{axis}]"] for symbol in ("psi", "k_low", "k_high"))
+
+    def slope(delta, step):
+        return (dynamics.spring(joint, delta + step) - dynamics.spring(joint, delta - step)) / (2 * step)
+
+    assert dynamics.spring(joint, 0.0) == 0.0
+    # A step of 1e-3 psi adds (k_high - k_low) 1e-6 / 3 to the slope at zero, and half of 2e-3 (k_high - k_low) at psi.
+    assert slope(0.0, 1e-3 * psi) == pytest.approx(k_low, rel=1e-6)
+    assert slope(2 * psi, 1e-3 * psi) == pytest.approx(k_high, rel=1e-9)
+    assert slope(psi, 1e-3 * psi) == pytest.approx(k_high, abs=1.1e-3 * (k_high - k_low))
+    # Continuous at the breakpoint: over two neighbouring numbers the torque rises by no more than rounding.
+    assert dynamics.spring(joint, math.nextafter(psi, 1.0)) == pytest.approx(dynamics.spring(joint, psi), rel=4 * EPS)
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), v=motor_speeds)
+def test_friction_is_equation_8(values, axis, v):
+    f_d, f_c, mu_k, beta, alpha = (
+        mpmath.mpf(values[f"{symbol}[{axis}]"]) for symbol in ("f_d", "f_c", "mu_k", "beta", "alpha")
+    )
+    with mpmath.workdps(40):
+        x = mpmath.mpf(v)
+        expected = f_d * x + f_c * (mu_k + (1 - mu_k) * mpmath.sech(beta * x)) * mpmath.tanh(alpha * x)
+        error = abs(dynamics.friction(constants(values)[1][axis - 1], v) - expected)
+    # Near zero speed tanh is the difference of two numbers near 1: the error is a fraction of f_c, not of the torque.
+    assert error <= 8 * EPS * (float(f_c) + abs(float(f_d) * v))
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), v=motor_speeds)
+def test_friction_is_odd_and_dissipates(values, axis, v):
+    joint = constants(values)[1][axis - 1]
+    assert dynamics.friction(joint, -v) == -dynamics.friction(joint, v)
+    assert dynamics.friction(joint, v) * v >= 0.0
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_friction_has_the_shape_of_figure_4(axis):
+    """Figure 4: a steep rise to a maximum near standstill, a valley, and the viscous rise at high speed."""
+    values = table()
+    joint = constants(values)[1][axis - 1]
+    f_d, f_c, mu_k = (values[f"{symbol}[{axis}]"] for symbol in ("f_d", "f_c", "mu_k"))
+    v = np.linspace(0.0, 200.0, 20001)
+    torque = np.array([dynamics.friction(joint, x) for x in v])
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(torque)))) + 1
+    assert torque[0] == 0.0
+    assert len(turning) == 2, "one maximum and one minimum"
+    peak, valley = turning
+    assert 0.0 < v[peak] < 1.0 < v[valley] < 30.0
+    assert mu_k * f_c < torque[valley] < torque[peak] < f_c + f_d * v[peak]
+    # At 200 rad/s sech(0.4 v) is below 1e-34: Coulomb friction has come down to its kinetic share.
+    assert torque[-1] == pytest.approx(f_d * v[-1] + mu_k * f_c, rel=4 * EPS)
+
+
+def test_friction_and_spring_stand_extreme_arguments():
+    joint = constants(table())[1][0]
+    for v in (1e-320, 1e4, 1e300):
+        assert math.isfinite(dynamics.friction(joint, v))
+    assert math.isfinite(dynamics.spring(joint, 1e10))
+
+
+# ---- All of eq. (2) ----
+
+
+@st.composite
+def states(draw):
+    """A state (q_a, q_m, w, v) with gears bent within three breakpoints."""
+    q, w = draw(workspace), (draw(speeds), draw(speeds))
+    q_m = [200.0 * (angle - draw(deflections)) for angle in q]
+    return (*q, *q_m, *w, draw(motor_speeds), draw(motor_speeds))
+
+
+def lagrange_accelerations(values, x, tau, F):
+    """Accelerations of links and motors by Lagrange's equations, and how far rounding may put them off."""
+    q, q_m, w, v = np.split(np.array(x), 4)
+    M, C, G, _, _, J = evaluated(values, q, w)
+    of = {symbol: np.array([values[f"{symbol}[1]"], values[f"{symbol}[2]"]]) for symbol in ("n", "d", "j_m")}
+    joints = constants(values)[1]
+    # Springs and friction have tests of their own above; gears act on links and, divided by n, on motors.
+    gear = np.array([dynamics.spring(joint, x) for joint, x in zip(joints, q - q_m / of["n"], strict=True)])
+    gear += of["d"] * (w - v / of["n"])
+    friction = np.array([dynamics.friction(joint, x) for joint, x in zip(joints, v, strict=True)])
+    on_links, on_motors = J.T @ F - C - G - gear, tau + gear / of["n"] - friction
+    link_terms = np.abs(J.T) @ np.abs(F) + np.abs(C) + np.abs(G) + np.abs(gear)
+    motor_terms = np.abs(tau) + np.abs(gear) / of["n"] + np.abs(friction)
+    inverse = np.linalg.inv(M)
+    accelerations = np.concatenate([inverse @ on_links, on_motors / of["j_m"]])
+    # q_a - q_m / n loses digits: both are known to a rounding of the angle, the spring multiplies it by k.
+    blur = EPS * max(np.abs(q).max(), 1.0) * max(values[f"k_{end}[{i}]"] for end in ("low", "high") for i in (1, 2))
+    rounding = ROUNDING * max(link_terms.max(), 1.0) + blur
+    motor_rounding = ROUNDING * max(motor_terms.max(), 1.0) + blur / of["n"]
+    return accelerations, np.concatenate([np.abs(inverse).sum(axis=1) * rounding, motor_rounding / of["j_m"]])
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
+def test_accelerations_solve_lagranges_equations(values, x, tau, F):
+    expected, rounding = lagrange_accelerations(values, x, np.array(tau), np.array(F))
+    arm, joints = constants(values)
+    computed = np.array(dynamics.accelerations(arm, *joints, x, *tau, *F))
+    assert np.all(np.abs(computed - expected) <= rounding)
+
+
+def energy(values, x):
+    """Kinetic and potential energy of links, motors and springs [J]."""
+    q, q_m, w, v = np.split(np.array(x), 4)
+    total = float(evaluated(values, q, w)[3])
+    for axis in (1, 2):
+        psi, k_low, k_high, n, j_m = (
+            values[f"{symbol}[{axis}]"] for symbol in ("psi", "k_low", "k_high", "n", "j_m")
+        )
+        # Twice the integral of the stiffness of Figure 3.
+        delta = abs(q[axis - 1] - q_m[axis - 1] / n)
+        inner, outer = min(delta, psi), max(delta - psi, 0.0)
+        bent = k_low * inner**2 / 2 + (k_high - k_low) * inner**4 / (12 * psi**2)
+        torque = k_low * psi + (k_high - k_low) * psi / 3
+        total += bent + torque * outer + k_high * outer**2 / 2 + j_m * v[axis - 1] ** 2 / 2
+    return total
+
+
+@settings(deadline=None)
+@given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
+def test_power_in_is_energy_gained_and_heat(values, x, tau, F):
+    """dE/dt = tau . v + F . dX/dt - heat, at any state: nothing in eq. (2) makes or loses energy but what may."""
+    q, _, w, v = np.split(np.array(x), 4)
+    arm, joints = constants(values)
+    a = np.array(dynamics.accelerations(arm, *joints, x, *tau, *F))
+    dx = np.concatenate([w, v, a])
+    step = 1e-5 / max(1.0, np.abs(dx).max() / 100)
+    change = (energy(values, x + step * dx) - energy(values, x - step * dx)) / (2 * step)
+
+    J = evaluated(values, q, w)[5]
+    sliding = w - v / 200.0
+    heat = sum(
+        values[f"d[{i + 1}]"] * sliding[i] ** 2 + dynamics.friction(joint, v[i]) * v[i]
+        for i, joint in enumerate(joints)
+    )
+    supplied = np.dot(tau, v) + F @ J @ w
+    # Central differences: truncation of second order in the step, and rounding of the energy over the step.
+    size = abs(energy(values, x)) + 1e4
+    assert heat >= 0.0
+    assert change == pytest.approx(supplied - heat, abs=100 * EPS * size / step + 1e-4 * (abs(heat) + abs(supplied) + 1))
+
+
+@pytest.mark.parametrize("q_a", CORNERS)
+def test_energy_is_conserved_without_damping_friction_and_input(q_a):
+    values = table(d=0.0, f_d=0.0, f_c=0.0)
+    arm, joints = constants(values)
+
+    def derivative(_t, x):
+        a = dynamics.accelerations(arm, *joints, tuple(x), 0.0, 0.0, 0.0, 0.0)
+        return [*x[4:], *a]
+
+    start = at_rest(values, (q_a[0] + 0.2, q_a[1] + 0.1))[STATE : STATE + 8]
+    motion = solve_ivp(derivative, (0.0, 1.0), start, method="DOP853", rtol=1e-10, atol=1e-10)
+    energies = [energy(values, x) for x in motion.y.T]
+    moved = np.ptp([evaluated(values, x[:2], (0.0, 0.0))[3] for x in motion.y.T])
+    assert moved > 50.0, "the arm falls: there is an energy to conserve"
+    # The solver's relative error a step, times the number of steps, of the energy that moves to and fro.
+    assert np.ptp(energies) < 1e-10 * len(energies) * moved

@@ -1,0 +1,136 @@
+"""The plant's FMU as a product of its own: in plain FMPy, with this project out of reach."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import extract
+from manipulators import NOMINAL, at_rest, table
+
+ALONE = Path(__file__).with_name("plant_alone.py")
+POSE = {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}
+
+
+@pytest.fixture(scope="module")
+def alone(plant_file, tmp_path_factory):
+    """Runs an experiment of plant_alone.py in a fresh, isolated interpreter."""
+    folder = tmp_path_factory.mktemp("plant")
+    extract(str(plant_file), str(folder))
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+
+    def run(experiment, *arguments, options=()):
+        finished = subprocess.run(
+            [sys.executable, "-I", str(ALONE), str(folder), experiment, *options],
+            cwd=elsewhere,
+            input=json.dumps(arguments),
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+        )
+        assert finished.returncode == 0, finished.stderr
+        return json.loads(finished.stdout.splitlines()[-1])
+
+    return run
+
+
+def parameters(**factors):
+    return {name: value for name, value in table(**factors).items() if value != NOMINAL[name]}
+
+
+def test_it_initializes_and_publishes_its_steady_state(alone):
+    """The nominal arm, link 1 along x and link 2 upright: joints carry what a balance of moments says."""
+    values, modules = alone("published", {"q_a_start[1]": math.pi / 2, "q_a_start[2]": -math.pi})
+    assert modules == [], "nothing of the project was imported"
+    # Link 2 stands upright over the elbow, 1 m out: its weight has a lever of 1 m about joint 1, none about joint 2.
+    on_joint_1 = 9.81 * (50 * 0.5 + 150 * 1.0)
+    assert values["u_m0[1]"] == pytest.approx(-on_joint_1 / 200, rel=1e-12)
+    assert values["u_m0[2]"] == pytest.approx(0.0, abs=1e-12)
+    assert (values["X[1]"], values["X[2]"]) == pytest.approx((1.0 + 1.5 * math.cos(-math.pi / 2), 1.5), abs=1e-12)
+    assert (values["q_a[1]"], values["q_a[2]"]) == (math.pi / 2, -math.pi)
+    # The gear of joint 1 is bent past its breakpoint of 2 arcmin, up to which its mean stiffness is 5/6 of 1e6.
+    psi = 2 * math.pi / 180 / 60
+    breakpoint_torque = (0.5e6 + (1.5e6 - 0.5e6) / 3) * psi
+    bent = psi + (on_joint_1 - breakpoint_torque) / 1.5e6
+    assert values["q_m[1]"] / 200 == pytest.approx(math.pi / 2 - bent, rel=1e-12)
+    for axis in (1, 2):
+        assert values[f"q_m_ref[{axis}]"] == values[f"q_m[{axis}]"]
+
+
+def test_gamma_divides_the_torque_to_command(alone):
+    nominal, _ = alone("published", POSE)
+    weaker, _ = alone("published", {**POSE, "gamma[1]": 0.9, "gamma[2]": 1.1})
+    assert weaker["u_m0[1]"] == pytest.approx(nominal["u_m0[1]"] / 0.9, rel=1e-14)
+    assert weaker["u_m0[2]"] == pytest.approx(nominal["u_m0[2]"] / 1.1, rel=1e-14)
+    assert [weaker[f"q_m_ref[{axis}]"] for axis in (1, 2)] == [nominal[f"q_m_ref[{axis}]"] for axis in (1, 2)]
+
+
+def test_it_stays_at_rest(alone):
+    systems = [
+        {},
+        POSE,
+        {**POSE, **parameters(m=1.1, k_low=0.8, k_high=0.8, psi=1.2, d=0.8, f_c=0.2, f_d=0.2, alpha=0.5, gamma=0.9)},
+        {**POSE, **parameters(f_c=1.8, f_d=1.8, alpha=1.5, gamma=1.1)},
+        {**POSE, **parameters(k_high=0.1)},
+        {"q_a_start[1]": math.pi, "q_a_start[2]": -math.pi, **parameters(f_c=0.0, f_d=0.0)},
+    ]
+    assert max(alone("rest", systems, 2.0)) < 1e-9
+
+
+def test_restored_state_continues_identically(alone):
+    straight_on, now, again, elsewhere = alone("state", {**POSE, **parameters(m=1.05)}, 40)
+    assert again == straight_on
+    assert elsewhere == straight_on, "the state holds the parameters too"
+    assert now != straight_on[0]
+
+
+def test_reset_forgets_everything(alone):
+    first, second = alone("reset", {**POSE, **parameters(m=1.05)}, 20)
+    assert second == first
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "accepted"),
+    [
+        ("psi[1]", 0.0, False),
+        ("psi[2]", -1e-4, False),
+        ("j_m[1]", -0.004, False),
+        ("j_m[2]", 0.0, False),
+        ("j[2]", -1.0, False),
+        ("m[1]", math.nan, False),
+        ("l[1]", math.inf, False),
+        ("gamma[2]", 0.0, False),
+        ("f_c[1]", -0.1, False),
+        ("k_high[1]", 0.1e6, True),
+        ("f_c[1]", 0.0, True),
+        ("xi[2]", 0.0, True),
+        ("g", 0.0, True),
+    ],
+)
+def test_parameters_out_of_their_physical_range_are_refused(alone, name, value, accepted):
+    ((function, log),) = alone("refusals", [{name: value}])
+    if accepted:
+        assert function is None and log == ""
+    else:
+        assert function == "fmi2ExitInitializationMode"
+        assert f"{name} = {value:g} " in log and "outside its physical range" in log
+
+
+def test_without_numba_the_same_source_gives_the_same_trajectory(alone):
+    """Both are the same operations in IEEE arithmetic, but for the last bit of sine, cosine and exponential."""
+    samples = 60
+    compiled, with_numba = alone("trajectory", POSE, samples)
+    interpreted, without_numba = alone("trajectory", POSE, samples, options=["no-numba"])
+    assert with_numba and not without_numba
+    compiled, interpreted = np.array(compiled), np.array(interpreted)
+    # Each of the three substeps a sample may round the motor angle, some 60 rad, one last place another way.
+    bound = 3 * samples * np.spacing(np.abs(compiled).max())
+    assert np.abs(interpreted - compiled).max() <= bound
+    start = at_rest(NOMINAL, (0.3, -0.9))
+    assert np.abs(compiled[-1][:2] - start[6:8]).max() > 1e-3, "the motors were moved"
