@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = _chosen(cases, options.only)
     folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{protocol.name}"
     files.prepare_folder(folder)
-    rehearse(chosen[0], plant, controller, setup)
+    timing = rehearse(chosen[0], plant, controller, setup)
 
     start, begin = datetime.now(timezone.utc), time.perf_counter()
     found: list[CaseResult] = []
@@ -73,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         controller=controller,
         plant_parameters=plant_parameters,
         setup=setup,
+        sample_time=sample_time.value,
+        controller_timing=timing,
         results=tuple(found),
         scorecard=score(protocol, found, len(cases)),
         timing=files.Timing(start, time.perf_counter() - begin, options.jobs),

@@ -54,7 +54,7 @@ def pid_c_file(fmu_folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def probe_plant_file(fmu_folder: Path) -> Path:
     """The stub of ``tests/stubs/probe_plant.c``."""
-    from stubs import PROBE_PLANT, build_stub
+    from stub_fmus import PROBE_PLANT, build_stub
 
     return build_or_skip(lambda: build_stub("probe_plant", PROBE_PLANT, fmu_folder))
 
@@ -62,7 +62,7 @@ def probe_plant_file(fmu_folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def feedthrough_file(fmu_folder: Path) -> Path:
     """The stub of ``tests/stubs/feedthrough.c``."""
-    from stubs import FEEDTHROUGH, build_stub
+    from stub_fmus import FEEDTHROUGH, build_stub
 
     return build_or_skip(lambda: build_stub("feedthrough", FEEDTHROUGH, fmu_folder))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from ctypes import byref
 
@@ -177,4 +178,6 @@ def refusals(systems):
 
 
 if __name__ == "__main__":
-    print(json.dumps(globals()[sys.argv[2]](*json.load(sys.stdin))))
+    print(json.dumps(globals()[sys.argv[2]](*json.load(sys.stdin))), flush=True)
+    # pythonfmu 0.7.0 frees its interpreter's state twice while a process exits, which now and then aborts it.
+    os._exit(0)

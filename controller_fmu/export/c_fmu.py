@@ -51,13 +51,9 @@ def c_fmu(sources: Sequence[Path], description: Path, target: Path, dialect: Dia
     """
     compiler = find_compiler()
     if compiler is None:
-        raise NoCompilerError(
-            f"{target.name}: no C compiler found ({', '.join(COMPILERS)}, or set CC); install one"
-        )
+        raise NoCompilerError(f"{target.name}: no C compiler found ({', '.join(COMPILERS)}, or set CC); install one")
     if not target.stem.isidentifier():
-        raise BuildError(
-            f"{target.name}: the FMU's name must be a C identifier, as it becomes the model's name"
-        )
+        raise BuildError(f"{target.name}: the FMU's name must be a C identifier, as it becomes the model's name")
     dialect = dialect or Dialect()
     files = [
         *sources,

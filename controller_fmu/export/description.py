@@ -91,9 +91,7 @@ def _list_initial_unknowns(root: Element) -> None:
     assert structure is not None, "pythonfmu writes it, and so do the descriptions of the C models"
     for old in structure.findall("InitialUnknowns"):
         structure.remove(old)
-    indices = [
-        index for index, variable in enumerate(variables(root), start=1) if _is_initial_unknown(variable)
-    ]
+    indices = [index for index, variable in enumerate(variables(root), start=1) if _is_initial_unknown(variable)]
     if indices:
         unknowns = SubElement(structure, "InitialUnknowns")
         for index in indices:

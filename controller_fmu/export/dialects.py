@@ -97,9 +97,7 @@ def _fmi1(root: Element) -> Element:
     for unit in root.iterfind("UnitDefinitions/Unit"):
         SubElement(units, "BaseUnit", unit=unit.attrib["name"])
     experiment = _child(root, "DefaultExperiment")
-    SubElement(
-        translated, experiment.tag, _copy_attributes(experiment, ("startTime", "stopTime", "tolerance"))
-    )
+    SubElement(translated, experiment.tag, _copy_attributes(experiment, ("startTime", "stopTime", "tolerance")))
     listed = SubElement(translated, "ModelVariables")
     listed.extend(_variable1(variable) for variable in variables(root))
     capabilities = ("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions")
@@ -128,9 +126,7 @@ _COMMON_3 = ("UnitDefinitions", "LogCategories", "DefaultExperiment")
 
 def _fmi3(root: Element, dialect: Dialect) -> Element:
     kept = ("modelName", "description", "author", "version", "license", "variableNamingConvention")
-    translated = Element(
-        root.tag, {"fmiVersion": "3.0", **_copy_attributes(root, kept), "instantiationToken": ""}
-    )
+    translated = Element(root.tag, {"fmiVersion": "3.0", **_copy_attributes(root, kept), "instantiationToken": ""})
     translated.append(_interface3(_child(root, "CoSimulation"), dialect))
     translated.extend(_child(root, tag) for tag in _COMMON_3)
     groups = _arrays(variables(root)) if dialect.arrays else [[variable] for variable in variables(root)]
@@ -140,9 +136,7 @@ def _fmi3(root: Element, dialect: Dialect) -> Element:
     time = {"valueReference": str(time_reference), "causality": "independent", "variability": "continuous"}
     SubElement(listed, dialect.float_type, {"name": "time", **time, "description": "Simulation time [s]"})
     structure = SubElement(translated, "ModelStructure")
-    outputs = [
-        group[0].attrib["valueReference"] for group in groups if group[0].attrib["causality"] == "output"
-    ]
+    outputs = [group[0].attrib["valueReference"] for group in groups if group[0].attrib["causality"] == "output"]
     for tag in ("Output", "InitialUnknown"):
         for reference in outputs:
             SubElement(structure, tag, valueReference=reference)
@@ -168,9 +162,7 @@ def _arrays(scalars: list[Element]) -> list[list[Element]]:
 
 def _variable3(elements: list[Element], dialect: Dialect) -> Element:
     first = elements[0]
-    attributes = _copy_attributes(
-        first, ("name", "valueReference", "causality", "variability", "description")
-    )
+    attributes = _copy_attributes(first, ("name", "valueReference", "causality", "variability", "description"))
     attributes["name"] = array_name(first) if dialect.arrays else first.attrib["name"]
     reals = [_child(element, "Real") for element in elements]
     attributes["unit"] = reals[0].attrib["unit"]

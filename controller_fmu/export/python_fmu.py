@@ -49,9 +49,7 @@ def python_fmu(script: Path, packages: Sequence[Path], units_module: str, target
     return write_atomically(pack({**contents, "modelDescription.xml": to_bytes(root)}), target)
 
 
-def _export(
-    script: Path, packages: Sequence[Path], units_module: str
-) -> tuple[dict[str, bytes], dict[str, str]]:
+def _export(script: Path, packages: Sequence[Path], units_module: str) -> tuple[dict[str, bytes], dict[str, str]]:
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
         finished = subprocess.run(
             [

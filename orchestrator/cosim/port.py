@@ -90,6 +90,15 @@ def exchange(port, count, time, step, read):
 
 
 @compiled
+def exchange_often(port, first, steps, step):
+    """``steps`` exchanges with the same inputs, from sample ``first`` on; returns the worst status. For timing."""
+    worst = 0
+    for k in range(first, first + steps):
+        worst = max(worst, exchange(port, port.inputs.size, k * step, step, True)[1])
+    return worst
+
+
+@compiled
 def _write(port, count):
     references, values = port.inputs.ctypes.data, port.input_values.ctypes.data
     if port.single[0]:

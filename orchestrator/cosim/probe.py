@@ -18,6 +18,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from ..errors import FmuError
 from .controller import Setup, Steady, prepared
 from .port import WARNING, exchange
 from .slaves import Slave
@@ -88,7 +89,7 @@ def response(
 ) -> np.ndarray:
     """Torques [N.m], shape (SAMPLES, 2), while the measured angles fall by ERROR at sample ``begin``.
 
-    With ``initially`` they are there already during initialization. Raises :class:`RuntimeError` where a call fails.
+    With ``initially`` they are there already during initialization. Raises :class:`FmuError` where a call fails.
     """
     q_m_ref = np.array(steady.q_m_ref)
     first = tuple(q_m_ref - ERROR) if initially else steady.q_m_ref
@@ -100,6 +101,8 @@ def response(
             port.input_values[:] = port.scale * (measured - port.offset)
             call, status = exchange(port, port.inputs.size, float(k * sample_time), step, True)
             if status > WARNING:
-                raise RuntimeError(f"{slave.calls[('set', 'step', 'get')[call]]} returned status {status}")
+                raise FmuError(
+                    f"{slave.archive.name}: {slave.calls[('set', 'step', 'get')[call]]} returned status {status}"
+                )
             torques[k] = port.output_scale * port.output_values
     return torques

@@ -13,8 +13,9 @@ from ..benchmark.case import Case
 from ..benchmark.metrics import CaseResult, judge
 from ..benchmark.protocol import Protocol
 from ..cosim.archive import Archive
-from ..cosim.controller import Setup
+from ..cosim.controller import Setup, Steady
 from ..cosim.master import simulate
+from ..cosim.probe import Timing, probe
 from ..cosim.scenario import Scenario
 from ..cosim.slaves import Slave
 from ..cosim.trajectory import Status, Trajectory
@@ -57,17 +58,33 @@ def evaluate(
         yield _result(groups[number][outcome.index], outcome)
 
 
-def rehearse(case: Case, plant: Archive, controller: Archive, setup: Setup) -> None:
-    """Begin ``case`` and stop after its first sample, so that what is wrong with the input shows before the rest.
+def rehearse(case: Case, plant: Archive, controller: Archive, setup: Setup) -> Timing | None:
+    """Simulate the first sample of ``case`` and probe the controller's timing.
 
-    Raises :class:`~orchestrator.errors.BenchmarkError` where the FMUs cannot be connected or initialized. It also
-    leaves the compiled code of both in the cache, before several processes would compile it at once.
+    What is wrong with the input shows here, before anything else runs: raises
+    :class:`~orchestrator.errors.BenchmarkError` where the FMUs cannot be connected or initialized or refuse the first
+    step. It also leaves the compiled code of both in the cache, before several processes would compile it at once.
+    Returns None where the controller crashes, which has a place in the results.
     """
     scenario = replace(case.scenario, duration=case.scenario.sample_time)
-    with contextlib.suppress(Crash):  # a crash has a place in the results
-        ending = simulate_isolated(scenario, plant, controller, setup).ending
-        if ending.status is Status.ERROR and ending.failed_call:
-            raise FmuError(f"The first sample fails: {ending.message}", ending.failed_call)
+    job = Job(plant, controller, (scenario,), functools.partial(_rehearsed, setup), (time_limit(scenario),))
+    for outcome in pool.run_isolated(job):
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        if isinstance(outcome, Finished):
+            return outcome.value
+    return None
+
+
+def _rehearsed(setup: Setup, plant: Slave, controller: Slave, scenario: Scenario) -> Timing | None:
+    trajectory = simulate(plant, controller, scenario, setup, ("q_a[1]", "q_a[2]"))
+    ending = trajectory.ending
+    if ending.status is Status.ERROR and ending.failed_call:
+        raise FmuError(f"The first sample fails: {ending.message}", ending.failed_call)
+    pose = (float(trajectory.extra["q_a[1]"][0]), float(trajectory.extra["q_a[2]"][0]))
+    with contextlib.suppress(FmuError):  # a controller that cannot be probed may still be simulated
+        return probe(controller, setup, Steady(trajectory.q_m_ref, trajectory.u_m0, pose), scenario.sample_time)
+    return None
 
 
 def simulate_isolated(

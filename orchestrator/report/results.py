@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.scorecard import CriterionScore, Requirement, Scorecard, Verdict
 from ..cosim.archive import Archive
 from ..cosim.controller import Setup
+from ..cosim.probe import Timing as ControllerTiming
+from ..cosim.scenario import seconds
 from ..errors import InputError
 
 SCHEMA = "flexible-manipulator-results/1"
@@ -47,6 +50,8 @@ class Evaluation:
     controller: Archive
     plant_parameters: Mapping[str, float]
     setup: Setup
+    sample_time: Fraction
+    controller_timing: ControllerTiming | None
     results: tuple[CaseResult, ...]
     scorecard: Scorecard
     timing: Timing
@@ -55,7 +60,6 @@ class Evaluation:
 def document(evaluation: Evaluation) -> dict[str, Any]:
     """The contents of ``results.json``. All values in SI units; None (null) where there is no value."""
     protocol, card = evaluation.protocol, evaluation.scorecard
-    loop = protocol.raw["loop"]
     return {
         "schema": SCHEMA,
         "benchmark": protocol.benchmark,
@@ -78,11 +82,11 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
         "controller": {**_fmu(evaluation.controller), "parameters": dict(evaluation.setup.parameters)},
         "plant": {**_fmu(evaluation.plant), "parameters": dict(evaluation.plant_parameters)},
         "seed": evaluation.seed,
-        "sample_time": float(loop["sample_time"]),
-        "loop_delay": {
-            "seconds": float(loop["delay"]),
-            "samples": float(loop["delay"]) / float(loop["sample_time"]),
+        "sample_time": {
+            "seconds": float(evaluation.sample_time),
+            "as_in_benchmark": evaluation.sample_time == protocol.sample_time,
         },
+        "loop_delay": loop_delay(evaluation),
         "environment": environment(),
         "timing": {
             "start": evaluation.timing.start.astimezone(timezone.utc).isoformat(timespec="seconds"),
@@ -91,6 +95,24 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
             "simulated_time": sum(result.time for result in evaluation.results),
             "simulation_time": sum(result.wall_time for result in evaluation.results),
         },
+    }
+
+
+def loop_delay(evaluation: Evaluation) -> dict[str, Any]:
+    """From a measurement to the torque at the motor: the benchmark's T_d and the controller's own latency.
+
+    "seconds" and "samples" are None where the latency could not be measured.
+    """
+    timing = evaluation.controller_timing
+    T_d, T_s = seconds(evaluation.protocol.raw["loop"]["delay"]), evaluation.sample_time
+    latency = timing.latency if timing is not None else None
+    total = None if latency is None else T_d + latency * T_s
+    return {
+        "seconds": None if total is None else float(total),
+        "samples": None if total is None else float(total / T_s),
+        "benchmark": float(T_d),
+        "controller_samples": latency,
+        "convention": timing.convention.value if timing is not None else None,
     }
 
 

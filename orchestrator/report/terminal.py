@@ -9,7 +9,7 @@ from rich.table import Table
 
 from ..benchmark.scorecard import CriterionScore, Scorecard, Verdict
 from ..cosim.trajectory import Status
-from .results import Evaluation
+from .results import Evaluation, loop_delay
 
 SHOWN = {"m": (1e3, "mm"), "N.m": (1.0, "Nm"), "s": (1.0, "s")}
 """Factor and name of the unit that a value is shown in: the paper's."""
@@ -18,16 +18,22 @@ SHOWN = {"m": (1e3, "mm"), "N.m": (1.0, "Nm"), "s": (1.0, "s")}
 def show(evaluation: Evaluation, console: Console) -> None:
     """Print the scorecard of an evaluation."""
     protocol, card = evaluation.protocol, evaluation.scorecard
-    loop = protocol.raw["loop"]
-    delay = float(loop["delay"])
     console.print(
         f"[bold]{protocol.benchmark}[/bold]  protocol {protocol.name}  "
         f"controller [bold]{escape(evaluation.controller.name)}[/bold]\n"
-        f"seed {evaluation.seed}  loop delay {delay * 1e3:.3f} ms = {delay / float(loop['sample_time']):g} sample\n"
+        f"seed {evaluation.seed}  {_delay(evaluation)}\n"
     )
     console.print(_criteria(evaluation))
     console.print(_requirements(card, protocol.raw["stability"]["limit_cycle"]))
     _remarks(evaluation, console)
+
+
+def _delay(evaluation: Evaluation) -> str:
+    delay = loop_delay(evaluation)
+    if delay["seconds"] is None:
+        return "loop delay not measurable: the controller does not answer its inputs"
+    text = f"loop delay {delay['seconds'] * 1e3:.3f} ms = {delay['samples']:g} sample{'s' * (delay['samples'] != 1)}"
+    return text + (f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else "")
 
 
 def _table(title: str) -> Table:
@@ -92,6 +98,11 @@ def _remarks(evaluation: Evaluation, console: Console) -> None:
         console.print(f"... and {len(failed) - 3} more; see cases.csv.")
     if not card.complete:
         console.print("[yellow]Incomplete:[/yellow] not every case of the protocol has a verdict.")
+    if evaluation.sample_time != evaluation.protocol.sample_time:
+        console.print(
+            f"[yellow]Sample time {float(evaluation.sample_time) * 1e3:g} ms:[/yellow] not the benchmark's "
+            f"{float(evaluation.protocol.sample_time) * 1e3:g} ms; not comparable."
+        )
     if evaluation.protocol.name != "paper":
         console.print(
             f"[yellow]Protocol {evaluation.protocol.name}:[/yellow] not comparable to the paper nor to other protocols."

@@ -17,8 +17,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from controller_fmu.export.c_fmu import FMI_HEADERS
 from pid_fmus import AXES, GAINS, T_S
+
+from controller_fmu.export.c_fmu import FMI_HEADERS
 
 from .recipe import Recipe, Timing
 

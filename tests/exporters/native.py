@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
+from pid_fmus import GAINS, T_S
+
 import build_fmus
 from controller_fmu.export import Dialect
 from controller_fmu.export.description import to_bytes
-from pid_fmus import GAINS, T_S
 
 from .recipe import Timing
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.fmi3 import FMU3Model
-from pid_fmus import AXES, T_S, Signals, in_child, instance_arguments, law
+from fmpy.validation import validate_fmu
+from pid_fmus import T_S, Signals, in_child, instance_arguments, law
 
 from . import RECIPES, REFUSED, Recipe, Timing
 from .casadi_pid import held
@@ -28,10 +29,11 @@ def folder(tmp_path_factory) -> Path:
 def random_errors(samples: int = 50) -> Errors:
     """Errors within 1 rad that are whole numbers of 2^-20 rad: single precision holds them without rounding."""
     generator = random.Random(1)
-    first, *others = (
-        tuple(generator.randrange(-(2**20), 2**20) * 2.0**-20 for _ in range(AXES)) for _ in range(samples + 1)
-    )
-    return Errors(first, tuple(others))
+
+    def error() -> float:
+        return generator.randrange(-(2**20), 2**20) * 2.0**-20
+
+    return Errors((error(), error()), tuple((error(), error()) for _ in range(samples)))
 
 
 def expected(timing: Timing, errors: Errors) -> np.ndarray:
@@ -73,6 +75,12 @@ def test_controllers_to_refuse_are_sound_fmus(recipe, folder):
     skip_if_missing(recipe)
     assert recipe.refused
     assert read_model_description(str(recipe.build(folder))).coSimulation is not None
+
+
+@pytest.mark.parametrize("name", ["float32_arrays", "timing_initialization", "degrees_and_millinewton"])
+def test_strict_validation_finds_nothing(name, folder):
+    skip_if_missing(RECIPES[name])
+    assert validate_fmu(str(RECIPES[name].build(folder))) == []
 
 
 # ---- The continuous controller ----

@@ -120,21 +120,30 @@ def _load_tbb() -> None:
     ctypes.CDLL(str(library.locate()), mode=ctypes.RTLD_GLOBAL)
 
 
+@pytest.fixture(scope="module", params=["pid_file", "pid_c_file"])
+def controller_file(request: pytest.FixtureRequest) -> Path:
+    """The default controller in Python and in C."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def coupled_in_python(plant_file: Path, controller_file: Path) -> tuple[Row, list[Row]]:
+    """Steady state and trajectory to hold other masters against."""
+    return in_child(couple_in_python, plant_file, controller_file)
+
+
 @pytest.mark.parametrize(
-    ("couple", "modules"),
+    ("couple", "packages"),
     [(couple_in_libcosim, ("libcosimpy",)), (couple_in_ecos, ("ecospy", "tbb"))],
     ids=["libcosim", "ecos"],
 )
-@pytest.mark.parametrize("controller", ["pid_file", "pid_c_file"])
-def test_same_trajectory_in_another_master(couple, modules, controller, plant_file, request):
-    for module in modules:
+def test_same_trajectory_in_another_master(couple, packages, plant_file, controller_file, coupled_in_python):
+    for package in packages:
         try:
-            distribution(module)
+            distribution(package)
         except PackageNotFoundError:
-            pytest.skip(f"{module} not installed (pip install '.[exporters]')")
-    controller_file = request.getfixturevalue(controller)
-    steady_state, expected = in_child(couple_in_python, plant_file, controller_file)
-    trajectory = in_child(couple, plant_file, controller_file, steady_state)
+            pytest.skip(f"{package} not installed (pip install '.[exporters]')")
+    steady_state, expected = coupled_in_python
     moved = max(abs(row[0] - steady_state[0]) for row in expected)
     assert moved > 1e-3, "the force should set the arm in motion"
-    assert trajectory == expected
+    assert in_child(couple, plant_file, controller_file, steady_state) == expected

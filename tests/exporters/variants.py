@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import build_fmus
 from controller_fmu.export import Dialect
@@ -12,8 +14,6 @@ from controller_fmu.export import Dialect
 from .description_edits import Edit, declare, edited, rename, retype, unit, without_units
 from .native import DEGREE, CModel
 from .recipe import ARRAYS, Ports, Recipe, Timing
-
-_PORTS = {"q_m_ref": "q_m_ref", "q_m": "q_m", "u_m": "u_m", "u_m0": "u_m0"}
 
 
 def variant(target: Path, edits: tuple[Edit, ...], base: str = "DiagonalPID_C") -> Path:
@@ -29,10 +29,10 @@ def _c_model(target: Path, model: CModel, edits: tuple[Edit, ...]) -> Path:
 
 def _ports(template: str, **renamed: str) -> Ports:
     """Return ports named after ``template``, in which {name} and {axis} are replaced."""
-    names = {**_PORTS, **renamed}
-    return Ports(**{
-        port: tuple(template.format(name=name, axis=axis) for axis in (1, 2)) for port, name in names.items()
-    })
+    names = {**{port.name: port.name for port in fields(Ports)}, **renamed}
+    return Ports(
+        **{port: tuple(template.format(name=name, axis=axis) for axis in (1, 2)) for port, name in names.items()}
+    )
 
 
 def _named(name: str, ports: Ports, *edits: Edit, base: str = "DiagonalPID_C") -> Recipe:
@@ -40,9 +40,9 @@ def _named(name: str, ports: Ports, *edits: Edit, base: str = "DiagonalPID_C") -
     return Recipe(name, make, needs_compiler=True, ports=ports)
 
 
-def _compiled(name: str, model: CModel, *edits: Edit, **expected: object) -> Recipe:
+def _compiled(name: str, model: CModel, *edits: Edit, **expected: Any) -> Recipe:
     make = partial(_c_model, model=model, edits=edits)
-    return Recipe(name, make, needs_compiler=True, timing=model.timing, **expected)  # type: ignore[arg-type]
+    return Recipe(name, make, needs_compiler=True, timing=model.timing, **expected)
 
 
 _INDEX = r"\[(\d)\]"

@@ -33,6 +33,7 @@ class Slave(ABC):
     """How the compiled loop steps it, see :mod:`orchestrator.cosim.port`."""
 
     with_sizes = False
+    _reset_first = False
     calls: Mapping[str, str]
     """FMI names of the functions behind "set", "step" and "get"."""
 
@@ -77,6 +78,19 @@ class Slave(ABC):
     def terminate(self) -> None:
         """Tell the instance that the simulation is over."""
 
+    @abstractmethod
+    def _reset(self, stop_time: float) -> None:
+        """Bring the instance back to where ``_instantiate`` left it."""
+
+    @contextmanager
+    def resetting(self) -> Iterator[None]:
+        """Within, every new instance is initialized and reset before it is used."""
+        self._reset_first = True
+        try:
+            yield
+        finally:
+            self._reset_first = False
+
     @contextmanager
     def instantiated(self, stop_time: float) -> Iterator[Slave]:
         """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
@@ -85,6 +99,9 @@ class Slave(ABC):
             self._instantiate(stop_time)
             if not self._fmu.component:
                 raise RuntimeError("The FMU returned no instance; a wrong GUID is a common reason")
+            if self._reset_first:
+                self._initialize({})
+                self._reset(stop_time)
         try:
             yield self
         finally:

@@ -58,6 +58,9 @@ class Fmi1CoSimulation(Slave):
         self._stop_time = stop_time
         self._fmu.instantiate(functions=_callbacks, loggingOn=True)
 
+    def _reset(self, stop_time: float) -> None:
+        self._fmu.fmi1ResetSlave(self._fmu.component)
+
     def _free(self) -> None:
         self._fmu.fmi1FreeSlaveInstance(self._fmu.component)
 

@@ -44,6 +44,10 @@ class Fmi2(Slave):
         self._fmu.instantiate(callbacks=CALLBACKS, loggingOn=True)
         self._fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
 
+    def _reset(self, stop_time: float) -> None:
+        self._fmu.reset()
+        self._fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
+
     def _free(self) -> None:
         self._fmu.fmi2FreeInstance(self._fmu.component)
 

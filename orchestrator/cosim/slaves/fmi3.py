@@ -35,6 +35,9 @@ class Fmi3(Slave):
         self._stop_time = stop_time
         self._fmu.instantiate(loggingOn=True, logMessage=self._on_message)
 
+    def _reset(self, stop_time: float) -> None:
+        self._fmu.reset()
+
     def _free(self) -> None:
         self._fmu.fmi3FreeInstance(self._fmu.component)
 

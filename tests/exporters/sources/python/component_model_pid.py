@@ -8,9 +8,7 @@ class ComponentModelPID(Model):
     """Vectors become scalars that count from zero: ``q_m[0]`` and ``q_m[1]``."""
 
     def __init__(self, name="ComponentModelPID", **kwargs):
-        super().__init__(
-            name, "Diagonal PID with derivative filter", default_experiment={"stepSize": T_S}, **kwargs
-        )
+        super().__init__(name, "Diagonal PID with derivative filter", default_experiment={"stepSize": T_S}, **kwargs)
         for connector, causality, variability, unit in (
             ("q_m_ref", "input", "continuous", "rad"),
             ("q_m", "input", "continuous", "rad"),
@@ -23,7 +21,7 @@ class ComponentModelPID(Model):
     def exit_initialization_mode(self):
         super().exit_initialization_mode()
         self.u_m[:] = self.u_m0
-        self.axes = [Axis(gains, float(torque)) for gains, torque in zip(GAINS, self.u_m0)]
+        self.axes = [Axis(gains, float(torque)) for gains, torque in zip(GAINS, self.u_m0, strict=True)]
 
     def do_step(self, current_time, step_size):
         super().do_step(current_time, step_size)

@@ -41,12 +41,12 @@ class ArrayPID3(Fmi3Slave):
 
     def exit_initialization_mode(self):
         self.u_m = list(self.u_m0)
-        self.axes = [Axis(gains, torque) for gains, torque in zip(GAINS, self.u_m0)]
+        self.axes = [Axis(gains, torque) for gains, torque in zip(GAINS, self.u_m0, strict=True)]
 
     def do_step(self, current_time, step_size):
         self.u_m = [
             axis.sample(reference - measured)
-            for axis, reference, measured in zip(self.axes, self.q_m_ref, self.q_m)
+            for axis, reference, measured in zip(self.axes, self.q_m_ref, self.q_m, strict=True)
         ]
         self.time = current_time + step_size
         return Fmi3StepResult()

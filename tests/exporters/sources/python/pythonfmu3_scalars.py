@@ -39,7 +39,7 @@ class ScalarPID3(Fmi3Slave):
 
     def exit_initialization_mode(self):
         self.values["u_m"][:] = self.values["u_m0"]
-        self.axes = [Axis(gains, torque) for gains, torque in zip(GAINS, self.values["u_m0"])]
+        self.axes = [Axis(gains, torque) for gains, torque in zip(GAINS, self.values["u_m0"], strict=True)]
 
     def do_step(self, current_time, step_size):
         values = self.values

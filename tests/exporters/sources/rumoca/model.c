@@ -18,9 +18,11 @@ void model_start(void *model)
 {
     Block *block = model;
     DiagonalPID_startup(block);
-    /* The emitted start values are float literals: give those that have no exact float their double values. */
+    /* The emitted start values are float literals: give those that have no exact float their double values.
+     */
     block->T_s = 0.25e-3;
-    for (int i = 0; i < AXES; i++) block->z_p[i] = 0.95;
+    for (int i = 0; i < AXES; i++)
+        block->z_p[i] = 0.95;
 }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
@@ -28,7 +30,8 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     Block *block = model;
     DiagonalPID_recalibrate(block);
     /* In Modelica s starts from the parameter u_m0; the emitted startup has fixed its default value. */
-    for (int i = 0; i < AXES; i++) block->u_m[i] = block->s[i] = block->previous_s[i] = block->u_m0[i];
+    for (int i = 0; i < AXES; i++)
+        block->u_m[i] = block->s[i] = block->previous_s[i] = block->u_m0[i];
     return true;
 }
 

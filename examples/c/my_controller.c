@@ -1,0 +1,56 @@
+/* A controller in C: a PID for each axis. Replace what is between the two lines of dashes by your own. */
+#include "model.h"
+
+enum { AXES = 2 };
+static const double T_S = 0.25e-3; /* sample time [s] */
+
+/* The variables in the order of the value references in modelDescription.xml, then what the controller
+ * remembers from one sample to the next. No pointers: the struct is saved and restored by copying it. */
+typedef struct {
+    double q_m_ref[AXES]; /* input: motor position reference [rad] */
+    double q_m[AXES];     /* input: measured motor position [rad] */
+    double u_m[AXES];     /* output: motor torque command [N.m] */
+    double u_m0[AXES];    /* parameter: torque of the initial steady state [N.m] */
+
+    double e[AXES]; /* error at the last sample [rad] */
+    double v[AXES]; /* its filtered derivative [rad/s] */
+    double s[AXES]; /* integrator [N.m] */
+} MyController;
+
+const size_t model_size = sizeof(MyController);
+const size_t model_variables = offsetof(MyController, e) / sizeof(double);
+
+size_t model_extent(unsigned value_reference) { return AXES; }
+
+double model_sample_time(const void *model) { return T_S; }
+
+void model_start(void *model) {} /* all zero */
+
+/* The end of initialization: start from the steady state. */
+bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
+{
+    MyController *my = model;
+    for (int i = 0; i < AXES; i++)
+        my->u_m[i] = my->s[i] = my->u_m0[i];
+    return true;
+}
+
+/* One sample, every T_S. */
+bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
+{
+    MyController *my = model;
+    /* -------------------------------------------------------------------------------------------- */
+    static const double K_p[AXES] = {45.0, 15.0}; /* [N.m/rad] */
+    static const double K_i[AXES] = {30.0, 10.0}; /* [N.m/(rad.s)] */
+    static const double K_d[AXES] = {1.5, 0.5};   /* [N.m.s/rad] */
+    static const double z_p = 0.95;               /* pole of the derivative filter */
+    for (int i = 0; i < AXES; i++) {
+        const double e = my->q_m_ref[i] - my->q_m[i];
+        my->v[i] = z_p * my->v[i] + (1.0 - z_p) * (e - my->e[i]) / T_S;
+        my->s[i] = my->s[i] + K_i[i] * T_S * e;
+        my->e[i] = e;
+        my->u_m[i] = K_p[i] * e + K_d[i] * my->v[i] + my->s[i];
+    }
+    /* -------------------------------------------------------------------------------------------- */
+    return true;
+}

@@ -1,0 +1,115 @@
+"""Check a controller FMU before any evaluation: what it is, how it is bound, how it behaves.
+
+python -m orchestrator.check my_controller.fmu
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from . import commands
+from .benchmark import protocol as protocols
+from .conformance.dynamic import CHECKS
+from .conformance.finding import Finding, Severity
+from .conformance.static import archive_findings, binding_findings, sampling_findings
+from .cosim.archive import Archive
+from .cosim.controller import Setup, controller_binding
+from .cosim.sampling import controller_sample_time
+from .cosim.slaves import Slave
+from .errors import InputError
+from .execution.job import Died, Failed, Job
+from .execution.pool import run_isolated
+
+TIME_LIMIT = 60.0
+"""Wall time [s] for one check."""
+
+COLOURS = {Severity.OK: "green", Severity.NOTE: "cyan", Severity.WARNING: "yellow", Severity.ERROR: "red"}
+
+EPILOG = """examples:
+  python -m orchestrator.check my_controller.fmu
+  python -m orchestrator.check my_controller.fmu --map q_m[1]=In1 --map q_m[2]=In2
+  python -m orchestrator.check my_controller.fmu --json
+
+exit codes: 0 nothing but notes, 1 a warning, 2 an error: the controller cannot be evaluated"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    options = _parser().parse_args(arguments)
+    benchmark = protocols.load(options.protocol).sample_time
+    findings: list[Finding] = []
+    try:
+        setup = commands.setup(options)
+        plant, controller = commands.open_fmus(options.controller)
+        name = controller.name
+        findings.extend(archive_findings(controller))
+        findings.extend(binding_findings(controller_binding(controller, setup), controller, setup))
+        sample_time = controller_sample_time(controller, benchmark, options.sample_time)
+        findings.extend(sampling_findings(sample_time, benchmark))
+        findings.extend(_dynamic(plant, controller, setup, sample_time.value))
+    except InputError as error:
+        name = str(options.controller)
+        findings.append(Finding(Severity.ERROR, "import", str(error)))
+    worst = max((finding.severity for finding in findings), key=list(Severity).index)
+    if options.json:
+        rows = [{**vars(finding), "severity": finding.severity.value} for finding in findings]
+        json.dump({"controller": name, "verdict": worst.value, "findings": rows}, sys.stdout, indent=1)
+        print()
+    else:
+        _show(name, findings, Console())
+    return {Severity.ERROR: 2, Severity.WARNING: 1}.get(worst, 0)
+
+
+def _dynamic(plant: Archive, controller: Archive, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    tasks = tuple((number, setup, sample_time) for number in range(len(CHECKS)))
+    job = Job(plant, controller, tasks, _run_check, (TIME_LIMIT,) * len(tasks))
+    for outcome in run_isolated(job):
+        subject = CHECKS[outcome.index].__name__.replace("_", " ")
+        if isinstance(outcome, Failed):
+            yield Finding(Severity.ERROR, subject, str(outcome.error))
+        elif isinstance(outcome, Died):
+            text = "\n".join((outcome.message, *outcome.output))
+            yield Finding(Severity.ERROR, subject, text, "Run the FMU in a debugger: it ends or hangs its process.")
+        else:
+            yield from outcome.value
+
+
+def _run_check(plant: Slave, controller: Slave, task: tuple[int, Setup, Fraction]) -> list[Finding]:
+    number, setup, sample_time = task
+    return list(CHECKS[number](plant, controller, setup, sample_time))
+
+
+def _show(name: str, findings: Sequence[Finding], console: Console) -> None:
+    table = Table(title=name, title_justify="left", box=None, pad_edge=False)
+    table.add_column("")
+    table.add_column("subject", no_wrap=True)
+    table.add_column("finding")
+    for finding in findings:
+        colour = COLOURS[finding.severity]
+        text = escape(finding.text) + (f"\n[italic]{escape(finding.remedy)}[/italic]" if finding.remedy else "")
+        table.add_row(f"[{colour}]{finding.severity.value}[/{colour}]", escape(finding.subject), text)
+    console.print(table)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m orchestrator.check",
+        description="Check a controller FMU before any evaluation.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands.add_common(parser)
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(commands.guarded(main))

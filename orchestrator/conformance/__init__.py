@@ -1,0 +1,1 @@
+"""What can be said of a controller FMU before any evaluation: findings with a severity and a remedy."""

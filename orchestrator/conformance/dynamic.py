@@ -1,0 +1,141 @@
+"""Findings from running the controller, each in a process that may crash without harm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+
+from ..cosim.connectors import PLANT, bind, find_parameters
+from ..cosim.controller import Setup, Steady, prepared
+from ..cosim.master import steady_state
+from ..cosim.port import exchange, exchange_often
+from ..cosim.probe import ERROR, LATE, Convention, probe, response
+from ..cosim.slaves import Slave, load
+from .finding import Finding, Severity
+
+TIMED_STEPS = 2000
+
+TOLERANCE = 1e-6
+"""Difference [N.m] between the first torque at rest and u_m0 that is worth a word."""
+
+
+def timing(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """Latency, timing convention, and the first output against u_m0."""
+    steady = _steady(plant)
+    found = probe(controller, setup, steady, sample_time)
+    if found.convention is Convention.SILENT:
+        yield Finding(
+            Severity.ERROR,
+            "latency",
+            f"the controller {found.convention.value} of {ERROR:g} rad at its inputs",
+            "Check that q_m is connected inside the model, and that the output is not frozen.",
+        )
+        return
+    assert found.latency is not None
+    severity = Severity.OK if found.latency == 0 else Severity.WARNING
+    yield Finding(
+        severity,
+        "latency",
+        f"{found.latency} samples from a measurement to the torque",
+        ""
+        if found.latency == 0
+        else "An extra sample of delay costs stability margin; look for a unit delay or memory "
+        "block at the output, or an export option that delays outputs by a step.",
+    )
+    severity = Severity.WARNING if found.convention is Convention.UNKNOWN else Severity.OK
+    if found.convention in (Convention.INITIALIZATION, Convention.TWICE):
+        severity = Severity.NOTE
+    yield Finding(severity, "timing", found.convention.value)
+    difference = np.abs(np.array(found.first_torque) - np.array(steady.u_m0))
+    if np.all(difference < TOLERANCE):
+        yield Finding(Severity.OK, "initial output", "u_m0 at rest")
+    else:
+        yield Finding(
+            Severity.WARNING,
+            "initial output",
+            f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest instead of u_m0 = "
+            f"{steady.u_m0[0]:.4g}, {steady.u_m0[1]:.4g} N.m",
+            "Start the integrators with the input or parameter u_m0; otherwise every run begins with a jump.",
+        )
+
+
+def repeatability(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """Two instances one after the other, and one reset in between, must answer alike."""
+    steady = _steady(plant)
+    first, second = (response(controller, setup, steady, sample_time, LATE) for _ in range(2))
+    if np.array_equal(first, second):
+        yield Finding(Severity.OK, "determinism", "two instances, one after the other, give equal torques")
+    else:
+        yield Finding(
+            Severity.ERROR,
+            "determinism",
+            f"two instances, one after the other, differ by up to {np.max(np.abs(first - second)):.3g} N.m",
+            "Seed random numbers, and initialize all memory: results would not be reproducible.",
+        )
+    with controller.resetting():
+        again = response(controller, setup, steady, sample_time, LATE)
+    if np.array_equal(first, again):
+        yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
+    else:
+        yield Finding(
+            Severity.NOTE,
+            "reset",
+            f"a reset instance differs by up to {np.max(np.abs(first - again)):.3g} N.m",
+            "The benchmark makes a new instance for every simulation, so this does no harm here.",
+        )
+
+
+def several_instances(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """Two instances alive at once must not disturb each other."""
+    description = controller.archive.description
+    interface = description.coSimulation or description.modelExchange
+    if str(interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
+        yield Finding(Severity.NOTE, "instances", "only one per process, as declared; that is enough")
+        return
+    steady = _steady(plant)
+    alone = response(controller, setup, steady, sample_time, LATE)
+    other = load(controller.archive)
+    step = float(sample_time)
+    moved = Steady((steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0), steady.u_m0, steady.q_a_ref)
+    with prepared(other, setup, moved, sample_time, 1.0) as port:
+        exchange(port, port.inputs.size, 0.0, step, True)
+        beside = response(controller, setup, steady, sample_time, LATE)
+        exchange(port, port.inputs.size, step, step, True)
+    if np.array_equal(alone, beside):
+        yield Finding(Severity.OK, "instances", "two at once do not disturb each other")
+    else:
+        yield Finding(
+            Severity.NOTE,
+            "instances",
+            "two at once disturb each other",
+            "Keep state in the instance, not in global variables. The benchmark has one controller a process.",
+        )
+
+
+def cost(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """Processor time of one exchange: set, step, get."""
+    steady = _steady(plant)
+    step = float(sample_time)
+    with prepared(controller, setup, steady, sample_time, TIMED_STEPS * step) as port:
+        port.input_values[:] = port.scale * (np.array(steady.q_m_ref) - port.offset)
+        exchange_often(port, 0, 1, step)  # compiles, or loads what is compiled
+        begin = time.perf_counter()
+        exchange_often(port, 1, TIMED_STEPS - 1, step)
+        spent = (time.perf_counter() - begin) / (TIMED_STEPS - 1)
+    yield Finding(Severity.OK, "cost", f"{spent * 1e6:.2f} µs a step")
+
+
+CHECKS = (timing, repeatability, several_instances, cost)
+"""Every check yields its findings, given the loaded plant and controller, the setup and the sample time."""
+
+
+def _steady(plant: Slave) -> Steady:
+    """The steady state of the nominal plant in a bent pose, so that no torque is zero by chance."""
+    description = plant.archive.description
+    pose = find_parameters(description, {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}, "The plant")
+    with plant.instantiated(1.0):
+        plant.initialize(pose, {})
+        return steady_state(plant, bind(description, PLANT, "The plant"))

@@ -1,0 +1,92 @@
+"""Findings from the archive and its description alone; no code of the FMU runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+from fmpy import platform, platform_tuple, supported_platforms
+from fmpy.validation import validate_fmu
+
+from ..cosim.archive import Archive
+from ..cosim.connectors import CONTROLLER, Binding
+from ..cosim.controller import Setup, sample_time_parameter
+from ..cosim.sampling import SampleTime
+from ..cosim.variables import Variable
+from .finding import Finding, Severity
+
+
+def archive_findings(archive: Archive) -> Iterator[Finding]:
+    """Version, tool, platforms, capabilities, and what FMPy's validation says."""
+    description = archive.description
+    tool = description.generationTool or "an unnamed tool"
+    kind = "co-simulation" if archive.kind == "CoSimulation" else "Model Exchange"
+    yield Finding(Severity.OK, "standard", f"FMI {description.fmiVersion} {kind}, exported by {tool}")
+    platforms = [name for name in supported_platforms(str(archive.file)) if name != "c-code"]
+    here = platform_tuple if archive.major_version == "3" else platform
+    if platforms:
+        yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {here})")
+    else:
+        yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {here}")
+    interface = description.coSimulation if archive.kind == "CoSimulation" else description.modelExchange
+    if str(interface.needsExecutionTool).lower() in ("true", "1"):
+        yield Finding(
+            Severity.NOTE,
+            "execution tool",
+            "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)",
+            "Make sure that it is installed wherever the FMU is to run.",
+        )
+    yield from _validation(archive.file)
+
+
+def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator[Finding]:
+    """Which variables the connectors are bound to, with units and start values; what is absent."""
+    for connector in CONTROLLER:
+        bound = binding.get(connector.name)
+        if bound is None:
+            if connector.name == "e" or (connector.name in ("q_m", "q_m_ref") and "e" in binding):
+                continue
+            yield Finding(Severity.NOTE, connector.name, f"not there ({connector.meaning}); it is optional")
+            continue
+        names = ", ".join(_described(variable) for variable in bound.variables)
+        yield Finding(Severity.OK, connector.name, f"{names} ({bound.spelled})")
+        for note in bound.notes:
+            yield Finding(Severity.NOTE, connector.name, note, f"Declare the unit {connector.unit}.")
+    T_s = sample_time_parameter(archive)
+    if T_s is not None:
+        yield Finding(Severity.OK, "T_s", f"{_described(T_s)}; it is given the sample time")
+    if setup.parameters:
+        values = ", ".join(f"{name} = {value:g}" for name, value in setup.parameters.items())
+        yield Finding(Severity.OK, "parameters", values)
+
+
+def sampling_findings(sample_time: SampleTime, benchmark: Fraction) -> Iterator[Finding]:
+    """The sample time and where it comes from."""
+    text = f"{float(sample_time.value) * 1e3:g} ms ({sample_time.origin})"
+    if sample_time.value == benchmark:
+        yield Finding(Severity.OK, "sample time", text)
+    else:
+        yield Finding(
+            Severity.WARNING,
+            "sample time",
+            f"{text}, not the benchmark's {float(benchmark) * 1e3:g} ms; every result will be marked",
+            f"Export the controller with {float(benchmark):g} s to be comparable.",
+        )
+
+
+def _validation(file: Path) -> Iterator[Finding]:
+    try:
+        problems = validate_fmu(str(file))
+    except Exception as failure:  # FMPy's validation itself trips over some descriptions
+        problems = [str(failure)]
+    if not problems:
+        yield Finding(Severity.OK, "description", "valid")
+    for problem in problems:
+        yield Finding(Severity.NOTE, "description", " ".join(problem.split()), "Report it to the exporter's maker.")
+
+
+def _described(variable: Variable) -> str:
+    shape = f"[{variable.size}]" if variable.size > 1 else ""
+    start = f" = {', '.join(f'{value:g}' for value in variable.start)}" if variable.start else ""
+    return f"{variable.name}{shape} [{variable.unit or '?'}]{start}"

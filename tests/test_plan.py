@@ -1,0 +1,88 @@
+"""The plan of a sample interval: what acts when, in exact time."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orchestrator.cosim.plan import make_plan
+from orchestrator.cosim.scenario import NO_DELAY, seconds
+
+sample_times = st.sampled_from([Fraction(1, 4000), Fraction(1, 3000), Fraction(1, 7), Fraction(3, 1000)])
+ratios = st.fractions(0, 9, max_denominator=12) | st.integers(0, 9).map(Fraction)
+holds = st.none() | st.fractions(Fraction(1, 5), 2, max_denominator=6)
+
+
+def delays(draw_from):
+    return st.tuples(draw_from, draw_from)
+
+
+@st.composite
+def plans(draw):
+    """A plan with what it was made from: sample time, delays of drive and sensor, longest part."""
+    T_s = draw(sample_times)
+    drive, sensor = (tuple(ratio * T_s for ratio in draw(delays(ratios))) for _ in range(2))
+    ratio = draw(holds)
+    longest = None if ratio is None else ratio * T_s
+    return make_plan(T_s, drive, sensor, longest), T_s, drive, sensor, longest
+
+
+def edges(plan, T_s):
+    """Beginnings and ends of the parts, exact."""
+    begins = [Fraction(int(offset), plan.denominator) for offset in plan.offset]
+    return begins, [*begins[1:], T_s]
+
+
+@given(planned=plans())
+def test_parts_fill_the_interval(planned):
+    plan, T_s, _, _, longest = planned
+    begins, ends = edges(plan, T_s)
+    assert begins[0] == 0
+    assert all(begin < end for begin, end in zip(begins, ends, strict=True))
+    assert Fraction(plan.interval, plan.denominator) == T_s
+    assert [float(end - begin) for begin, end in zip(begins, ends, strict=True)] == plan.step.tolist()
+    assert longest is None or all(end - begin <= longest for begin, end in zip(begins, ends, strict=True))
+
+
+@given(planned=plans(), k=st.integers(10, 10**6))
+def test_a_command_acts_from_its_delay_until_the_next_one_does(planned, k):
+    plan, T_s, drive, _, _ = planned
+    begins, ends = edges(plan, T_s)
+    for axis in range(2):
+        for begin, end, lag in zip(begins, ends, plan.drive_lag[:, axis].tolist(), strict=True):
+            arrives, replaced = ((k - lag + later) * T_s + drive[axis] for later in (0, 1))
+            assert arrives <= k * T_s + begin and k * T_s + end <= replaced
+
+
+@given(planned=plans(), k=st.integers(10, 10**6))
+def test_a_measurement_is_as_old_as_its_delay(planned, k):
+    """What the controller gets at sample k is stored with sample k - lag, and was taken at the end of a part of the
+    interval before that."""
+    plan, T_s, _, sensor, _ = planned
+    _, ends = edges(plan, T_s)
+    for axis in range(2):
+        stored = k - int(plan.sensor_lag[axis])
+        taken = (stored - 1) * T_s + ends[int(plan.sample_part[axis])]
+        assert taken == k * T_s - sensor[axis]
+
+
+def test_whole_samples_of_delay_do_not_split_a_step():
+    T_s = Fraction(1, 4000)
+    plan = make_plan(T_s, (T_s, 7 * T_s), (T_s, Fraction(0)))
+    assert plan.step.tolist() == [0.25e-3]
+    assert plan.drive_lag.tolist() == [[1, 7]]
+
+
+def test_fractions_split_a_step_where_the_torque_arrives():
+    T_s = Fraction(1, 4000)
+    plan = make_plan(T_s, (T_s * Fraction(3, 10), T_s * Fraction(5, 4)), NO_DELAY)
+    assert plan.step.tolist() == [0.0625e-3, 0.0125e-3, 0.175e-3]
+    assert plan.drive_lag.tolist() == [[1, 2], [1, 1], [0, 1]]
+
+
+def test_seconds_are_what_they_read_as():
+    assert seconds(0.00025) == seconds("0.25e-3") == seconds("1/4000") == Fraction(1, 4000)
+    assert seconds(26) == 26
+    assert seconds(Fraction(1, 3)) == Fraction(1, 3)
