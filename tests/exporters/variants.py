@@ -35,9 +35,8 @@ def _ports(template: str, **renamed: str) -> Ports:
     )
 
 
-def _named(name: str, ports: Ports, *edits: Edit, base: str = "DiagonalPID_C") -> Recipe:
-    make = partial(variant, edits=edits, base=base)
-    return Recipe(name, make, needs_compiler=True, ports=ports)
+def _described(name: str, *edits: Edit, base: str = "DiagonalPID_C", **expected: Any) -> Recipe:
+    return Recipe(name, partial(variant, edits=edits, base=base), needs_compiler=True, **expected)
 
 
 def _compiled(name: str, model: CModel, *edits: Edit, **expected: Any) -> Recipe:
@@ -48,30 +47,30 @@ def _compiled(name: str, model: CModel, *edits: Edit, **expected: Any) -> Recipe
 _INDEX = r"\[(\d)\]"
 
 RECIPES = (
-    _named("names_underscore", _ports("{name}_{axis}"), rename(_INDEX, r"_\1")),
-    _named(
+    _described("names_underscore", rename(_INDEX, r"_\1"), ports=_ports("{name}_{axis}")),
+    _described(
         "names_underscore_fmi3",
-        _ports("{name}_{axis}"),
         rename(_INDEX, r"_\1"),
         base="DiagonalPID_C_fmi3_scalars",
+        ports=_ports("{name}_{axis}"),
     ),
-    _named("names_joined", _ports("{name}{axis}"), rename(_INDEX, r"\1")),
-    _named(
+    _described("names_joined", rename(_INDEX, r"\1"), ports=_ports("{name}{axis}")),
+    _described(
         "names_bare",
-        _ports("{name}{axis}", q_m_ref="qmref", q_m="qm", u_m="um", u_m0="um0"),
         rename(_INDEX, r"\1"),
         rename("_", ""),
+        ports=_ports("{name}{axis}", q_m_ref="qmref", q_m="qm", u_m="um", u_m0="um0"),
     ),
-    _named("names_member", _ports("{name}.axis{axis}"), rename(_INDEX, r".axis\1")),
-    _named("names_nested", _ports("Controller.{name}[{axis}]"), rename("^", "Controller.")),
-    _named(
+    _described("names_member", rename(_INDEX, r".axis\1"), ports=_ports("{name}.axis{axis}")),
+    _described("names_nested", rename("^", "Controller."), ports=_ports("Controller.{name}[{axis}]")),
+    _described(
         "position_error",
-        _ports("{name}[{axis}]", q_m_ref="e", q_m="unused"),
         rename("q_m_ref", "e"),
         rename("q_m", "unused"),
         declare("unused.*", causality="parameter", variability="fixed"),
+        ports=_ports("{name}[{axis}]", q_m_ref="e", q_m="unused"),
     ),
-    _named("no_units", Ports(), without_units),
+    _described("no_units", without_units),
     _compiled(
         "degrees_and_millinewton",
         CModel(angle=DEGREE, torque=1e-3),
@@ -94,36 +93,16 @@ RECIPES = (
 _THREE_AXES = (0, 1, 1)
 
 REFUSED = (
-    Recipe(
-        "refused_integer",
-        partial(variant, edits=(retype(r"q_m\[.\]", "Integer"),)),
-        needs_compiler=True,
-        refused="q_m is an Integer",
-    ),
-    Recipe(
+    _described("refused_integer", retype(r"q_m\[.\]", "Integer"), refused="q_m is an Integer"),
+    _described(
         "refused_two_candidates",
-        partial(variant, edits=(rename(r"^q_m\[", "Controller.q_m["), rename("q_m_ref", "Observer.q_m"))),
-        needs_compiler=True,
+        rename(r"^q_m\[", "Controller.q_m["),
+        rename("q_m_ref", "Observer.q_m"),
         refused="two inputs could be q_m",
     ),
-    Recipe(
-        "refused_missing_output",
-        partial(variant, edits=(rename(r"^u_m\[", "y["),)),
-        needs_compiler=True,
-        refused="no output is named u_m",
-    ),
-    Recipe(
-        "refused_missing_second_output",
-        partial(variant, edits=(rename(r"^u_m\[2\]", "y"),)),
-        needs_compiler=True,
-        refused="no output is named u_m[2]",
-    ),
-    Recipe(
-        "refused_wrong_unit",
-        partial(variant, edits=(unit("rad", "m", m="1"),)),
-        needs_compiler=True,
-        refused="q_m is a length",
-    ),
+    _described("refused_missing_output", rename(r"^u_m\[", "y["), refused="no output is named u_m"),
+    _described("refused_missing_second_output", rename(r"^u_m\[2\]", "y"), refused="no output is named u_m[2]"),
+    _described("refused_wrong_unit", unit("rad", "m", m="1"), refused="q_m is a length"),
     _compiled("refused_three_axes", CModel(axes=_THREE_AXES), refused="q_m has three elements"),
     _compiled(
         "refused_arrays_of_three",
