@@ -25,8 +25,8 @@ from .cosim.controller import Setup, controller_binding
 from .cosim.sampling import controller_sample_time
 from .cosim.slaves import Slave
 from .errors import InputError
+from .execution.isolation import run_isolated
 from .execution.job import Died, Failed, Job
-from .execution.pool import run_isolated
 
 TIME_LIMIT = 60.0
 """Wall time [s] for one check."""

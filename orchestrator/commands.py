@@ -13,6 +13,8 @@ from .cosim.archive import Archive, open_archive
 from .cosim.controller import Setup
 from .cosim.scenario import seconds
 from .errors import BenchmarkError, InputError
+from .execution.evaluation import Bench
+from .execution.job import Limits
 from .fmus import DEFAULT_CONTROLLER, PLANT, own_fmu
 from .settings import read_mapping, read_parameters
 
@@ -91,6 +93,23 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         help="the controller's sample time (default: its own, else the benchmark's 0.00025)",
     )
     parser.add_argument(
+        "--timeout",
+        type=_positive,
+        default=60.0,
+        metavar="SECONDS",
+        help="wall time a simulation of 26 s may take; shorter ones get their share (default: 60)",
+    )
+    parser.add_argument(
+        "--memory-limit",
+        type=_positive,
+        default=2048.0,
+        metavar="MB",
+        help="memory a simulation's process may use (default: 2048)",
+    )
+    parser.add_argument(
+        "--sandbox", action="store_true", help="run FMUs without network and with read-only files (needs bubblewrap)"
+    )
+    parser.add_argument(
         "--plant-set",
         action="append",
         default=[],
@@ -142,6 +161,20 @@ def assignment(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not positive")
+    return number
+
+
+def bench(options: argparse.Namespace) -> Bench:
+    """The FMUs that the options name, and the conditions they run under."""
+    plant, controller = open_fmus(options.controller)
+    limits = Limits(memory=int(options.memory_limit * 1e6))
+    return Bench(plant, controller, setup(options), options.timeout, limits, options.sandbox)
 
 
 def open_fmus(controller: Path | None) -> tuple[Archive, Archive]:

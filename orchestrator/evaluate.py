@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import fnmatch
+import functools
 import json
 import sys
 import time
@@ -21,10 +22,13 @@ from . import commands
 from .benchmark import protocol as protocols
 from .benchmark.case import Case
 from .benchmark.metrics import CaseResult
+from .benchmark.protocol import Protocol
 from .benchmark.scorecard import score
 from .cosim.sampling import controller_sample_time
+from .cosim.trajectory import Status
 from .errors import InputError
-from .execution.evaluation import available_cores, evaluate, rehearse
+from .execution import cluster, pool, store
+from .execution.evaluation import Bench, available_cores, evaluate, rehearse
 from .report import results as files
 from .report.progress import progress
 from .report.terminal import show
@@ -43,36 +47,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
     protocol = protocols.load("quick" if options.quick else options.protocol)
-    setup = commands.setup(options)
     plant_parameters = dict(options.plant_parameters)
-    plant, controller = commands.open_fmus(options.controller)
-    sample_time = controller_sample_time(controller, protocol.sample_time, options.sample_time)
-    nominal = commands.nominal_parameters(plant, plant_parameters)
+    bench = commands.bench(options)
+    sample_time = controller_sample_time(bench.controller, protocol.sample_time, options.sample_time)
+    nominal = commands.nominal_parameters(bench.plant, plant_parameters)
     cases = protocols.cases(protocol, nominal, options.seed, sample_time.value)
     chosen = _chosen(cases, options.only)
-    folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{protocol.name}"
+    folder = options.output_dir or Path("runs") / f"{bench.controller.file.stem}-{protocol.name}"
     files.prepare_folder(folder)
-    timing = rehearse(chosen[0], plant, controller, setup)
 
     start, begin = datetime.now(timezone.utc), time.perf_counter()
-    found: list[CaseResult] = []
-    with (
-        progress(protocol, len(chosen)) as update,
-        closing(evaluate(protocol, chosen, plant, controller, setup, options.jobs)) as stream,
-    ):
-        for result in stream:
-            found.append(result)
-            update(found)
-    order = {case: number for number, case in enumerate(chosen)}
-    found.sort(key=lambda result: order[result.case])
+    with store.opened(folder) as results:
+        timing = rehearse(chosen[0], bench)
+        found = _run(protocol, chosen, bench, results, options)
 
     evaluation = files.Evaluation(
         protocol=protocol,
         seed=options.seed,
-        plant=plant,
-        controller=controller,
+        plant=bench.plant,
+        controller=bench.controller,
         plant_parameters=plant_parameters,
-        setup=setup,
+        nominal=nominal,
+        setup=bench.setup,
         sample_time=sample_time.value,
         controller_timing=timing,
         results=tuple(found),
@@ -88,6 +84,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"written to {folder}: results.json, cases.csv", file=sys.stderr)
     judged = all(result.measurement is not None or result.status == "unstable" for result in found)
     return commands.EXIT_OK if judged else commands.EXIT_INCOMPLETE
+
+
+def _run(
+    protocol: Protocol, cases: Sequence[Case], bench: Bench, results: store.Store, options: argparse.Namespace
+) -> list[CaseResult]:
+    """Results of all ``cases`` in their order: those in the store, and the others, stored as they come."""
+    keys = store.keys(protocol, cases, bench)
+    if options.force:
+        results.forget(list(keys.values()))
+    found = results.load(keys)
+    known = {result.case for result in found}
+    waiting = [case for case in cases if case not in known]
+    if found:
+        print(f"{len(found)} of {len(cases)} cases are there from an earlier run (--force runs anew)", file=sys.stderr)
+    execute = (
+        functools.partial(cluster.run, address=options.scheduler)
+        if options.scheduler
+        else functools.partial(pool.run, workers=options.jobs)
+    )
+    with (
+        progress(protocol, len(cases)) as update,
+        closing(evaluate(protocol, waiting, bench, execute, found, options.keep_going)) as stream,
+    ):
+        update(found)
+        for result in stream:
+            if result.status is not Status.SKIPPED:
+                results.put(keys[result.case], result)
+            found.append(result)
+            update(found)
+    order = {case: number for number, case in enumerate(cases)}
+    return sorted(found, key=lambda result: order[result.case])
 
 
 def _chosen(cases: Sequence[Case], patterns: Sequence[str]) -> tuple[Case, ...]:
@@ -130,6 +157,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-PROTOCOL)"
     )
+    parser.add_argument("--force", action="store_true", help="run anew what an earlier run has finished")
+    parser.add_argument("--keep-going", action="store_true", help="do not give up after three failures of one kind")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
     return parser
 

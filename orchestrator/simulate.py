@@ -39,15 +39,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
     protocol = protocols.load(options.protocol)
-    plant, controller = commands.open_fmus(options.controller)
-    nominal = commands.nominal_parameters(plant, dict(options.plant_parameters))
+    bench = commands.bench(options)
+    controller = bench.controller
+    nominal = commands.nominal_parameters(bench.plant, dict(options.plant_parameters))
     case = _case(protocol, nominal, options)
     sample_time = controller_sample_time(controller, case.scenario.sample_time, options.sample_time)
     scenario = vary(replace(case.scenario, sample_time=sample_time.value), protocol, options)
     folder = options.output_dir or Path("runs") / f"{controller.file.stem}-{case.id}"
     prepare_folder(folder)
 
-    trajectory = simulate_isolated(scenario, plant, controller, commands.setup(options), trajectory_files.OBSERVED)
+    trajectory = simulate_isolated(scenario, bench, trajectory_files.OBSERVED)
     units = {criterion.name: criterion.unit for criterion in protocol.criteria}
     pose = " / ".join(f"{math.degrees(angle):g}°" for angle in (case.configuration.q_a1, case.configuration.q_a2))
     title = f"{controller.name}, {case.system.name} system at {pose}, {case.test.name}"

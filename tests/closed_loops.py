@@ -16,7 +16,7 @@ from orchestrator.cosim.master import simulate
 from orchestrator.cosim.scenario import Scenario, seconds
 from orchestrator.cosim.slaves import Slave
 from orchestrator.cosim.trajectory import Trajectory
-from orchestrator.execution import pool
+from orchestrator.execution import isolation
 from orchestrator.execution.job import Failed, Finished, Job
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -65,7 +65,7 @@ def simulate_all(
         tuple(60.0 for _ in scenarios),
     )
     trajectories = []
-    for outcome in pool.run_isolated(job):
+    for outcome in isolation.run_isolated(job):
         if isinstance(outcome, Failed):
             raise outcome.error
         assert isinstance(outcome, Finished), outcome

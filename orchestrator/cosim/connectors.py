@@ -186,7 +186,8 @@ def _find(
         raise InputError(f"The mapping has only one of {components[0]} and {components[1]}. Give both.")
     for pair in (components, zero_based(connector.name)):
         if all(name in known for name in pair):
-            return [known[name] for name in pair], "exact"
+            further = [known[name] for name in (f"{connector.name}[{index}]" for index in (2, 3)) if name in known]
+            return list(dict.fromkeys([*(known[name] for name in pair), *further])), "exact"
     if connector.name in known and known[connector.name].size > 1:
         return [known[connector.name]], "exact"
     return _by_spelling(connector, known, what), "by spelling"

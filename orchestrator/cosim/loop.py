@@ -17,6 +17,7 @@ from .jit import compiled
 from .plan import Plan
 from .port import GET, WARNING, exchange
 from .signals import ChirpSignal, PulseSignal, amplify, chirp, pulse, quantize, saturate
+from .trace import SAMPLE
 
 ABSURD = 1e12
 """A torque [N.m] beyond any physical one; a controller that asks for it has failed, not saturated."""
@@ -82,6 +83,7 @@ def run(plant, controller, loop, record):
     warnings = 0
 
     for k in range(loop.samples):
+        controller.trace[SAMPLE] = k
         for i in range(2):
             taken = k - plan.sensor_lag[i]
             y = quantize(record.measured[taken, i] if taken >= 0 else loop.q_m_ref[i], loop.angle_quantum)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from . import loop, port, signals
+from . import loop, port, signals, trace
 from .connectors import PLANT, Binding, bind, find_outputs, find_parameters
 from .controller import Setup, Steady, prepared
 from .plan import make_plan
@@ -43,6 +43,7 @@ def simulate(
     inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
     stop_time = float(scenario.samples * scenario.sample_time)
+    trace.current.reset()
 
     with plant.instantiated(stop_time):
         plant.initialize(parameters, {})

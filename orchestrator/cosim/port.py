@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .jit import call_status, compiled
+from .trace import CALL, SIDE
 
 SET, STEP, GET = range(3)
 """The FMI call that failed."""
@@ -66,6 +67,9 @@ class Port(NamedTuple):
     offset: np.ndarray
     scale: np.ndarray
     output_scale: np.ndarray
+    side: int
+    trace: np.ndarray
+    """Words of :class:`orchestrator.cosim.trace.Trace`: before each call it is noted there."""
 
 
 @compiled
@@ -74,11 +78,13 @@ def exchange(port, count, time, step, read):
 
     Returns the last call made (SET, STEP or GET) and its status; a status above WARNING ends the exchange.
     """
+    port.trace[SIDE] = port.side
     if port.stepping == EVENTS or port.stepping == EVENTS_3:
         return _exchange_events(port, count, time, step, read)
     written = _write(port, count) if count > 0 else 0
     if written > WARNING:
         return SET, written
+    port.trace[CALL] = 1 + STEP
     if port.stepping == CO_SIMULATION:
         stepped = call_status(port.do_step, (port.instance, time, step, np.int32(1)))
     else:
@@ -100,6 +106,7 @@ def exchange_often(port, first, steps, step):
 
 @compiled
 def _write(port, count):
+    port.trace[CALL] = 1 + SET
     references, values = port.inputs.ctypes.data, port.input_values.ctypes.data
     if port.single[0]:
         for i in range(port.input_values.size):
@@ -113,6 +120,7 @@ def _write(port, count):
 
 @compiled
 def _read(port):
+    port.trace[CALL] = 1 + GET
     references, values = port.outputs.ctypes.data, port.output_values.ctypes.data
     if port.single[1]:
         values = port.output_singles.ctypes.data
@@ -149,6 +157,7 @@ def _do_step_3(port, time, step):
 def _exchange_events(port, count, time, step, read):
     """Model Exchange without continuous states: the event due at ``time`` sees the inputs written now."""
     tolerance = 1e-6 * step
+    port.trace[CALL] = 1 + STEP
     status = call_status(port.functions[SET_TIME], (port.instance, time))
     if status > WARNING:
         return STEP, status
@@ -161,6 +170,7 @@ def _exchange_events(port, count, time, step, read):
     written = _write(port, count) if count > 0 else 0
     if written > WARNING:
         return SET, written
+    port.trace[CALL] = 1 + STEP
     if due:
         status = _handle_event(port)
         if status > WARNING:

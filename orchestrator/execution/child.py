@@ -7,8 +7,10 @@ import signal
 import sys
 import time
 from multiprocessing.connection import Connection
+from typing import Any
 
-from ..cosim.slaves import load
+from ..cosim import trace
+from ..cosim.slaves import load, log
 from ..errors import BenchmarkError
 from .job import Failed, Finished, Job
 
@@ -16,19 +18,24 @@ GOODBYE = "all tasks done"
 """The last message of a child that came to its end; an FMU that calls exit(0) does not send it."""
 
 
-def main(job: Job, outcomes: Connection, output: Connection) -> None:
-    """Run ``job``; outcomes go through the one pipe, whatever the FMUs print through the other."""
+def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> None:
+    """Run ``job``; outcomes go through the one pipe, whatever the FMUs print or log through the other.
+
+    ``shared`` is the :class:`~orchestrator.execution.launch.SharedTrace` that the parent reads after a crash.
+    """
     if os.name == "posix":
         # Ctrl-C is the parent's to handle: inside a Python FMU it would be swallowed and look like a fatal error.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.setpgid(0, 0)
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
+        log.echo_to(2)
+    trace.use(trace.Trace(shared.buffer))
     begin = time.perf_counter()
     index = 0
     try:
         _alarm(job.time_limits[0])
-        plant, controller = load(job.plant), load(job.controller)
+        plant, controller = load(job.plant, trace.PLANT), load(job.controller, trace.CONTROLLER)
         for index, task in enumerate(job.tasks):  # noqa: B007 - the handler below needs the index
             _alarm(job.time_limits[index])
             begin = time.perf_counter()

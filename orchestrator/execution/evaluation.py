@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Generator, Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..benchmark.case import Case
@@ -18,13 +19,50 @@ from ..cosim.master import simulate
 from ..cosim.probe import Timing, probe
 from ..cosim.scenario import Scenario
 from ..cosim.slaves import Slave
+from ..cosim.trace import CONTROLLER, PLANT, Place
 from ..cosim.trajectory import Status, Trajectory
 from ..errors import Crash, FmuError
-from . import pool
-from .job import Died, Failed, Finished, Job, Outcome
+from .isolation import run_isolated
+from .job import Died, Failed, Finished, Job, Limits, Outcome
 
 GROUP_SIZE = 9
-"""Cases a child process runs before it is replaced: enough that its start (some 0.1 s) does not count."""
+"""Cases a child process runs before it is replaced: enough that its start (some 0.1 s) does not count, few enough
+that leaks of FMPy and of FMUs do not either."""
+
+STRIKES = 3
+"""Failures of one kind after which a controller's remaining cases are skipped."""
+
+FULL_LENGTH = 26.0
+"""Simulated time [s] that a time limit is given for; shorter simulations get their share."""
+
+START_TIME = 5.0
+"""Wall time [s] for instantiation and initialization, on top of the share."""
+
+FIRST_START_TIME = 30.0
+"""The same where compiled code may be missing from the cache."""
+
+Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
+"""Runs jobs somewhere; yields (number of the job, outcome) as they come."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The two FMUs and the conditions they run under.
+
+    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take.
+    """
+
+    plant: Archive
+    controller: Archive
+    setup: Setup = field(default_factory=Setup)
+    timeout: float = 60.0
+    limits: Limits = field(default_factory=Limits)
+    sandbox: bool = False
+
+    def job(self, tasks: Sequence[Any], scenarios: Sequence[Scenario], work: Callable[..., Any], start: float) -> Job:
+        """A job of this bench: one scenario a task for the time limits."""
+        limits = tuple(start + self.timeout * float(scenario.duration) / FULL_LENGTH for scenario in scenarios)
+        return Job(self.plant, self.controller, tuple(tasks), work, limits, self.limits, self.sandbox)
 
 
 def available_cores() -> int:
@@ -34,31 +72,43 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def time_limit(scenario: Scenario) -> float:
-    """Wall time [s] a simulation may take: a minute for the start, and a tenth of real time."""
-    return 60.0 + 10.0 * float(scenario.duration)
-
-
 def evaluate(
     protocol: Protocol,
     cases: Sequence[Case],
-    plant: Archive,
-    controller: Archive,
-    setup: Setup,
-    workers: int,
+    bench: Bench,
+    execute: Execute,
+    failures: Sequence[CaseResult] = (),
+    keep_going: bool = False,
 ) -> Generator[CaseResult, None, None]:
-    """Results of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone."""
+    """Results of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone.
+
+    After STRIKES failures of one kind, those of earlier ``failures`` counted, the remaining cases are skipped unless
+    ``keep_going``.
+    """
+    strikes = Counter(_kind(result) for result in failures)
     groups = [cases[first : first + GROUP_SIZE] for first in range(0, len(cases), GROUP_SIZE)]
-    work = functools.partial(_judged, protocol, setup)
-    jobs = [
-        Job(plant, controller, tuple(group), work, tuple(time_limit(case.scenario) for case in group))
-        for group in groups
-    ]
-    for number, outcome in pool.run(jobs, workers):
-        yield _result(groups[number][outcome.index], outcome)
+    work = functools.partial(_judged, protocol, bench.setup)
+    jobs = [bench.job(group, [case.scenario for case in group], work, START_TIME) for group in groups]
+    waiting = dict.fromkeys(cases)
+    reason = _reason(strikes, keep_going)
+    if not reason:
+        with contextlib.closing(execute(jobs)) as outcomes:
+            for number, outcome in outcomes:
+                case = groups[number][outcome.index]
+                if case not in waiting:
+                    continue  # a cluster may run a job twice
+                del waiting[case]
+                result = case_result(case, outcome)
+                yield result
+                strikes[_kind(result)] += 1
+                reason = _reason(strikes, keep_going)
+                if reason:
+                    break
+    for case in waiting:
+        yield CaseResult(case, Status.SKIPPED, 0.0, reason)
 
 
-def rehearse(case: Case, plant: Archive, controller: Archive, setup: Setup) -> Timing | None:
+def rehearse(case: Case, bench: Bench) -> Timing | None:
     """Simulate the first sample of ``case`` and probe the controller's timing.
 
     What is wrong with the input shows here, before anything else runs: raises
@@ -67,13 +117,39 @@ def rehearse(case: Case, plant: Archive, controller: Archive, setup: Setup) -> T
     Returns None where the controller crashes, which has a place in the results.
     """
     scenario = replace(case.scenario, duration=case.scenario.sample_time)
-    job = Job(plant, controller, (scenario,), functools.partial(_rehearsed, setup), (time_limit(scenario),))
-    for outcome in pool.run_isolated(job):
+    job = bench.job([scenario], [scenario], functools.partial(_rehearsed, bench.setup), FIRST_START_TIME)
+    for outcome in run_isolated(job):
         if isinstance(outcome, Failed):
             raise outcome.error
         if isinstance(outcome, Finished):
             return outcome.value
     return None
+
+
+def simulate_isolated(scenario: Scenario, bench: Bench, observe: Sequence[str] = ()) -> Trajectory:
+    """One simulation in a process of its own.
+
+    Raises the error of an FMU that fails before the first sample, :class:`Crash` where its process dies.
+    """
+    work = functools.partial(_simulated, bench.setup, tuple(observe))
+    for outcome in run_isolated(bench.job([scenario], [scenario], work, FIRST_START_TIME)):
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        if isinstance(outcome, Died):
+            raise Crash(_told(outcome, scenario))
+        return outcome.value
+    raise AssertionError("a job of one task has one outcome")
+
+
+def case_result(case: Case, outcome: Outcome) -> CaseResult:
+    """The result of a case from what its process had to say, or left behind."""
+    if isinstance(outcome, Finished):
+        return CaseResult(case, wall_time=outcome.wall_time, **outcome.value)
+    if isinstance(outcome, Failed):
+        return CaseResult(case, Status.ERROR, 0.0, str(outcome.error), wall_time=outcome.wall_time)
+    status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
+    time = float(outcome.place.sample * case.scenario.sample_time)
+    return CaseResult(case, status, time, _told(outcome, case.scenario), wall_time=outcome.wall_time)
 
 
 def _rehearsed(setup: Setup, plant: Slave, controller: Slave, scenario: Scenario) -> Timing | None:
@@ -87,28 +163,6 @@ def _rehearsed(setup: Setup, plant: Slave, controller: Slave, scenario: Scenario
     return None
 
 
-def simulate_isolated(
-    scenario: Scenario,
-    plant: Archive,
-    controller: Archive,
-    setup: Setup,
-    observe: Sequence[str] = (),
-) -> Trajectory:
-    """One simulation in a process of its own.
-
-    Raises the error of an FMU that fails before the first sample, :class:`Crash` where its process dies.
-    """
-    work = functools.partial(_simulated, setup, tuple(observe))
-    job = Job(plant, controller, (scenario,), work, (time_limit(scenario),))
-    for outcome in pool.run_isolated(job):
-        if isinstance(outcome, Failed):
-            raise outcome.error
-        if isinstance(outcome, Died):
-            raise Crash("\n  ".join((outcome.message, *outcome.output)))
-        return outcome.value
-    raise AssertionError("a job of one task has one outcome")
-
-
 def _simulated(setup: Setup, observe: Sequence[str], plant: Slave, controller: Slave, scenario: Scenario) -> Trajectory:
     return simulate(plant, controller, scenario, setup, observe)
 
@@ -117,10 +171,29 @@ def _judged(protocol: Protocol, setup: Setup, plant: Slave, controller: Slave, c
     return judge(protocol, case, simulate(plant, controller, case.scenario, setup))
 
 
-def _result(case: Case, outcome: Outcome) -> CaseResult:
-    if isinstance(outcome, Finished):
-        return CaseResult(case, wall_time=outcome.wall_time, **outcome.value)
-    if isinstance(outcome, Failed):
-        return CaseResult(case, Status.ERROR, 0.0, str(outcome.error), wall_time=outcome.wall_time)
-    status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
-    return CaseResult(case, status, 0.0, "\n  ".join((outcome.message, *outcome.output)), wall_time=outcome.wall_time)
+def _told(death: Died, scenario: Scenario) -> str:
+    """How a process died, where its simulation was, and what it had printed."""
+    return "\n  ".join((f"{death.message}, {_whereabouts(death.place, scenario)}", *death.output))
+
+
+def _whereabouts(place: Place, scenario: Scenario) -> str:
+    who = {PLANT: "the plant", CONTROLLER: "the controller"}.get(place.side)
+    if who is None:
+        return "outside any FMI call"
+    return f"in the call '{place.call}' of {who} at t = {float(place.sample * scenario.sample_time):g} s"
+
+
+def _kind(result: CaseResult) -> tuple[str, str] | None:
+    """Status and first words of a failure; None for a result that is none."""
+    if result.status in (Status.DONE, Status.UNSTABLE, Status.SKIPPED):
+        return None
+    return result.status.value, result.message.split("\n")[0].split(" at t = ")[0]
+
+
+def _reason(strikes: Counter[tuple[str, str] | None], keep_going: bool) -> str:
+    if keep_going:
+        return ""
+    for kind, count in strikes.items():
+        if kind is not None and count >= STRIKES:
+            return f"skipped after {count} failures of one kind ({kind[0]}: {kind[1]}); --keep-going runs all"
+    return ""

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..cosim.archive import Archive
+from ..cosim.trace import Place
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a child process may use: ``memory`` [bytes] resident, ``output`` [bytes] printed in one task."""
+
+    memory: int = 2 * 1024**3
+    output: int = 16 * 1024**2
 
 
 @dataclass(frozen=True)
@@ -14,8 +23,8 @@ class Job:
     """A plant, a controller, and tasks for the two; one child process runs the tasks in order.
 
     ``work(plant, controller, task)`` gets the two loaded slaves and returns a picklable value; it must be a
-    module-level function (or a partial of one), since it is sent to another process. ``time_limit(task)`` is in
-    seconds of wall time.
+    module-level function (or a partial of one), since it is sent to another process. ``time_limits`` are in seconds of
+    wall time, one a task. With ``sandbox`` the child sees a read-only file system and no network.
     """
 
     plant: Archive
@@ -23,6 +32,8 @@ class Job:
     tasks: tuple[Any, ...]
     work: Callable[[Any, Any, Any], Any]
     time_limits: tuple[float, ...]
+    limits: Limits = field(default_factory=Limits)
+    sandbox: bool = False
 
 
 @dataclass(frozen=True)
@@ -45,13 +56,17 @@ class Failed:
 
 @dataclass(frozen=True)
 class Died:
-    """The process ended in task ``index``: ``timeout`` tells whether at its time limit, ``message`` how, and
-    ``output`` holds the last lines that the process printed."""
+    """The process ended in task ``index`` at ``place`` in its simulation.
+
+    ``timeout`` tells whether at its time limit, ``message`` how, and ``output`` holds the last lines that the process
+    printed, the FMUs' own messages among them.
+    """
 
     index: int
     timeout: bool
     message: str
     wall_time: float
+    place: Place
     output: tuple[str, ...] = ()
 
 

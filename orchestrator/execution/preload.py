@@ -38,6 +38,8 @@ def _load_compiled_loop() -> None:
         offset=two,
         scale=two,
         output_scale=two,
+        side=0,
+        trace=np.zeros(4, dtype=np.int64),
     )
     parts = loop.Loop(
         samples=0,

@@ -1,13 +1,9 @@
-"""The machine-readable results of an evaluation: ``results.json`` and ``cases.csv``."""
+"""The machine-readable results of an evaluation: ``results.json``, from which every report is made."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import os
 import platform
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -24,7 +20,10 @@ from ..cosim.archive import Archive
 from ..cosim.controller import Setup
 from ..cosim.probe import Timing as ControllerTiming
 from ..cosim.scenario import seconds
-from ..errors import InputError
+from .files import prepare_folder, write_text
+from .tables import csv_text
+
+__all__ = ["Evaluation", "Timing", "document", "loop_delay", "prepare_folder", "write", "write_text"]
 
 SCHEMA = "flexible-manipulator-results/1"
 
@@ -42,13 +41,17 @@ class Timing:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Everything an evaluation's report needs. ``results`` are in the protocol's order."""
+    """Everything an evaluation's report needs. ``results`` are in the protocol's order.
+
+    ``plant_parameters`` are the user's changes by FMI name, ``nominal`` all nominal parameters with these applied (SI).
+    """
 
     protocol: Protocol
     seed: int
     plant: Archive
     controller: Archive
     plant_parameters: Mapping[str, float]
+    nominal: Mapping[str, float]
     setup: Setup
     sample_time: Fraction
     controller_timing: ControllerTiming | None
@@ -66,7 +69,10 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
         "protocol": protocol.name,
         "complete": card.complete,
         "cost": card.cost,
-        "criteria": {score.criterion.name: _criterion(score, evaluation.results) for score in card.criteria},
+        "criteria": {
+            score.criterion.name: _criterion(score, evaluation.results, protocol.reference[score.criterion.name])
+            for score in card.criteria
+        },
         "stability": {requirement.name: _requirement(requirement) for requirement in card.requirements},
         "configurations": [
             {
@@ -80,7 +86,12 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
         ],
         "cases": [_case(result) for result in evaluation.results],
         "controller": {**_fmu(evaluation.controller), "parameters": dict(evaluation.setup.parameters)},
-        "plant": {**_fmu(evaluation.plant), "parameters": dict(evaluation.plant_parameters)},
+        "plant": {
+            **_fmu(evaluation.plant),
+            "parameters": dict(evaluation.plant_parameters),
+            "nominal": dict(evaluation.nominal),
+        },
+        "rules": rules(protocol),
         "seed": evaluation.seed,
         "sample_time": {
             "seconds": float(evaluation.sample_time),
@@ -127,69 +138,44 @@ def environment() -> dict[str, str]:
     }
 
 
-def csv_text(results: Sequence[CaseResult], criteria: Sequence[tuple[str, str]]) -> str:
-    """The contents of ``cases.csv``, one row a case; ``criteria`` are pairs of name and unit."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(
-        [
-            *("id", "status", "configuration", "q_a1 [rad]", "q_a2 [rad]", "system", "test", "time [s]"),
-            *(f"{name} [{unit}]" for name, unit in criteria),
-            *("settled", "limit_cycle_x [m]", "limit_cycle_z [m]", "rest_error [m]", "warnings", "message"),
-        ]
-    )
-    for result in results:
-        row = _case(result)
-        figures = row["measurements"]
-        pose = row["configuration"]
-        writer.writerow(
-            [
-                *(row["id"], row["status"], pose["index"], pose["q_a1"], pose["q_a2"], row["system"], row["test"]),
-                row["time"],
-                *(figures.get(name) for name, _ in criteria),
-                *(figures.get(key) for key in ("settled", "limit_cycle_x", "limit_cycle_z", "rest_error")),
-                *(row["warnings"], row["message"]),
-            ]
-        )
-    return stream.getvalue()
+def rules(protocol: Protocol) -> dict[str, Any]:
+    """What the protocol asks for, as far as a reader of the results needs it; SI units."""
+    raw = protocol.raw
+    return {
+        "cost": {"target": sum(criterion.weight for criterion in protocol.criteria), "paper": protocol.reference["V"]},
+        "stability": {key: value for key, value in raw["stability"].items() if key != "systems"},
+        "settling_error": raw["settling"]["error"],
+        "torque_limit": list(raw["loop"]["torque_limit"]),
+        "tests": [
+            {
+                "name": test.name,
+                "axis": test.axis,
+                "gain": test.gain,
+                "delay": float(test.delay),
+                "criteria": list(test.criteria),
+                "requirements": list(test.requirements),
+            }
+            for test in protocol.tests
+        ],
+    }
 
 
 def write(evaluation: Evaluation, folder: Path) -> None:
     """Write ``cases.csv`` and ``results.json`` into ``folder``, each in one go, the summary last."""
-    criteria = [(criterion.name, criterion.unit) for criterion in evaluation.protocol.criteria]
-    write_text(folder / "cases.csv", csv_text(evaluation.results, criteria))
-    write_text(folder / "results.json", json.dumps(document(evaluation), indent=1, allow_nan=False) + "\n")
+    contents = document(evaluation)
+    write_text(folder / "cases.csv", csv_text(contents))
+    write_text(folder / "results.json", json.dumps(contents, indent=1, allow_nan=False) + "\n")
 
 
-def prepare_folder(folder: Path) -> None:
-    """Create ``folder``; raises :class:`InputError` where it cannot be written to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as problem:
-        raise InputError(
-            f"The output folder {folder} cannot be written to: {problem.strerror}. Choose another with --output-dir."
-        ) from problem
-
-
-def write_text(file: Path, text: str) -> None:
-    """Write a file in one go: under its name there is the old contents or the new, never a part."""
-    scratch = file.with_name(f".{file.name}.{os.getpid()}")
-    try:
-        scratch.write_text(text, encoding="utf-8", newline="")
-        os.replace(scratch, file)
-    finally:
-        scratch.unlink(missing_ok=True)
-
-
-def _criterion(score: CriterionScore, results: Sequence[CaseResult]) -> dict[str, Any]:
+def _criterion(score: CriterionScore, results: Sequence[CaseResult], reference: float) -> dict[str, Any]:
     worst = next((result for result in results if result.case.id == score.worst_case), None)
     return {
         "value": score.value,
         "target": score.criterion.target,
         "weight": score.criterion.weight,
         "unit": score.criterion.unit,
+        "title": score.criterion.title,
+        "paper": reference,
         "share": score.share,
         "worst_case": None
         if worst is None

@@ -11,7 +11,7 @@ import numpy as np
 from ..cosim import signals
 from ..cosim.scenario import Scenario
 from ..cosim.trajectory import Trajectory
-from .results import write_text
+from .files import write_text
 
 OBSERVED = ("q_a[1]", "q_a[2]")
 """Plant outputs that are recorded beside q_m and X."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..archive import Archive
+from ..trace import NOBODY
 from .base import Slave
 from .fmi1 import Fmi1CoSimulation
 from .fmi2 import Fmi2CoSimulation
@@ -21,6 +22,6 @@ CLASSES: dict[tuple[str, str], type[Slave]] = {
 """By major FMI version and kind; an archive of any other combination is refused when it is opened."""
 
 
-def load(archive: Archive) -> Slave:
-    """Load the library of an opened FMU."""
-    return CLASSES[archive.major_version, archive.kind](archive)
+def load(archive: Archive, side: int = NOBODY) -> Slave:
+    """Load the library of an opened FMU; ``side`` (PLANT, CONTROLLER) is noted in the process's trace."""
+    return CLASSES[archive.major_version, archive.kind](archive, side)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import FmuError
+from .. import trace
 from ..archive import Archive
 from ..port import Port
 from ..variables import Variable
@@ -37,10 +38,11 @@ class Slave(ABC):
     calls: Mapping[str, str]
     """FMI names of the functions behind "set", "step" and "get"."""
 
-    def __init__(self, archive: Archive) -> None:
+    def __init__(self, archive: Archive, side: int = trace.NOBODY) -> None:
         """Load the FMU's library; raises :class:`FmuError` where the platform's loader refuses it."""
-        self.archive = archive
+        self.archive, self.side = archive, side
         self._modules = PrivateModules(archive.folder / "resources")
+        trace.current.note(side, "loading its library")
         folder = os.getcwd()
         try:
             self._fmu = self._load()
@@ -105,6 +107,7 @@ class Slave(ABC):
         try:
             yield self
         finally:
+            trace.current.note(self.side, "freeing the instance")
             self._free()
 
     def initialize(self, before: Values, within: Values) -> None:
@@ -144,6 +147,8 @@ class Slave(ABC):
             offset=np.zeros(2),
             scale=np.ones(2),
             output_scale=np.ones(2),
+            side=self.side,
+            trace=trace.current.words,
         )
 
     def _accessor(self, kind: str, narrow: bool) -> str:
@@ -169,6 +174,7 @@ class Slave(ABC):
     @contextmanager
     def _reported(self, call: str) -> Iterator[None]:
         """Whatever fails within becomes an :class:`FmuError` that names the FMU, the call, and the FMU's messages."""
+        trace.current.note(self.side, call)
         try:
             yield
         except FmuError:

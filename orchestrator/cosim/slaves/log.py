@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 
 LOG_LINES = 20
@@ -10,13 +11,23 @@ LOG_LINES = 20
 LINE_LENGTH = 500
 
 _lines: deque[str] = deque(maxlen=LOG_LINES)
+_echo: int | None = None
 
 
 def note(instance: bytes, status: int, message: bytes) -> None:
     """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8."""
     if status > 0:
         text = (message or b"").decode(errors="replace").strip()[:LINE_LENGTH]
-        _lines.append(f"{(instance or b'').decode(errors='replace')}: {text}")
+        line = f"{(instance or b'').decode(errors='replace')}: {text}"
+        _lines.append(line)
+        if _echo is not None:
+            os.write(_echo, line.encode() + b"\n")
+
+
+def echo_to(descriptor: int) -> None:
+    """Write every message to a file descriptor as well, so that it outlives a crash of this process."""
+    global _echo
+    _echo = descriptor
 
 
 def lines() -> tuple[str, ...]:

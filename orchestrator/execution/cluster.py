@@ -1,0 +1,90 @@
+"""The same jobs on a Dask cluster: futures of an existing engine, no protocol of our own.
+
+FMUs travel by content, once to each worker. Workers need this package installed and nothing else; a job that is lost
+with its worker is run again elsewhere, which changes nothing, since a result depends on its case alone.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..cosim.archive import Archive, open_archive
+from ..cosim.trace import Place
+from ..errors import InputError
+from ..folders import cache_folder
+from .isolation import run_isolated
+from .job import Died, Job, Outcome
+
+CONNECT_TIME = 15.0
+"""Seconds to wait for the scheduler."""
+
+
+def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], None, None]:
+    """Run ``jobs`` on the cluster whose scheduler is at ``address`` (``tcp://host:port``).
+
+    Yields (number of the job, outcome) as they come; closing the generator cancels what is left. Raises
+    :class:`InputError` where Dask is not installed or the scheduler does not answer.
+    """
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError:
+        raise InputError("--scheduler needs Dask: pip install 'distributed'.") from None
+    try:
+        client = Client(address, timeout=CONNECT_TIME)
+    except (OSError, ValueError, TimeoutError) as problem:
+        raise InputError(f"There is no Dask scheduler at {address}: {problem}.") from problem
+    with client:
+        files = {archive.sha256: archive.file for job in jobs for archive in (job.plant, job.controller)}
+        contents = {sha256: client.scatter(file.read_bytes(), broadcast=True) for sha256, file in files.items()}
+        futures = {
+            client.submit(
+                _run_remotely,
+                _without_paths(job),
+                contents[job.plant.sha256],
+                contents[job.controller.sha256],
+                pure=False,
+            ): number
+            for number, job in enumerate(jobs)
+        }
+        try:
+            for future in as_completed(list(futures)):
+                number = futures[future]
+                try:
+                    outcomes = future.result()
+                except KilledWorker as problem:
+                    outcomes = [_lost(index, problem) for index in range(len(jobs[number].tasks))]
+                for outcome in outcomes:
+                    yield number, outcome
+        finally:
+            client.cancel(list(futures))
+
+
+def _without_paths(job: Job) -> Job:
+    """``job`` without what only this machine knows; the worker opens the FMUs from their contents."""
+    nowhere = Path()
+    return replace(job, plant=replace(job.plant, folder=nowhere), controller=replace(job.controller, folder=nowhere))
+
+
+def _run_remotely(job: Job, plant: bytes, controller: bytes) -> list[Outcome]:
+    """On a worker: open the FMUs and run the job in processes started from nothing, since a worker is daemonic and may
+    have no children of multiprocessing's."""
+    here = replace(job, plant=_open(job.plant, plant), controller=_open(job.controller, controller))
+    return list(run_isolated(here, fresh=True))
+
+
+def _open(archive: Archive, content: bytes) -> Archive:
+    folder = cache_folder() / "received"
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        file = Path(scratch) / archive.name
+        file.write_bytes(content)
+        return replace(archive, folder=open_archive(file).folder)
+
+
+def _lost(index: int, problem: Any) -> Died:
+    return Died(index, False, f"its worker died repeatedly: {problem}", 0.0, Place(0, 0, ""))

@@ -1,0 +1,36 @@
+"""Folders and files of a run: what is written is written whole."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from ..errors import InputError
+
+
+def prepare_folder(folder: Path) -> None:
+    """Create ``folder``; raises :class:`InputError` where it cannot be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        raise InputError(
+            f"The output folder {folder} cannot be written to: {problem.strerror}. Choose another with --output-dir."
+        ) from problem
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write a text file in one go, in UTF-8."""
+    write_bytes(file, text.encode("utf-8"))
+
+
+def write_bytes(file: Path, data: bytes) -> None:
+    """Write a file in one go: under its name there is the old contents or the new, never a part."""
+    scratch = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        scratch.write_bytes(data)
+        os.replace(scratch, file)
+    finally:
+        scratch.unlink(missing_ok=True)

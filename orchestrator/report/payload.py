@@ -1,0 +1,96 @@
+"""What the pages' scripts are given: plain values and packed arrays, and nothing that a script could run."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from .recording import SPREAD, Recording, thin
+from .run import Run
+from .wording import SHOWN
+
+SPREAD_INTERVALS = 500
+"""Intervals that the many trajectories of Figures 11 and 12 are thinned out to once more."""
+
+
+def report_payload(run: Run) -> dict[str, Any]:
+    """Everything the report's figures show."""
+    document = run.document
+    return {
+        **workspace(run),
+        "criteria": criteria(run),
+        "rules": document["rules"],
+        "stability": _stability(run),
+        "recordings": [packed(entry) for entry in run.recordings if SPREAD not in entry.about.roles],
+        "spread": [packed_motion(entry) for entry in run.recorded(SPREAD)],
+    }
+
+
+def workspace(run: Run) -> dict[str, Any]:
+    """Poses with their costs, and the arm's link lengths [m]."""
+    nominal = run.document["plant"]["nominal"]
+    return {
+        "configurations": run.document["configurations"],
+        "links": [nominal["l[1]"], nominal["l[2]"]],
+    }
+
+
+def criteria(run: Run) -> list[dict[str, Any]]:
+    """B1..B7 with the factor and name of the unit they are shown in."""
+    return [
+        {"name": name, **entry, "factor": SHOWN[entry["unit"]][0], "shown": SHOWN[entry["unit"]][1]}
+        for name, entry in run.document["criteria"].items()
+    ]
+
+
+def packed(entry: Recording) -> dict[str, Any]:
+    """A recording whole: columns as base64 of little-endian single-precision numbers."""
+    return {
+        **asdict(entry.about),
+        "motion": [_packed(column) for column in entry.motion.T],
+        "torque": [_packed(column) for column in entry.torque.T],
+    }
+
+
+def packed_motion(entry: Recording) -> dict[str, Any]:
+    """A recording's TCP offset only, thinned out further."""
+    kept = thin(np.column_stack([entry.error]), SPREAD_INTERVALS)
+    return {**asdict(entry.about), "motion": [_packed(column) for column in entry.motion[kept, :3].T]}
+
+
+def script_json(value: Any) -> str:
+    """JSON that may stand inside a <script> element: no character of it can end the element or begin a comment."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _packed(column: Iterable[float]) -> str:
+    return base64.b64encode(np.ascontiguousarray(column, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _stability(run: Run) -> list[dict[str, Any]]:
+    """Every case with a requirement: its test, status and limit cycle [m]."""
+    requirements = {test["name"]: test["requirements"] for test in run.document["rules"]["tests"]}
+    rows = []
+    for case in run.document["cases"]:
+        if not requirements[case["test"]]:
+            continue
+        x, z = (case["measurements"].get(f"limit_cycle_{name}") for name in "xz")
+        rows.append(
+            {
+                "id": case["id"],
+                "configuration": case["configuration"]["index"],
+                "system": case["system"],
+                "test": case["test"],
+                "status": case["status"],
+                "limit_cycle": None if x is None or z is None else max(x, z),
+            }
+        )
+    return rows

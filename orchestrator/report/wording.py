@@ -1,0 +1,69 @@
+"""How values are put into words and units, the paper's: in the terminal, in pages and in figures alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+SHOWN = {"m": (1e3, "mm"), "N.m": (1.0, "Nm"), "s": (1.0, "s")}
+"""Factor and name of the unit that a value is shown in."""
+
+REQUIREMENTS = {
+    "A1": "loop gain × {gain:g}, axis {axis}",
+    "A2": "delay + {delay:g} ms, axis {axis}",
+    "A3": "limit cycle, all tests",
+}
+"""What a requirement asks for."""
+
+
+def number(value: float | None) -> str:
+    """Three figures, four from 100 on; a dash where there is no value."""
+    return "-" if value is None else f"{value:.3g}" if abs(value) < 100 else f"{value:.1f}"
+
+
+def verdict(passed: bool | None) -> str:
+    """The verdict on a requirement as a word."""
+    return "not tested" if passed is None else "holds" if passed else "fails"
+
+
+def loop_delay(delay: Mapping[str, Any]) -> str:
+    """The loop delay of ``results.json`` as a sentence."""
+    if delay["seconds"] is None:
+        return "loop delay not measurable: the controller does not answer its inputs"
+    text = f"loop delay {delay['seconds'] * 1e3:.3f} ms = {delay['samples']:g} sample{'s' * (delay['samples'] != 1)}"
+    return text + (f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else "")
+
+
+def requirement_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The requirements, A1 and A2 per axis, with a title, the verdict, the largest limit cycle [m] and its case."""
+    rows = []
+    for name, entry in document["stability"].items():
+        tests = {str(test["axis"]): test for test in document["rules"]["tests"] if name in test["requirements"]}
+        per_axis = "{axis}" in REQUIREMENTS[name]
+        for axis, judged in entry["axes"].items() if per_axis else [("", entry)]:
+            test = tests.get(axis, {"gain": 1.0, "delay": 0.0})
+            title = REQUIREMENTS[name].format(axis=axis, gain=test["gain"], delay=test["delay"] * 1e3)
+            rows.append({"name": name, "axis": axis, "title": title, **judged, "verdict": verdict(judged["passed"])})
+    return rows
+
+
+def remarks(document: Mapping[str, Any]) -> list[str]:
+    """What a reader must know before comparing the figures with others."""
+    found = []
+    unsettled = sum(case["measurements"].get("settled") is False for case in document["cases"])
+    if unsettled:
+        found.append(
+            f"In {unsettled} case{'s' * (unsettled != 1)} B6 is the time to the end of the simulation: "
+            "the TCP did not settle."
+        )
+    if not document["complete"]:
+        found.append("Incomplete: not every case of the protocol has a verdict.")
+    if not document["sample_time"]["as_in_benchmark"]:
+        milliseconds = document["sample_time"]["seconds"] * 1e3
+        found.append(f"Sample time {milliseconds:g} ms, not the benchmark's: not comparable.")
+    if document["protocol"] != "paper":
+        found.append(f"Protocol {document['protocol']}: not comparable to the paper nor to other protocols.")
+    if document["plant"]["parameters"]:
+        changes = ", ".join(f"{name} = {value:g}" for name, value in document["plant"]["parameters"].items())
+        found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
+    return found
