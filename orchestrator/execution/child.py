@@ -26,7 +26,8 @@ def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> Non
     if os.name == "posix":
         # Ctrl-C is the parent's to handle: inside a Python FMU it would be swallowed and look like a fatal error.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        os.setpgid(0, 0)
+        if os.getpgrp() != os.getpid():
+            os.setpgid(0, 0)
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
         log.echo_to(2)

@@ -124,8 +124,16 @@ class _ServedProcess:
 class _FreshProcess:
     """A process of its own, which a daemonic process (a Dask worker) may have as well."""
 
-    def __init__(self, command: list[str], descriptors: tuple[int, ...], job: Job) -> None:
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=descriptors, start_new_session=True)
+    def __init__(self, command: list[str], descriptors: tuple[int, int, int], job: Job) -> None:
+        output = descriptors[1]
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=output,
+            pass_fds=descriptors,
+            start_new_session=True,
+        )
         self.pid = self._process.pid
         assert self._process.stdin is not None
         pickle.dump(job, self._process.stdin)
