@@ -16,7 +16,7 @@ from ..cosim.archive import Archive, open_archive
 from ..cosim.trace import Place
 from ..errors import InputError
 from ..folders import cache_folder
-from .isolation import run_isolated
+from .host import run_hosted
 from .job import Died, Job, Outcome
 
 CONNECT_TIME = 15.0
@@ -71,10 +71,8 @@ def _without_paths(job: Job) -> Job:
 
 
 def _run_remotely(job: Job, plant: bytes, controller: bytes) -> list[Outcome]:
-    """On a worker: open the FMUs and run the job in processes started from nothing, since a worker is daemonic and may
-    have no children of multiprocessing's."""
-    here = replace(job, plant=_open(job.plant, plant), controller=_open(job.controller, controller))
-    return list(run_isolated(here, fresh=True))
+    """On a worker: open the FMUs and let a host run the job, since a worker may have no multiprocessing children."""
+    return run_hosted(replace(job, plant=_open(job.plant, plant), controller=_open(job.controller, controller)))
 
 
 def _open(archive: Archive, content: bytes) -> Archive:

@@ -24,19 +24,18 @@ LOOK = 0.2
 """Seconds between two looks at the stop signal and the child's memory."""
 
 
-def run_isolated(job: Job, stop: threading.Event | None = None, fresh: bool = False) -> Iterator[Outcome]:
+def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outcome]:
     """Run the tasks of ``job`` in child processes and yield one outcome a task, in order.
 
     A task that fails or ends its process costs that task only: the rest goes on in a new child. Once ``stop`` is set,
-    the running child is killed and nothing more is yielded. ``fresh`` is for callers that may have no children of
-    multiprocessing's, see :func:`~orchestrator.execution.launch.started`.
+    the running child is killed and nothing more is yielded.
     """
     stop = stop or threading.Event()
     first = 0
     while first < len(job.tasks) and not stop.is_set():
         rest = replace(job, tasks=job.tasks[first:], time_limits=job.time_limits[first:])
         done = 0
-        with started(rest, fresh) as child:
+        with started(rest) as child:
             for outcome in _listen(child, rest, stop):
                 done = outcome.index + 1
                 yield replace(outcome, index=first + outcome.index)

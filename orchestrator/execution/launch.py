@@ -1,4 +1,4 @@
-"""Starting a child process: from a fork server, as a fresh process, or as a fresh process in a sandbox."""
+"""Starting a child process: from a fork server, or as a fresh process in a sandbox."""
 
 from __future__ import annotations
 
@@ -75,11 +75,11 @@ def _attach(duplicate: Any) -> SharedTrace:
 
 
 @contextmanager
-def started(job: Job, fresh: bool = False) -> Iterator[Child]:
+def started(job: Job) -> Iterator[Child]:
     """A child process that runs ``job``; when the block ends, so does the child.
 
-    It comes from a fork server that has the whole stack loaded (0.04 s); with ``fresh``, in a sandbox, or where
-    there is no fork server, it starts from nothing.
+    It comes from a fork server that has the whole stack loaded (0.04 s); in a sandbox, or where there is no fork
+    server, it starts from nothing.
     """
     with ExitStack() as stack:
         outcomes, outcomes_end = multiprocessing.Pipe(duplex=False)
@@ -89,8 +89,8 @@ def started(job: Job, fresh: bool = False) -> Iterator[Child]:
         for pipe in (outcomes, output):
             stack.callback(pipe.close)
         process: Process
-        if job.sandbox or fresh:
-            process = stack.enter_context(_fresh_process(job, outcomes_end, output_end, trace))
+        if job.sandbox:
+            process = stack.enter_context(_sandboxed(job, outcomes_end, output_end, trace))
         else:
             process = _ServedProcess(job, outcomes_end, output_end, trace)
         stack.callback(process.kill)
@@ -122,7 +122,7 @@ class _ServedProcess:
 
 
 class _FreshProcess:
-    """A process of its own, which a daemonic process (a Dask worker) may have as well."""
+    """A process started from nothing by a command."""
 
     def __init__(self, command: list[str], descriptors: tuple[int, int, int], job: Job) -> None:
         output = descriptors[1]
@@ -149,12 +149,9 @@ class _FreshProcess:
 
 
 @contextmanager
-def _fresh_process(job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> Iterator[_FreshProcess]:
+def _sandboxed(job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> Iterator[_FreshProcess]:
     descriptors = (outcomes.fileno(), output.fileno(), trace.file)
     command = [sys.executable, "-m", "orchestrator.execution.fresh", *map(str, descriptors)]
-    if not job.sandbox:
-        yield _FreshProcess(command, descriptors, job)
-        return
     with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
         yield _FreshProcess([*_sandbox(job, Path(scratch)), *command], descriptors, job)
 
