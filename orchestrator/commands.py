@@ -57,7 +57,7 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         type=assignment,
         metavar="NAME=VALUE",
         dest="controller_parameters",
-        help="a parameter of the controller, in SI units; may be given again",
+        help="a parameter of the controller, in the unit the FMU has for it; may be given again",
     )
     parser.add_argument(
         "--parameters",
@@ -146,10 +146,9 @@ def _connection(text: str) -> tuple[str, str]:
 
 
 def _natural(text: str) -> int:
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative")
-    return number
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
 
 
 def assignment(text: str) -> tuple[str, float]:
@@ -164,9 +163,12 @@ def assignment(text: str) -> tuple[str, float]:
 
 
 def _positive(text: str) -> float:
-    number = float(text)
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
     if not number > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not positive")
+        raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
     return number
 
 

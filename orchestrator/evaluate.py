@@ -29,8 +29,11 @@ from .cosim.trajectory import Status
 from .errors import InputError
 from .execution import cluster, pool, store
 from .execution.evaluation import Bench, available_cores, evaluate, rehearse
+from .replay import record_shown
+from .report import outputs
 from .report import results as files
 from .report.progress import progress
+from .report.selection import shown
 from .report.terminal import show
 
 EXAMPLES = """examples:
@@ -46,6 +49,7 @@ EXAMPLES = """examples:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
+    outputs.check_options(options)
     protocol = protocols.load("quick" if options.quick else options.protocol)
     plant_parameters = dict(options.plant_parameters)
     bench = commands.bench(options)
@@ -81,7 +85,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print()
     else:
         show(evaluation, Console())
-    print(f"written to {folder}: results.json, cases.csv", file=sys.stderr)
+    if outputs.need_recordings(options):
+        wanted = shown(protocol, nominal, options.seed, found, evaluation.scorecard)
+        record_shown(wanted, bench, options.jobs, folder)
+    written = ["results.json", "cases.csv", *outputs.write_outputs(folder, options)]
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
     judged = all(result.measurement is not None or result.status == "unstable" for result in found)
     return commands.EXIT_OK if judged else commands.EXIT_INCOMPLETE
 
@@ -129,10 +137,9 @@ def _chosen(cases: Sequence[Case], patterns: Sequence[str]) -> tuple[Case, ...]:
 
 
 def _workers(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("at least 1 process is needed")
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of processes: at least 1 is needed")
+    return int(text)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -161,6 +168,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--keep-going", action="store_true", help="do not give up after three failures of one kind")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
+    outputs.add_options(parser)
     return parser
 
 

@@ -17,10 +17,24 @@ else:
     import tomli as tomllib
 
 
+SSV_TYPES = {"Real", "Integer", "Float64", "Float32", *(f"{sign}Int{n}" for sign in ("", "U") for n in (8, 16, 32, 64))}
+"""Elements that hold a number, in SSP 1.0 and 2.0."""
+
+
 def read_mapping(file: Path) -> dict[str, str]:
     """Connector to FMU variable. TOML: a table ``[map]`` of ``"q_m[1]" = "In1"``. SSM: ``MappingEntry`` elements."""
     if file.suffix == ".ssm":
-        entries = _root(file).iterfind(".//{*}MappingEntry")
+        entries = list(_root(file).iterfind(".//{*}MappingEntry"))
+        if not entries:
+            raise InputError(
+                f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which."
+            )
+        for entry in entries:
+            for child in entry.iterchildren(etree.Element):
+                raise InputError(
+                    f"{file}: the mapping of {entry.get('target')} has a {etree.QName(child).localname}, which is "
+                    "not understood here. Units are converted by the FMU's own unit definitions."
+                )
         return {entry.get("target", ""): entry.get("source", "") for entry in entries}
     table = _toml(file).get("map")
     if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
@@ -30,14 +44,9 @@ def read_mapping(file: Path) -> dict[str, str]:
 
 def read_parameters(file: Path) -> dict[str, float]:
     """Parameter name to value. TOML: a table ``[parameters]`` of numbers or lists (``K_p = [45, 15]`` sets ``K_p[1]``
-    and ``K_p[2]``). SSV: ``Parameter`` elements of type Real or Integer."""
+    and ``K_p[2]``). SSV: ``Parameter`` elements of a numeric type."""
     if file.suffix == ".ssv":
-        return {
-            parameter.get("name", ""): _number(file, parameter.get("name", ""), value.get("value"))
-            for parameter in _root(file).iterfind(".//{*}Parameter")
-            for value in parameter
-            if etree.QName(value).localname in ("Real", "Integer")
-        }
+        return _ssv_values(file)
     table = _toml(file).get("parameters")
     if not isinstance(table, Mapping):
         raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.')
@@ -47,6 +56,19 @@ def read_parameters(file: Path) -> dict[str, float]:
             values.update({f"{name}[{i}]": _number(file, name, element) for i, element in enumerate(value, start=1)})
         else:
             values[name] = _number(file, name, value)
+    return values
+
+
+def _ssv_values(file: Path) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for parameter in _root(file).iterfind(".//{*}Parameter"):
+        name = parameter.get("name", "")
+        types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
+        if not types:
+            raise InputError(f"{file}: the parameter {name} has no value of type Real or Integer.")
+        values[name] = _number(file, name, types[0].get("value"))
+    if not values:
+        raise InputError(f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value.")
     return values
 
 

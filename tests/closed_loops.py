@@ -24,9 +24,7 @@ T_S = Fraction(1, 4000)
 PAPER = protocols.load("paper")
 
 
-def quiet(
-    duration: str | Fraction, parameters: Mapping[str, float] | None = None, **changes: Any
-) -> Scenario:
+def quiet(duration: str | Fraction, parameters: Mapping[str, float] | None = None, **changes: Any) -> Scenario:
     """A scenario with all imperfections and disturbances off but those in ``changes``."""
     given = {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9} if parameters is None else parameters
     return Scenario(tuple(given.items()), seconds(duration), **{"sample_time": T_S, **changes})
@@ -36,9 +34,7 @@ def case(index: int, system: str, test: str, seed: int = 0) -> Case:
     """A case of the protocol ``paper``."""
     kind = PAPER.test(test)
     configuration = PAPER.grid[index]
-    return protocols.case(
-        PAPER, configuration, protocols.system(PAPER, NOMINAL, seed, index, system, kind), kind, seed
-    )
+    return protocols.case(PAPER, configuration, protocols.system(PAPER, NOMINAL, seed, index, system, kind), kind, seed)
 
 
 def work(setup: Setup, observe: tuple[str, ...], plant: Slave, controller: Slave, scenario: Scenario) -> Trajectory:

@@ -34,6 +34,12 @@ def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def exporter_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the FMUs of ``tests/exporters``: a recipe builds its own there when it is first asked for."""
+    return tmp_path_factory.mktemp("exporters")
+
+
+@pytest.fixture(scope="session")
 def plant_file(fmu_folder: Path) -> Path:
     """The manipulator's FMU."""
     return build_fmus.build("FlexibleManipulator", fmu_folder)

@@ -61,9 +61,7 @@ def build_stub(name: str, rows: list[Row], folder: Path) -> Path:
     Raises ``build_fmus.NoCompilerError`` where there is no C compiler.
     """
     root = Element("fmiModelDescription", fmiVersion="2.0", modelName=name, guid="", description="stub")
-    SubElement(
-        root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize="true"
-    )
+    SubElement(root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize="true")
     listed = SubElement(root, "ModelVariables")
     structure = SubElement(root, "ModelStructure")
     outputs = SubElement(structure, "Outputs")

@@ -50,9 +50,7 @@ def test_law_of_cosines(q):
 def test_virtual_work(q, F, axis):
     """A joint torque does the work that the force does at the tool: u_a . dq = F . dX for each joint."""
     step = 1e-5
-    moved = [
-        kinematics.tcp(ARM, *(angle + sign * step * (i == axis) for i, angle in enumerate(q))) for sign in (-1, 1)
-    ]
+    moved = [kinematics.tcp(ARM, *(angle + sign * step * (i == axis) for i, angle in enumerate(q))) for sign in (-1, 1)]
     work = sum(force * (after - before) for force, before, after in zip(F, *moved, strict=True)) / (2 * step)
     # Central differences: truncation step^2 / 6 and rounding EPS / step are 2e-11 each, times reach and force.
     assert tool_torque(q, F)[axis] == pytest.approx(work, abs=5e-11 * 2.5 * (abs(F[0]) + abs(F[1])) + 1e-300)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.cosim.plan import make_plan
 from orchestrator.cosim.scenario import NO_DELAY, seconds
+from orchestrator.errors import InputError
 
 sample_times = st.sampled_from([Fraction(1, 4000), Fraction(1, 3000), Fraction(1, 7), Fraction(3, 1000)])
 ratios = st.fractions(0, 9, max_denominator=12) | st.integers(0, 9).map(Fraction)
@@ -80,6 +82,13 @@ def test_fractions_split_a_step_where_the_torque_arrives():
     plan = make_plan(T_s, (T_s * Fraction(3, 10), T_s * Fraction(5, 4)), NO_DELAY)
     assert plan.step.tolist() == [0.0625e-3, 0.0125e-3, 0.175e-3]
     assert plan.drive_lag.tolist() == [[1, 2], [1, 1], [0, 1]]
+
+
+def test_times_without_a_grid_that_integers_can_count_are_refused():
+    T_s = Fraction(1, 4000)
+    make_plan(T_s, (Fraction("0.12345678901"), T_s), NO_DELAY)
+    with pytest.raises(InputError, match="fewer digits"):
+        make_plan(T_s, (seconds(0.1 * 3), T_s), NO_DELAY)
 
 
 def test_seconds_are_what_they_read_as():

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from fmpy import platform, platform_tuple, supported_platforms
+from fmpy import platform, supported_platforms
 from fmpy.validation import validate_fmu
 
 from ..cosim.archive import Archive
@@ -24,11 +24,10 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
     kind = "co-simulation" if archive.kind == "CoSimulation" else "Model Exchange"
     yield Finding(Severity.OK, "standard", f"FMI {description.fmiVersion} {kind}, exported by {tool}")
     platforms = [name for name in supported_platforms(str(archive.file)) if name != "c-code"]
-    here = platform_tuple if archive.major_version == "3" else platform
     if platforms:
-        yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {here})")
+        yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {platform})")
     else:
-        yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {here}")
+        yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
     interface = description.coSimulation if archive.kind == "CoSimulation" else description.modelExchange
     if str(interface.needsExecutionTool).lower() in ("true", "1"):
         yield Finding(

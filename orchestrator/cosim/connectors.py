@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
-from .names import canonical, spelling, zero_based
+from .names import ARRAY, canonical, spelling, zero_based
 from .units import conversion
 from .variables import Variable, variables
 
@@ -111,11 +111,16 @@ def bind(
 
 
 def bind_controller(description: ModelDescription, what: str, mapping: Mapping[str, str] | None = None) -> Binding:
-    """:func:`bind` for a controller, which needs ``q_m``, or ``e`` in its place."""
+    """:func:`bind` for a controller, which needs ``q_m``, or ``e`` in its place: one of the two is fed."""
     binding = bind(description, CONTROLLER, what, mapping)
     if "q_m" not in binding and "e" not in binding:
         raise InputError(_missing(CONTROLLER[0], variables(description), what))
-    if "e" in binding and ("q_m" in binding or "q_m_ref" in binding):
+    if "e" in binding and "q_m" in binding:
+        if "q_m_ref" not in binding:
+            raise InputError(
+                f"{what} has both inputs, q_m and e, but no q_m_ref. The benchmark feeds one of the two: give the "
+                "controller q_m_ref and form the error inside, or leave q_m out."
+            )
         return {name: bound for name, bound in binding.items() if name != "e"}
     return binding
 
@@ -186,8 +191,8 @@ def _find(
         raise InputError(f"The mapping has only one of {components[0]} and {components[1]}. Give both.")
     for pair in (components, zero_based(connector.name)):
         if all(name in known for name in pair):
-            further = [known[name] for name in (f"{connector.name}[{index}]" for index in (2, 3)) if name in known]
-            return list(dict.fromkeys([*(known[name] for name in pair), *further])), "exact"
+            every = (f"{connector.name}[{index}]" for index in range(10))
+            return [known[name] for name in every if name in known], "exact"
     if connector.name in known and known[connector.name].size > 1:
         return [known[connector.name]], "exact"
     return _by_spelling(connector, known, what), "by spelling"
@@ -195,22 +200,23 @@ def _find(
 
 def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
     wanted = canonical(connector.name)
-    candidates: dict[int, list[Variable]] = {0: [], 1: [], 2: []}
+    candidates: dict[int, list[Variable]] = {}
     for variable in known.values():
         found = spelling(variable.name, variable.size > 1)
         if found is not None and found.base == wanted and variable.causality in connector.causalities:
-            candidates[found.index].append(variable)
-    arrays, first, second = (candidates[index] for index in (0, 1, 2))
-    if len(arrays) + max(len(first), len(second)) > 1:
-        names = ", ".join(variable.name for variable in (*arrays, *first, *second))
-        example = (arrays or first)[0].name
+            candidates.setdefault(found.index, []).append(variable)
+    arrays = candidates.pop(ARRAY, [])
+    scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
+    if len(arrays) + max(map(len, candidates.values()), default=0) > 1:
+        names = ", ".join(variable.name for variable in (*arrays, *scalars))
+        example = (*arrays, *scalars)[0].name
         raise InputError(
             f"{what} has more than one candidate for {connector.name}: {names}. "
             f"Say which, such as --map {connector.name if arrays else connector.components()[0]}={example}."
         )
     if arrays:
         return arrays
-    return [*first, *second] if first and second else []
+    return scalars if set(candidates) >= {1, 2} or set(candidates) == {0, 1} else []
 
 
 def _bound(
@@ -220,13 +226,14 @@ def _bound(
     for variable in found:
         if not variable.is_real or variable.causality not in connector.causalities:
             raise InputError(
-                f"{what}: {variable.name} is a {variable.type} {variable.causality}, but {connector.name} must be a "
-                f"real {wanted} [{connector.unit}]. Change its declaration and export the FMU again."
+                f"{what}: {variable.name} is declared as {variable.type}, {variable.causality}, but {connector.name} "
+                f"must be a real {wanted} [{connector.unit}]. Change its declaration and export the FMU again."
             )
-    sizes = [variable.size for variable in found]
-    if sum(sizes) != 2:
+    size = sum(variable.size for variable in found)
+    if size != 2:
+        names = ", ".join(variable.name for variable in found)
         raise InputError(
-            f"{what}: {found[0].name} has {sum(sizes)} elements, but {connector.name} needs 2, one an axis. "
+            f"{what}: {names} has {size} elements, but {connector.name} needs 2, one an axis. "
             "Change its dimension and export the FMU again."
         )
     if len({variable.type for variable in found}) > 1:

@@ -29,11 +29,24 @@ def _cache_of_these_sources() -> str:
 
 
 def compiled(function: F) -> F:
-    """``function`` as machine code in IEEE arithmetic (no fast-math), cached on disk."""
+    """``function`` as machine code in IEEE arithmetic (no fast-math), cached on disk.
+
+    It may not allocate arrays: without Numba's runtime there is no counting of references to arrays, which takes
+    longer than the master loop itself.
+    """
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """Like :func:`compiled`, and copied into its callers: an argument with many arrays is costly to hand over."""
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: F, **options: bool) -> F:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _cache_of_these_sources()
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, error_model="numpy", _nrt=False, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

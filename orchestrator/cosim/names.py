@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 AXIS_WORDS = {"axis", "joint"}
 
+ARRAY = -1
+"""Index of a whole array."""
+
 
 @dataclass(frozen=True)
 class Spelling:
-    """``base`` is a name without case and punctuation ("qm"), ``index`` 1 or 2, or 0 for a whole array."""
+    """``base`` is a name without case and punctuation ("qm"), ``index`` the component's digit, ARRAY for an array."""
 
     base: str
     index: int
@@ -28,15 +31,14 @@ def spelling(name: str, array: bool) -> Spelling | None:
         local = parts[-2] + "_" + local
     words = re.findall(r"[a-z]+|\d+", local.lower())
     if array:
-        return Spelling("".join(words), 0)
+        return Spelling("".join(words), ARRAY)
     if not words or not words[-1].isdigit():
         return None
     number = words.pop()
     if words and words[-1] in AXIS_WORDS:
         words.pop()
     base = "".join(words) + number[:-1]
-    index = int(number[-1])
-    return Spelling(base, index) if base and index in (1, 2) else None
+    return Spelling(base, int(number[-1])) if base else None
 
 
 def zero_based(name: str) -> tuple[str, str]:

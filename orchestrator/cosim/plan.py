@@ -13,7 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
 from .scenario import Delays
+
+FINEST = 10**14
+"""Most ticks a second: 64-bit integers then count to 92,000 s."""
 
 
 class Plan(NamedTuple):
@@ -46,6 +50,8 @@ def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays, longest: Fra
 
     A command of sample k reaches the motor at t_k + delay; a measurement for sample k is taken at t_k minus the
     fractional part of the sensor's delay and given to the controller so many whole samples later.
+
+    Raises :class:`InputError` where the times have no common grid that integers can count.
     """
     whole_drive, arrival = zip(*(divmod(delay, sample_time) for delay in drive), strict=True)
     whole_sensor, early = zip(*(divmod(delay, sample_time) for delay in sensor), strict=True)
@@ -55,6 +61,10 @@ def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays, longest: Fra
     begins = sorted({*regular, *arrival, *(take for take in takes if take < sample_time)})
     ends = [*begins[1:], sample_time]
     denominator = math.lcm(sample_time.denominator, *(time.denominator for time in begins))
+    if denominator > FINEST:
+        raise InputError(
+            f"Sample time and delays fit no common grid of {1 / FINEST:g} s or coarser. Give them with fewer digits."
+        )
 
     def ticks(time: Fraction) -> int:
         return int(time * denominator)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .jit import call_status, compiled
+from .jit import call_status, compiled, inlined
 from .trace import CALL, SIDE
 
 SET, STEP, GET = range(3)
@@ -72,7 +72,7 @@ class Port(NamedTuple):
     """Words of :class:`orchestrator.cosim.trace.Trace`: before each call it is noted there."""
 
 
-@compiled
+@inlined
 def exchange(port, count, time, step, read):
     """Write the first ``count`` inputs, advance by ``step`` [s] from ``time`` [s], read the outputs if ``read``.
 
@@ -104,7 +104,7 @@ def exchange_often(port, first, steps, step):
     return worst
 
 
-@compiled
+@inlined
 def _write(port, count):
     port.trace[CALL] = 1 + SET
     references, values = port.inputs.ctypes.data, port.input_values.ctypes.data
@@ -118,7 +118,7 @@ def _write(port, count):
     return call_status(port.set_values, (port.instance, references, np.int64(count), values))
 
 
-@compiled
+@inlined
 def _read(port):
     port.trace[CALL] = 1 + GET
     references, values = port.outputs.ctypes.data, port.output_values.ctypes.data
@@ -136,7 +136,7 @@ def _read(port):
     return status
 
 
-@compiled
+@inlined
 def _do_step_3(port, time, step):
     """fmi3DoStep with its outputs eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime."""
     flags = port.info.view(np.uint8)

@@ -9,6 +9,9 @@ from ..errors import InputError
 from .archive import Archive
 from .scenario import seconds
 
+MOST = 1000
+"""How many times the benchmark's sample time a controller's may be, or the other way round: beyond it is a slip."""
+
 
 @dataclass(frozen=True)
 class SampleTime:
@@ -25,10 +28,10 @@ def controller_sample_time(controller: Archive, benchmark: Fraction, given: Frac
     """
     found = _find(controller, benchmark, given)
     ratio = found.value / benchmark if found.value > 0 else Fraction(0)
-    if found.value <= 0 or (ratio.denominator != 1 and ratio.numerator != 1):
+    if found.value <= 0 or min(ratio.numerator, ratio.denominator) != 1 or max(ratio.as_integer_ratio()) > MOST:
         raise InputError(
             f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), no integer multiple "
-            f"or fraction of the benchmark's {float(benchmark):g} s. Export it so, or say what "
+            f"or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s. Export it so, or say what "
             f"it is: --sample-time {float(benchmark):g}."
         )
     return found
@@ -43,8 +46,18 @@ def _find(controller: Archive, benchmark: Fraction, given: Fraction | None) -> S
     default = experiment.stepSize if experiment is not None else None
     for text, origin in ((fixed, "fixedInternalStepSize"), (default, "DefaultExperiment")):
         if text not in (None, ""):
-            return SampleTime(_near(seconds(str(text)), benchmark), origin)
+            return SampleTime(_near(_read(controller, str(text), origin), benchmark), origin)
     return SampleTime(benchmark, "benchmark")
+
+
+def _read(controller: Archive, text: str, origin: str) -> Fraction:
+    try:
+        return seconds(text)
+    except ValueError:
+        raise InputError(
+            f"The sample time of {controller.name}, {text!r} ({origin}), is no number of seconds. Export the FMU again, "
+            "or say what it is: --sample-time 0.00025."
+        ) from None
 
 
 def _near(value: Fraction, benchmark: Fraction) -> Fraction:

@@ -34,6 +34,7 @@ KNOWN: dict[str, Dimension] = {
     "m": _of(m=1),
     **dict.fromkeys(("s", "sec"), _of(s=1)),
     "ms": _of(1e-3, s=1),
+    "1": _of(),
 }
 """Units that are understood by name where an FMU does not say what they are made of."""
 
@@ -57,6 +58,11 @@ def conversion(description: ModelDescription, unit: str | None, wanted: str, whe
     base = definition.baseUnit if definition is not None else None
     found = _dimension(base) if base is not None else KNOWN.get(unit)
     target = KNOWN[wanted]
+    if base is not None and base.offset:
+        raise InputError(
+            f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {base.offset:g}). "
+            f"Declare it in {wanted}."
+        )
     if found is None:
         if unit == wanted:
             return Conversion(1.0)

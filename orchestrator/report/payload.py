@@ -14,7 +14,7 @@ from .recording import SPREAD, Recording, thin
 from .run import Run
 from .wording import SHOWN
 
-SPREAD_INTERVALS = 500
+SPREAD_INTERVALS = 1000
 """Intervals that the many trajectories of Figures 11 and 12 are thinned out to once more."""
 
 
@@ -27,7 +27,7 @@ def report_payload(run: Run) -> dict[str, Any]:
         "rules": document["rules"],
         "stability": _stability(run),
         "recordings": [packed(entry) for entry in run.recordings if SPREAD not in entry.about.roles],
-        "spread": [packed_motion(entry) for entry in run.recorded(SPREAD)],
+        "spread": [packed_error(entry, SPREAD_INTERVALS) for entry in run.recorded(SPREAD)],
     }
 
 
@@ -57,10 +57,10 @@ def packed(entry: Recording) -> dict[str, Any]:
     }
 
 
-def packed_motion(entry: Recording) -> dict[str, Any]:
-    """A recording's TCP offset only, thinned out further."""
-    kept = thin(np.column_stack([entry.error]), SPREAD_INTERVALS)
-    return {**asdict(entry.about), "motion": [_packed(column) for column in entry.motion[kept, :3].T]}
+def packed_error(entry: Recording, intervals: int) -> dict[str, Any]:
+    """A recording's TCP error over time only, thinned out further: ``curve`` has the columns t [s] and error [m]."""
+    kept = thin(entry.error[:, None], intervals)
+    return {**asdict(entry.about), "curve": [_packed(entry.motion[kept, 0]), _packed(entry.error[kept])]}
 
 
 def script_json(value: Any) -> str:

@@ -11,6 +11,8 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -117,7 +119,7 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
         arrays[f"motion_{number}"] = recording.motion
         arrays[f"torque_{number}"] = recording.torque
     stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
+    np.savez_compressed(stream, allow_pickle=False, **arrays)
     write_bytes(folder / FILE, stream.getvalue())
 
 
@@ -132,10 +134,11 @@ def load(folder: Path) -> tuple[Recording, ...]:
                 Recording(_about(entry), stored[f"motion_{number}"], stored[f"torque_{number}"])
                 for number, entry in enumerate(json.loads(str(stored["about"])))
             )
-    except (OSError, ValueError, KeyError, TypeError) as problem:
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as problem:
         raise InputError(f"{file} cannot be read: {problem}. Delete it, or run the evaluation again.") from problem
 
 
-def _about(entry: dict) -> About:
+def _about(entry: dict[str, Any]) -> About:
     """Lists of JSON as the tuples they were."""
-    return About(**{name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()})
+    values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()}
+    return About(**values)

@@ -30,7 +30,7 @@ class Run:
 
 
 def load_run(path: Path) -> Run:
-    """The run in the folder ``path`` (or of the results file itself); raises :class:`InputError` where there is none."""
+    """The run in the folder ``path`` (or of that results file); raises :class:`InputError` where there is none."""
     file = path / FILE if path.is_dir() else path
     try:
         document: Any = json.loads(file.read_text(encoding="utf-8"))

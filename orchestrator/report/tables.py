@@ -7,8 +7,6 @@ import io
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import InputError
-
 Document = Mapping[str, Any]
 """The contents of ``results.json``."""
 
@@ -44,11 +42,9 @@ def csv_text(document: Document) -> str:
 
 
 def parquet_bytes(document: Document) -> bytes:
-    """The same table in Parquet; raises :class:`InputError` where pyarrow is not installed."""
-    try:
-        from pyarrow import BufferOutputStream, bool_, float64, parquet, table
-    except ImportError as problem:
-        raise InputError("Parquet files need the package pyarrow: pip install pyarrow") from problem
+    """The same table in Parquet, by the optional package pyarrow."""
+    from pyarrow import BufferOutputStream, bool_, float64, parquet, table
+
     columns = table(case_table(document))
     for number, name in enumerate(columns.column_names):
         if columns.schema.field(name).type == "null":  # no case has such a figure

@@ -16,11 +16,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """``function`` as machine code, cached on disk; unchanged where Numba is not installed.
 
-    IEEE arithmetic is kept (no fast-math), so a result does not depend on the optimiser's choices.
+    IEEE arithmetic is kept (no fast-math), so a result does not depend on the optimiser's choices. The function may
+    not allocate arrays: it does without Numba's runtime, which would count references to those it is given.
     """
     if numba is None:
         return function
+    options = {"error_model": "numpy", "_nrt": False}
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to write the cache to: compile for this process alone
-        return numba.njit(error_model="numpy")(function)
+        return numba.njit(**options)(function)

@@ -22,8 +22,8 @@ DISCRETE = [recipe for recipe in RECIPES.values() if recipe.timing is not Timing
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("exporters")
+def folder(exporter_folder: Path) -> Path:
+    return exporter_folder
 
 
 def random_errors(samples: int = 50) -> Errors:

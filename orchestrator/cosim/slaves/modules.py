@@ -27,13 +27,14 @@ class PrivateModules:
         path = list(sys.path)
         covered = {name: sys.modules[name] for name in self._modules if name in sys.modules}
         sys.modules.update(self._modules)
+        before = set(sys.modules)
         try:
             yield
         finally:
-            own = {name: module for name, module in sys.modules.items() if self._owns(module)}
-            self._modules.update(own)
-            for name in own:
-                del sys.modules[name]
+            imported = {name: sys.modules[name] for name in sys.modules.keys() - before}
+            self._modules.update({name: module for name, module in imported.items() if self._owns(module)})
+            for name in self._modules:
+                sys.modules.pop(name, None)
             sys.modules.update(covered)
             sys.path[:] = path
 

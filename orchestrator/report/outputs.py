@@ -1,0 +1,56 @@
+"""What is made of a run on request: the report, figures, tables for other tools. Options and files in one place."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..errors import InputError
+from . import report_page
+from .files import write_bytes, write_text
+from .run import load_run
+from .tables import parquet_bytes
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of what is written beside ``results.json`` and ``cases.csv``."""
+    group = parser.add_argument_group("report")
+    group.add_argument("--no-report", action="store_true", help="write no report.html")
+    group.add_argument("--figures", action="store_true", help="write the paper's figures as PDF, SVG and PNG")
+    group.add_argument("--parquet", action="store_true", help="write cases.parquet (needs pyarrow)")
+    group.add_argument("--mat", action="store_true", help="write trajectories.mat, the recorded cases for MATLAB")
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for what cannot be written here, before anything is simulated for it."""
+    if options.parquet and find_spec("pyarrow") is None:
+        raise InputError("--parquet needs the package pyarrow: pip install pyarrow")
+
+
+def need_recordings(options: argparse.Namespace) -> bool:
+    """Whether anything that was asked for shows trajectories."""
+    return not options.no_report or options.figures or options.mat
+
+
+def write_outputs(folder: Path, options: argparse.Namespace) -> list[str]:
+    """Make what ``options`` ask for of the run in ``folder``; returns the names of the files written."""
+    check_options(options)
+    run = load_run(folder)
+    written = []
+    if options.parquet:
+        write_bytes(run.folder / "cases.parquet", parquet_bytes(run.document))
+        written.append("cases.parquet")
+    if options.mat:
+        from .mat import mat_bytes
+
+        write_bytes(run.folder / "trajectories.mat", mat_bytes(run))
+        written.append("trajectories.mat")
+    if options.figures:
+        from .figures import write_figures
+
+        written += write_figures(run)
+    if not options.no_report:
+        write_text(run.folder / report_page.FILE, report_page.report_html(run))
+        written.append(report_page.FILE)
+    return written

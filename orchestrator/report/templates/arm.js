@@ -1,0 +1,48 @@
+// The arm in the x,z plane, z upwards: a drawing in metres.
+
+/** Elbow and TCP [m] at the link angles, eq. (9). */
+function joints(q_a1, q_a2, [l_1, l_2] = data.links) {
+  const elbow = [l_1 * Math.sin(q_a1), l_1 * Math.cos(q_a1)];
+  const q_12 = q_a1 + q_a2;
+  return { elbow, tcp: [elbow[0] + l_2 * Math.cos(q_12), elbow[1] - l_2 * Math.sin(q_12)] };
+}
+
+/** An empty stage that holds the arm in every pose; `label` says what it shows. */
+function stage(label, reach = 1.08 * (data.links[0] + data.links[1])) {
+  const box = [-reach, -reach, 2 * reach, 2 * reach];
+  const svg = drawn("svg", { viewBox: box.join(" "), role: "img", "aria-label": label });
+  const flipped = drawn("g", { transform: "scale(1,-1)" });
+  const line = colour("line");
+  for (let metre = -Math.floor(reach); metre <= reach; metre += 1) {
+    flipped.append(
+      drawn("path", { d: `M${-reach},${metre}H${reach}M${metre},${-reach}V${reach}`, stroke: line, "stroke-width": 0.008, fill: "none" })
+    );
+  }
+  svg.append(flipped);
+  svg.append(
+    ...[["x [m]", reach - 0.42, 0.14], ["z [m]", 0.06, -reach + 0.14]].map(([text, x, y]) =>
+      drawn("text", { x, y, "font-size": 0.14, fill: colour("soft") }, text)),
+    ...[-2, -1, 1, 2].flatMap((metre) => [
+      drawn("text", { x: metre, y: 0.14, "font-size": 0.12, "text-anchor": "middle", fill: colour("soft") }, String(metre)),
+      drawn("text", { x: -0.06, y: -metre + 0.04, "font-size": 0.12, "text-anchor": "end", fill: colour("soft") }, String(metre)),
+    ])
+  );
+  return { svg, world: flipped };
+}
+
+/** A drawing of the arm; `pose` moves it. */
+function armDrawing(stroke, width = 0.07, opacity = 1) {
+  const links = drawn("path", { fill: "none", stroke, "stroke-width": width, "stroke-linecap": "round", "stroke-linejoin": "round" });
+  const points = [1, 1, 0.8].map((size) => drawn("circle", { r: size * width, fill: colour("card"), stroke, "stroke-width": 0.4 * width }));
+  const group = drawn("g", { opacity }, links, ...points);
+  const pose = (q_a1, q_a2) => {
+    const { elbow, tcp } = joints(q_a1, q_a2);
+    links.setAttribute("d", `M0,0L${elbow}L${tcp}`);
+    [[0, 0], elbow, tcp].forEach(([x, y], index) => {
+      points[index].setAttribute("cx", x);
+      points[index].setAttribute("cy", y);
+    });
+    return tcp;
+  };
+  return { group, pose };
+}

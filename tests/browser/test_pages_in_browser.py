@@ -1,0 +1,201 @@
+"""The pages in a real browser: every view of a real run, no console error, no request, on a desk and on a phone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import pytest
+from reports import evaluation, stored
+
+from browser.conftest import DESKTOP, PHONE
+from orchestrator import compare, evaluate
+from orchestrator.report.compare_page import FILE as COMPARE_PAGE
+from orchestrator.report.report_page import FILE as REPORT_PAGE
+from orchestrator.report.report_page import report_html
+
+pytestmark = pytest.mark.slow
+
+VIEWS = ("summary", "workspace", "case", "spread", "stability", "motion", "failures")
+COMPARE_VIEWS = ("leaderboard", "bars", "difference", "overlay")
+NAME = "<img src=x onerror=alert(1)>.fmu" if os.name == "posix" else "odd & name.fmu"
+
+
+@pytest.fixture(scope="module")
+def folders(chromium, tmp_path_factory, pid_file):
+    """Two quick runs of a controller with a hostile name, the second with another gain."""
+    folder = tmp_path_factory.mktemp("runs")
+    controller = shutil.copy(pid_file, folder / NAME)
+    for name, options in (("first", []), ("second", ["--set", "K_p[2]=20"])):
+        arguments = [str(controller), "--quick", "--output-dir", str(folder / name), *options]
+        assert evaluate.main(arguments) == 0
+    return folder / "first", folder / "second"
+
+
+@pytest.fixture(scope="module")
+def report(folders):
+    return folders[0] / REPORT_PAGE
+
+
+@pytest.fixture(scope="module")
+def comparison(folders):
+    out = folders[0].parent / "comparison"
+    assert compare.main([*map(str, folders), "--output-dir", str(out)]) == 0
+    return out / COMPARE_PAGE
+
+
+def view(page, name):
+    """Show a view by its tab."""
+    page.locator(f"#tab-{name}").click()
+    assert page.locator(f"#{name}").is_visible()
+    assert page.locator('[role="tabpanel"]:visible').count() == 1
+
+
+def check_charts(page):
+    """Every figure in sight is drawn and has a text."""
+    for chart in page.locator(".chart:visible").all():
+        assert chart.locator("canvas").count() == 1
+        assert len(chart.get_attribute("aria-label")) > 20
+    for caption in page.locator("figcaption:visible").all():
+        assert caption.inner_text().strip()
+        assert "NaN" not in caption.inner_text() and "undefined" not in caption.inner_text()
+
+
+@pytest.mark.parametrize(("size", "device"), [(DESKTOP, "desk"), (PHONE, "phone")])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_view_of_the_report(report, open_page, screenshot, size, device, scheme):
+    page = open_page(report, size, scheme)
+    assert page.locator("h1").inner_text() == NAME
+    for name in VIEWS:
+        view(page, name)
+        check_charts(page)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        screenshot(page, f"report-{name}-{device}-{scheme}")
+
+
+@pytest.mark.parametrize(("size", "device"), [(DESKTOP, "desk"), (PHONE, "phone")])
+def test_every_view_of_the_comparison(comparison, open_page, screenshot, size, device):
+    page = open_page(comparison, size)
+    for name in COMPARE_VIEWS:
+        view(page, name)
+        check_charts(page)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
+        screenshot(page, f"compare-{name}-{device}")
+    view(page, "overlay")
+    for criterion in ("B5", "B6", "B7"):
+        page.locator("#which").select_option(criterion)
+        assert f"worst case of {criterion}" in page.locator("#overlay-chart-text").inner_text()
+
+
+@pytest.mark.parametrize("name", [*VIEWS])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_report_is_accessible(report, open_page, name, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    page = open_page(report, scheme=scheme)
+    view(page, name)
+    found = axe.Axe().run(page).response["violations"]
+    assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
+
+
+def test_a_click_on_a_criterion_shows_its_worst_case(report, open_page):
+    page = open_page(report)
+    for criterion in ("B5", "B7"):
+        view(page, "summary")
+        page.locator("#summary tr", has=page.locator(f"th:text-is('{criterion}')")).locator("button").click()
+        assert page.locator("#case").is_visible()
+        assert f"worst {criterion}" in page.locator("#case-text").inner_text()
+
+
+def test_zoom_by_button_and_whole(report, open_page):
+    page = open_page(report)
+    view(page, "case")
+    option = "echarts.getInstanceByDom(document.querySelector('#error-chart')).getOption().dataZoom[0]"
+    seen = f"[{option}.startValue, {option}.endValue]"
+    page.get_by_role("button", name="Chirp").click()
+    assert page.evaluate(seen)[1] == pytest.approx(8.5, abs=0.01)
+    page.get_by_role("button", name="Whole").click()
+    assert page.evaluate(seen) == pytest.approx([0, 26], abs=0.01)
+    torque = seen.replace("error-chart", "torque-chart")
+    page.get_by_role("button", name="Force").click()
+    assert page.evaluate(torque)[0] == pytest.approx(9.8, abs=0.01), "both charts show the same time"
+
+
+def test_the_map_is_walked_by_keyboard_and_poses_the_arm(report, open_page):
+    page = open_page(report)
+    view(page, "workspace")
+    page.locator("#quantity").select_option("B7")
+    page.locator("#heat button[tabindex='0']").focus()
+    told = set()
+    for key in ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowUp"):
+        page.keyboard.press(key)
+        told.add((page.locator("#arm-text").inner_text(), page.locator("#arm path").last.get_attribute("d")))
+    assert len(told) == 3 or len(told) == 4
+    assert len({pose for _, pose in told}) == len(told)
+
+
+def test_tabs_are_walked_by_keyboard(report, open_page):
+    page = open_page(report)
+    page.locator("#tab-summary").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#workspace").is_visible()
+    page.keyboard.press("End")
+    assert page.locator("#failures").is_visible()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#summary").is_visible()
+
+
+def test_the_arm_plays_pauses_and_is_scrubbed(report, open_page):
+    page = open_page(report)
+    view(page, "motion")
+    now = "Number(document.querySelector('#scrub').value)"
+    begin = page.evaluate(now)
+    page.locator("#play").click()
+    page.wait_for_function(f"{now} > {begin} + 0.02")
+    page.locator("#play").click()
+    stopped = page.evaluate(now)
+    page.wait_for_timeout(200)
+    assert page.evaluate(now) == stopped
+    before = page.locator("#stage path").all()[-3].get_attribute("d")
+    page.locator("#scrub").fill("10.1")
+    assert "t = 10.100 s" in page.locator("#motion-text").inner_text()
+    assert "force on" in page.locator("#motion-text").inner_text()
+    assert page.locator("#stage path").all()[-3].get_attribute("d") != before
+
+
+def test_light_and_dark_by_button(report, open_page):
+    page = open_page(report, scheme="light")
+    ground = "getComputedStyle(document.body).backgroundColor"
+    light = page.evaluate(ground)
+    page.locator("#theme").click()
+    assert page.evaluate(ground) != light
+
+
+def test_stability_tests_are_filtered(report, open_page):
+    page = open_page(report)
+    view(page, "stability")
+    page.locator("#stability-test").select_option("gain_2")
+    tests = page.locator("#stability-table tbody tr:visible td:nth-child(4)").all_inner_texts()
+    assert set(tests) == {"gain_2"} and len(tests) == 4
+
+
+def test_a_report_without_trajectories_opens(tmp_path, plant_file, pid_file, open_page):
+    run = stored(tmp_path, evaluation(plant_file, pid_file, []), ())
+    file = tmp_path / REPORT_PAGE
+    file.write_text(report_html(run), encoding="utf-8")
+    page = open_page(file)
+    for name in VIEWS:
+        view(page, name)
+
+
+def test_scripts_in_names_and_messages_do_not_run(tmp_path, plant_file, pid_file, open_page):
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    run = stored(tmp_path, evaluation(plant_file, pid_file))
+    run.document["controller"].update(file=evil, generation_tool=evil)
+    run.document["cases"][0].update(id=evil, system=evil, status="error", message=evil)
+    file = tmp_path / REPORT_PAGE
+    file.write_text(report_html(run), encoding="utf-8")
+    page = open_page(file)
+    assert page.locator("h1").inner_text() == evil
+    for name in VIEWS:
+        view(page, name)
+        check_charts(page)

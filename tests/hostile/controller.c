@@ -1,0 +1,365 @@
+/* A well-behaved FMI 2.0 controller, u_m = u_m0 + q_m_ref - q_m, until the fault strikes that is written in its
+ * resources/fault.txt: what, in which call, from which time on [s], in which simulations (0: all, else the number
+ * of the instance in this process, or minus its stop time in ms). */
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <fenv.h>
+#include <math.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include "fmi2Functions.h"
+
+enum { AXES = 2, Q_M_REF = 0, Q_M = 2, U_M = 4, U_M0 = 6, VARIABLES = 8, HUGE_MESSAGE = 8 << 20 };
+
+typedef struct {
+    double values[VARIABLES];
+    double time;
+    double stop_time;
+    int number;
+    char resources[4096];
+    char what[64], where[64];
+    double from, which;
+    fmi2CallbackLogger logger;
+    fmi2ComponentEnvironment environment;
+} Controller;
+
+static int instances;
+
+/* ---- Faults ---- */
+
+static void say(Controller *own, fmi2Status status, const char *message)
+{
+    own->logger(own->environment, "hostile", status, "log", "%s", message);
+}
+
+static void spin(void)
+{
+    for (volatile unsigned long i = 0;; i++) continue;
+}
+
+static void *spin_beside(void *unused)
+{
+    spin();
+    return unused;
+}
+
+static void *crash_beside(void *unused)
+{
+    usleep(20000);
+    abort();
+    return unused;
+}
+
+static void look_away(int signal) { (void)signal; }
+
+static int recurse(volatile int depth)
+{
+    volatile char block[4096];
+    block[depth % 4096] = (char)depth;
+    return recurse(depth + 1) + block[depth % 4096];
+}
+
+/* A process that stays behind; its number goes into the FMU's own folder. */
+static void leave_daemon(Controller *own, int new_session)
+{
+    const pid_t child = fork();
+    if (child == 0) {
+        if (new_session) {
+            setsid();
+            if (fork() != 0) _exit(0);
+        }
+        char name[4200];
+        snprintf(name, sizeof name, "%s/daemon.pid", own->resources);
+        FILE *file = fopen(name, "w");
+        if (file) {
+            fprintf(file, "%d", (int)getpid());
+            fclose(file);
+        }
+        for (;;) sleep(1);
+    }
+    usleep(300000);
+}
+
+static void write_everywhere(const char *bytes, size_t size)
+{
+    for (int file = 3; file < 64; file++) {
+        struct stat about;
+        if (fstat(file, &about) == 0 && (S_ISFIFO(about.st_mode) || S_ISSOCK(about.st_mode))) {
+            fcntl(file, F_SETFL, O_NONBLOCK);
+            if (write(file, bytes, size) < 0) continue;
+        }
+    }
+}
+
+static int equal(const char *a, const char *b) { return strcmp(a, b) == 0; }
+
+/* What the call returns if nothing worse happens. */
+static fmi2Status strike(Controller *own)
+{
+    const char *what = own->what;
+    if (strncmp(what, "status:", 7) == 0) {
+        say(own, fmi2Warning, "as you wish");
+        return (fmi2Status)atoi(what + 7);
+    }
+    if (strncmp(what, "value:", 6) == 0) {
+        own->values[U_M + 1] = strtod(what + 6, NULL);
+        return fmi2OK;
+    }
+    if (strncmp(what, "exit:", 5) == 0) exit(atoi(what + 5));
+    if (strncmp(what, "_exit:", 6) == 0) _exit(atoi(what + 6));
+    if (strncmp(what, "kill:", 5) == 0) kill(getpid(), atoi(what + 5));
+    if (equal(what, "segfault")) {
+        say(own, fmi2Warning, "about to follow a bad pointer");
+        *(volatile int *)16 = 1;
+    }
+    if (equal(what, "abort")) abort();
+    if (equal(what, "overflow")) recurse(0);
+    if (equal(what, "divide")) {
+        volatile int zero = 0;
+        own->values[U_M] = own->number / zero;
+    }
+    if (equal(what, "trap")) feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);
+    if (equal(what, "round")) fesetround(FE_UPWARD);
+    if (equal(what, "spin")) spin();
+    if (equal(what, "pause")) pause();
+    if (equal(what, "ignore-alarm")) {
+        signal(SIGALRM, SIG_IGN);
+        spin();
+    }
+    if (equal(what, "stop-timer")) {
+        const struct itimerval never = {0};
+        setitimer(ITIMER_REAL, &never, NULL);
+        spin();
+    }
+    if (equal(what, "block-signals")) {
+        sigset_t all;
+        sigfillset(&all);
+        sigprocmask(SIG_BLOCK, &all, NULL);
+        spin();
+    }
+    if (equal(what, "stop")) raise(SIGSTOP);
+    if (equal(what, "handlers")) {
+        for (int number = 1; number < 32; number++) signal(number, look_away);
+        *(volatile int *)16 = 1; /* the handler returns, the instruction is tried again, for ever */
+    }
+    if (equal(what, "thread")) {
+        pthread_t thread;
+        pthread_create(&thread, NULL, spin_beside, NULL);
+        own->what[0] = 0;
+    }
+    if (equal(what, "thread-crash")) {
+        pthread_t thread;
+        pthread_create(&thread, NULL, crash_beside, NULL);
+        spin();
+    }
+    if (equal(what, "grow"))
+        for (;;) {
+            const size_t size = 16 << 20;
+            char *block = malloc(size);
+            if (block) memset(block, 1, size);
+            usleep(20000);
+        }
+    if (equal(what, "leak")) memset(malloc(4 << 20), 1, 4 << 20);
+    if (strncmp(what, "log:", 4) == 0)
+        for (;;) say(own, (fmi2Status)atoi(what + 4), "still here, and talking");
+    if (equal(what, "print"))
+        for (;;) puts("no news, but plenty of it");
+    if (equal(what, "utf8")) say(own, fmi2Error, "caf\xe9 \xff\xfe \xc0\x80");
+    if (equal(what, "percent")) say(own, fmi2Error, "100 %s of %n and %d%%");
+    if (equal(what, "format")) own->logger(own->environment, "hostile", fmi2Error, "log", "100 %s of %s %s %s %s %s");
+    if (equal(what, "null-message")) own->logger(own->environment, NULL, fmi2Error, NULL, NULL);
+    if (equal(what, "huge-message")) {
+        char *text = malloc(HUGE_MESSAGE);
+        memset(text, 'x', HUGE_MESSAGE - 1);
+        text[HUGE_MESSAGE - 1] = 0;
+        say(own, fmi2Error, text);
+    }
+    if (equal(what, "chdir") && chdir("/") != 0) return fmi2Error;
+    if (equal(what, "umask")) umask(0777);
+    if (equal(what, "close-output")) {
+        close(1);
+        close(2);
+    }
+    if (equal(what, "close-all")) {
+        for (int file = 0; file < 256; file++) close(file);
+        spin();
+    }
+    if (equal(what, "daemon")) leave_daemon(own, 0);
+    if (equal(what, "daemon-session")) leave_daemon(own, 1);
+    if (equal(what, "daemon-crash")) {
+        leave_daemon(own, 1);
+        abort();
+    }
+    if (equal(what, "garbage")) {
+        write_everywhere("\x7f\x00\x00\x00garbage", 11);
+        spin();
+    }
+    if (equal(what, "pickle")) { /* a message of the right length whose unpickling would run a command */
+        char message[512], framed[600];
+        snprintf(message, sizeof message, "cposix\nsystem\n(Vtouch '%s/unpickled'\ntR.", own->resources);
+        const unsigned size = (unsigned)strlen(message);
+        framed[0] = (char)(size >> 24), framed[1] = (char)(size >> 16);
+        framed[2] = (char)(size >> 8), framed[3] = (char)size;
+        memcpy(framed + 4, message, size);
+        write_everywhere(framed, size + 4);
+        spin();
+    }
+    if (equal(what, "kill-parent")) {
+        kill(getppid(), SIGKILL);
+        spin();
+    }
+    if (equal(what, "count")) { /* state outside the instance: a file of its own, which changes the torque */
+        char name[4200];
+        int visits = 0;
+        snprintf(name, sizeof name, "%s/visits.txt", own->resources);
+        FILE *file = fopen(name, "r");
+        if (file && fscanf(file, "%d", &visits) != 1) visits = 0;
+        if (file) fclose(file);
+        file = fopen(name, "w");
+        if (file) {
+            fprintf(file, "%d", visits + 1);
+            fclose(file);
+        }
+        own->what[0] = 0;
+    }
+    if (equal(what, "spoil")) { /* its own description of faults */
+        char name[4200];
+        snprintf(name, sizeof name, "%s/fault.txt", own->resources);
+        FILE *file = fopen(name, "w");
+        if (file) {
+            fputs("abort step 0 0\n", file);
+            fclose(file);
+        }
+    }
+    if (equal(what, "network") && socket(AF_INET, SOCK_STREAM, 0) < 0) say(own, fmi2Warning, "no socket");
+    if (equal(what, "utf8") || equal(what, "percent") || equal(what, "format") || equal(what, "null-message")
+        || equal(what, "huge-message"))
+        return fmi2Error;
+    return fmi2OK;
+}
+
+static fmi2Status maybe(Controller *own, const char *where)
+{
+    if (own->what[0] == 0 || !equal(own->where, where)) return fmi2OK;
+    if (own->time < own->from - 1e-9) return fmi2OK;
+    if (own->which > 0.0 && own->number != (int)own->which) return fmi2OK;
+    if (own->which < 0.0 && fabs(own->stop_time * 1e3 + own->which) > 0.01) return fmi2OK;
+    return strike(own);
+}
+
+static void read_fault(Controller *own, const char *resources)
+{
+    const char *path = strncmp(resources, "file://", 7) == 0 ? resources + 7 : resources;
+    snprintf(own->resources, sizeof own->resources, "%s", path);
+    char name[4200];
+    snprintf(name, sizeof name, "%s/fault.txt", path);
+    FILE *file = fopen(name, "r");
+    if (!file) return;
+    if (fscanf(file, "%63s %63s %lf %lf", own->what, own->where, &own->from, &own->which) != 4) own->what[0] = 0;
+    fclose(file);
+}
+
+/* ---- FMI 2.0 ---- */
+
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+const char *fmi2GetVersion(void) { return fmi2Version; }
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+                              const fmi2CallbackFunctions *host, fmi2Boolean visible, fmi2Boolean logging)
+{
+    (void)name, (void)type, (void)guid, (void)visible, (void)logging;
+    Controller *own = calloc(1, sizeof(Controller));
+    own->number = ++instances;
+    own->logger = host->logger;
+    own->environment = host->componentEnvironment;
+    read_fault(own, resources);
+    if (maybe(own, "instantiate") > fmi2Warning) return NULL;
+    return own;
+}
+
+void fmi2FreeInstance(fmi2Component c)
+{
+    maybe(c, "free");
+    free(c);
+}
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerant, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stops, fmi2Real stop)
+{
+    (void)tolerant, (void)tolerance, (void)start, (void)stops;
+    ((Controller *)c)->stop_time = stop;
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return maybe(c, "initialize"); }
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+{
+    Controller *own = c;
+    for (int i = 0; i < AXES; i++) own->values[U_M + i] = own->values[U_M0 + i];
+    return fmi2OK;
+}
+
+fmi2Status fmi2Terminate(fmi2Component c) { return maybe(c, "terminate"); }
+fmi2Status fmi2Reset(fmi2Component c) { return maybe(c, "reset"); }
+
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
+{
+    Controller *own = c;
+    for (size_t i = 0; i < n; i++) own->values[vr[i]] = value[i];
+    return maybe(own, "set");
+}
+
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
+{
+    Controller *own = c;
+    const fmi2Status status = maybe(own, "get");
+    for (size_t i = 0; i < n; i++) value[i] = own->values[vr[i]];
+    return status;
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_state)
+{
+    (void)h, (void)no_state;
+    Controller *own = c;
+    own->time = t;
+    for (int i = 0; i < AXES; i++)
+        own->values[U_M + i] = own->values[U_M0 + i] + own->values[Q_M_REF + i] - own->values[Q_M + i];
+    return maybe(own, "step");
+}
+
+#define UNUSED(name, ...) \
+    fmi2Status name(__VA_ARGS__) { return fmi2Error; }
+UNUSED(fmi2SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
+UNUSED(fmi2GetInteger, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[])
+UNUSED(fmi2GetBoolean, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[])
+UNUSED(fmi2GetString, fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[])
+UNUSED(fmi2SetInteger, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[])
+UNUSED(fmi2SetBoolean, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[])
+UNUSED(fmi2SetString, fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[])
+UNUSED(fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *state)
+UNUSED(fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
+UNUSED(fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state)
+UNUSED(fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size)
+UNUSED(fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+UNUSED(fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+UNUSED(fmi2GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference z[], size_t nz,
+       const fmi2ValueReference v[], size_t nv, const fmi2Real dv[], fmi2Real dz[])
+UNUSED(fmi2SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+       const fmi2Integer order[], const fmi2Real value[])
+UNUSED(fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference vr[], size_t n,
+       const fmi2Integer order[], fmi2Real value[])
+UNUSED(fmi2CancelStep, fmi2Component c)
+UNUSED(fmi2GetStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
+UNUSED(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+UNUSED(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
+UNUSED(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
+UNUSED(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind kind, fmi2String *value)

@@ -1,0 +1,110 @@
+"""Builds hostile controllers: one compiled library, and a fault in the resources of each FMU."""
+
+from __future__ import annotations
+
+import subprocess
+import zlib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import Element, SubElement, fromstring
+
+import fmpy
+
+import build_fmus
+from controller_fmu.export.archive import pack
+from controller_fmu.export.c_fmu import FMI_HEADERS, NoCompilerError
+from controller_fmu.export.description import complete, to_bytes
+
+SOURCES = Path(__file__).parent
+NAME = "Hostile"
+LIBRARY = f"binaries/{fmpy.platform}/{NAME}{fmpy.sharedLibraryExtension}"
+
+CONNECTORS = (("q_m_ref", "input", "rad"), ("q_m", "input", "rad"), ("u_m", "output", "N.m"), ("u_m0", "input", "N.m"))
+
+
+@dataclass(frozen=True)
+class Fault:
+    """``what`` goes wrong in the call ``where`` from the time ``at`` [s] on.
+
+    ``which`` says in which simulations: 0 in all, n > 0 in the n-th instance of a process, below 0 in those that end
+    at this many milliseconds.
+    """
+
+    what: str
+    where: str = "step"
+    at: float = 0.02
+    which: float = 0
+
+    def __str__(self) -> str:
+        return f"{self.what}-{self.where}"
+
+    def text(self) -> str:
+        """What the controller reads."""
+        return f"{self.what} {self.where} {self.at!r} {self.which!r}\n"
+
+
+NONE = Fault("none", "never")
+
+
+def hostile_fmu(folder: Path, fault: Fault = NONE) -> Path:
+    """The FMU with ``fault`` in ``folder``; raises :class:`NoCompilerError` where there is no C compiler."""
+    text = fault.text().encode()
+    file = folder / f"{NAME}-{fault.what.replace(':', '_')}-{fault.where}-{zlib.crc32(text)}.fmu"
+    file.write_bytes(pack({**contents(), "resources/fault.txt": text}))
+    return file
+
+
+@cache
+def contents() -> dict[str, bytes]:
+    """The files of a hostile FMU, but for its fault."""
+    return {"modelDescription.xml": to_bytes(description()), LIBRARY: _library()}
+
+
+def description() -> Element:
+    """Description of ``controller.c``."""
+    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=NAME, guid="{hostile}")
+    SubElement(root, "CoSimulation", modelIdentifier=NAME, canHandleVariableCommunicationStepSize="true")
+    listed = SubElement(root, "ModelVariables")
+    outputs = SubElement(SubElement(root, "ModelStructure"), "Outputs")
+    for name, causality, unit in CONNECTORS:
+        for index in (1, 2):
+            variable = SubElement(
+                listed,
+                "ScalarVariable",
+                name=f"{name}[{index}]",
+                valueReference=str(len(listed)),
+                causality=causality,
+                variability="continuous",
+            )
+            real = SubElement(variable, "Real", unit=unit)
+            if causality == "output":
+                SubElement(outputs, "Unknown", index=str(len(listed)))
+            else:
+                real.set("start", "0")
+    return complete(root, {})
+
+
+def edited(**attributes: str) -> bytes:
+    """The description as text, with other attributes of its CoSimulation element."""
+    root = fromstring(to_bytes(description()))
+    for interface in root.iterfind("CoSimulation"):
+        interface.attrib.update(attributes)
+    return to_bytes(root)
+
+
+def python_fmu(folder: Path) -> Path:
+    """The FMU of ``slave.py``, which has its faults as parameters."""
+    return build_fmus.python_fmu(SOURCES / "slave.py", [], "slave", folder / "HostileSlave.fmu")
+
+
+def _library() -> bytes:
+    compiler = build_fmus.find_compiler()
+    if compiler is None:
+        raise NoCompilerError("no C compiler")
+    with TemporaryDirectory() as folder:
+        target = Path(folder, "library")
+        command = [*compiler, "-std=gnu99", "-O1", "-fPIC", "-shared", "-w", f"-I{FMI_HEADERS}"]
+        subprocess.run([*command, str(SOURCES / "controller.c"), "-o", str(target), "-lm", "-lpthread"], check=True)
+        return target.read_bytes()

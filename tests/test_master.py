@@ -1,0 +1,200 @@
+"""The closed loop of real FMUs, and what the master makes of FMUs that go wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loops import PAPER, T_S, case, quiet, simulate_all
+from stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
+
+from orchestrator.benchmark import protocol as protocols
+from orchestrator.cosim.scenario import Drive, Noise, Sensor
+from orchestrator.cosim.trajectory import Status
+from orchestrator.errors import FmuError, InputError
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+CORNERS = (0, 2, 15, 17)
+
+
+def samples(trajectory):
+    """All signals of a trajectory, to be compared to the last bit."""
+    return [trajectory.q_m, trajectory.X, trajectory.measured, trajectory.command, trajectory.torque]
+
+
+# ---- Plant and default controller ----
+
+
+@pytest.mark.parametrize("controller", ["pid_file", "pid_c_file"])
+def test_with_all_imperfections_off_the_arm_stays_at_rest(controller, plant_file, request):
+    """Every system of the protocol and random ones, in the corners and in between: less than 1 nm in 2 s."""
+    names = [*PAPER.raw["systems"], *(f"random_{i}" for i in range(1, 5))]
+    scenarios = []
+    for index in (*CORNERS, 7):
+        for name in names:
+            system = protocols.system(PAPER, NOMINAL, 3, index, name, PAPER.test("noise"))
+            point = PAPER.grid[index]
+            pose = {"q_a_start[1]": point.q_a1, "q_a_start[2]": point.q_a2}
+            scenarios.append(quiet("2", {**pose, **dict(system.parameters)}, drive=Drive(delay=(T_S, T_S))))
+    trajectories = simulate_all(plant_file, request.getfixturevalue(controller), scenarios)
+    assert {trajectory.ending.status for trajectory in trajectories} == {Status.DONE}
+    assert max(trajectory.tcp_error.max() for trajectory in trajectories) < 1e-9
+
+
+def test_python_and_c_controller_give_identical_trajectories(plant_file, pid_file, pid_c_file):
+    """With noise, disturbances, quantization, delay and gain: to the last bit, in Python and in C."""
+    scenarios = [
+        replace(case(5, system, test, seed=1).scenario, duration=12)
+        for system, test in (("random_1", "disturbance"), ("slippery", "gain_2"), ("sticky", "delay_1"))
+    ]
+    for one, other in zip(*(simulate_all(plant_file, file, scenarios) for file in (pid_file, pid_c_file)), strict=True):
+        assert one.tcp_error.max() > 1e-4
+        for first, second in zip(samples(one), samples(other), strict=True):
+            np.testing.assert_array_equal(first, second)
+
+
+def test_a_simulation_does_not_depend_on_those_before_it(plant_file, pid_file):
+    scenario = replace(case(5, "compliant", "noise").scenario, duration=1)
+    other = replace(case(9, "random_2", "noise").scenario, duration=1)
+    first, _, again = simulate_all(plant_file, pid_file, [scenario, other, scenario])
+    (alone,) = simulate_all(plant_file, pid_file, [scenario])
+    for one, two, three in zip(samples(first), samples(again), samples(alone), strict=True):
+        np.testing.assert_array_equal(one, two)
+        np.testing.assert_array_equal(one, three)
+
+
+def test_observed_outputs_are_recorded(plant_file, pid_file):
+    scenario = replace(case(5, "random_1", "noise").scenario, duration=1)
+    (trajectory,) = simulate_all(plant_file, pid_file, [scenario], ("q_a[2]", "q_m[1]"))
+    assert list(trajectory.extra) == ["q_a[2]", "q_m[1]"]
+    np.testing.assert_array_equal(trajectory.extra["q_m[1]"], trajectory.q_m[:, 0])
+    assert trajectory.extra["q_a[2]"][0] == dict(scenario.parameters)["q_a_start[2]"]
+
+
+def test_the_plants_steady_state_is_what_the_trajectory_tells(plant_file, pid_file):
+    (trajectory,) = simulate_all(plant_file, pid_file, [quiet("0.01", {"q_a_start[1]": 1.0, "gamma[1]": 0.9})])
+    assert trajectory.q_m[0].tolist() == list(trajectory.q_m_ref)
+    # Link 2 has its weight 0.8 m from the elbow, the elbow is 1 m from joint 1; angles are (1, 0) rad.
+    on_joint_2 = 9.81 * 150 * 0.8 * math.cos(1.0)
+    on_joint_1 = 9.81 * (50 * 0.5 + 150) * math.sin(1.0) + on_joint_2
+    assert trajectory.u_m0 == pytest.approx((-on_joint_1 / 200 / 0.9, -on_joint_2 / 200), rel=1e-12)
+
+
+def test_controller_parameters_are_set(plant_file, pid_file):
+    """Without derivative and integral the first torque is u_m0 + K_p e, and e the quantized noise."""
+    scenario = quiet("0.001", sensor=Sensor(noise=Noise(1e-4, (1,))))
+    gains = {"K_p[1]": 7.0, "K_i[1]": 0.0, "K_d[1]": 0.0}
+    (trajectory,) = simulate_all(plant_file, pid_file, [scenario], parameters=gains)
+    error = trajectory.q_m_ref[0] - trajectory.measured[:-1, 0]
+    np.testing.assert_allclose(trajectory.command[:, 0], trajectory.u_m0[0] + 7.0 * error, rtol=1e-14)
+
+
+# ---- Bad names and values ----
+
+
+def test_unknown_plant_parameter_is_answered_with_the_nearest(plant_file, pid_file):
+    with pytest.raises(InputError, match=r"FlexibleManipulator\.fmu has no parameter k_hihg\[1\].*k_high\[1\]"):
+        simulate_all(plant_file, pid_file, [quiet("0.01", {"k_hihg[1]": 1.0})])
+
+
+def test_unknown_controller_parameter_is_answered_with_the_nearest(plant_file, pid_file):
+    with pytest.raises(InputError, match=r"DiagonalPID\.fmu has no parameter K_pp\[1\].*K_p\[1\]"):
+        simulate_all(plant_file, pid_file, [quiet("0.01")], parameters={"K_pp[1]": 1.0})
+
+
+def test_an_input_is_no_parameter(plant_file, pid_file):
+    with pytest.raises(InputError, match=r"u_m\[1\] is a Real input, not a scalar real parameter"):
+        simulate_all(plant_file, pid_file, [quiet("0.01", {"u_m[1]": 1.0})])
+
+
+def test_unknown_output_is_answered_with_the_nearest(plant_file, pid_file):
+    with pytest.raises(InputError, match=r"no output q_b\[1\].*q_a\[1\]"):
+        simulate_all(plant_file, pid_file, [quiet("0.01")], ("q_b[1]",))
+
+
+def test_a_parameter_the_plant_refuses_is_told_in_the_plants_words(plant_file, pid_file):
+    with pytest.raises(FmuError, match=r"psi\[2\] = 0 rad is outside its physical range") as caught:
+        simulate_all(plant_file, pid_file, [quiet("0.01", {"psi[2]": 0.0})])
+    assert "FlexibleManipulator.fmu" in str(caught.value)
+    assert "xitInitializationMode" in caught.value.call
+
+
+def test_a_plant_that_lacks_a_connector_is_refused(pid_file, tmp_path, probe_plant_file):
+    rows = [(name.replace("X[", "Y["), *rest) for name, *rest in PROBE_PLANT]
+    plant = build_stub("probe_plant", rows, tmp_path)
+    with pytest.raises(InputError, match=r"probe_plant\.fmu has no output X\[1\]"):
+        simulate_all(plant, pid_file, [quiet("0.01", {})])
+
+
+def test_a_controller_that_lacks_a_connector_is_refused(plant_file, tmp_path, feedthrough_file):
+    rows = [(name.replace("u_m[", "torque["), *rest) for name, *rest in FEEDTHROUGH]
+    controller = build_stub("feedthrough", rows, tmp_path)
+    with pytest.raises(InputError, match=r"feedthrough\.fmu has no output u_m\[1\]"):
+        simulate_all(plant_file, controller, [quiet("0.01")])
+
+
+# ---- Simulations that end early ----
+
+
+def consistent(trajectory, steps):
+    """Whether all signals end after ``steps`` samples."""
+    return [len(trajectory.time), *map(len, samples(trajectory))] == [steps + 1] * 4 + [steps] * 2
+
+
+def test_a_diverging_loop_is_unstable_at_the_time_it_left(plant_file, pid_file):
+    """A loop gain of the wrong sign drives the arm away; the tool was where the abort distance is, not beyond."""
+    scenario = quiet("5", sensor=Sensor(noise=Noise(1e-4, (1,))), drive=Drive(gain=(-1.0, 1.0)), abort_distance=0.5)
+    (trajectory,) = simulate_all(plant_file, pid_file, [scenario])
+    ending = trajectory.ending
+    assert ending.status is Status.UNSTABLE
+    assert "more than 0.5 m from where it began" in ending.message
+    error = trajectory.tcp_error
+    assert error[-1] > 0.5 >= error[:-1].max()
+    assert ending.time == trajectory.time[-1] < 5.0
+    assert consistent(trajectory, round(ending.time * 4000))
+
+
+def test_leaving_is_noticed_at_the_very_sample(probe_plant_file, feedthrough_file):
+    scenario = quiet("0.01", {"far_from": 0.003}, abort_distance=1.0)
+    (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario])
+    assert (trajectory.ending.status, trajectory.ending.time) == (Status.UNSTABLE, 0.003)
+
+
+def test_a_torque_that_is_no_number_is_an_error_at_its_sample(plant_file, feedthrough_file):
+    scenario = quiet("0.01")
+    (trajectory,) = simulate_all(plant_file, feedthrough_file, [scenario], parameters={"nan_from": 0.004})
+    assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.004)
+    assert "feedthrough.fmu asked for a torque that is no number" in trajectory.ending.message
+    assert consistent(trajectory, 16)
+    assert np.all(np.isfinite(trajectory.torque))
+
+
+@pytest.mark.parametrize("K", [1e15, -1e200, math.inf])
+def test_an_absurd_torque_is_an_error(probe_plant_file, feedthrough_file, K):
+    scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": 1.0, "rest[2]": 0.0})
+    (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": K})
+    assert trajectory.ending.status is Status.ERROR
+    assert "a torque that is no number or beyond 1e+12 N.m" in trajectory.ending.message
+
+
+def test_a_controller_step_that_fails_is_told_in_its_own_words(plant_file, feedthrough_file):
+    (trajectory,) = simulate_all(plant_file, feedthrough_file, [quiet("0.01")], parameters={"fail_from": 0.005})
+    assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.005)
+    assert "feedthrough.fmu: fmi2DoStep returned error" in trajectory.ending.message
+    assert "out of ink at t = 0.005 s" in trajectory.ending.message
+    assert consistent(trajectory, 20)
+
+
+def test_a_plant_step_that_fails_is_told_in_its_own_words(probe_plant_file, feedthrough_file):
+    (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [quiet("0.01", {"fail_from": 0.005})])
+    assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.005)
+    assert "probe_plant.fmu: fmi2DoStep returned error" in trajectory.ending.message
+    assert "a gear broke at t = 0.005 s" in trajectory.ending.message
+
+
+def test_after_a_failure_the_next_simulation_is_healthy(probe_plant_file, feedthrough_file):
+    failing, healthy = quiet("0.01", {"fail_from": 0.005}), quiet("0.01", {})
+    _, after = simulate_all(probe_plant_file, feedthrough_file, [failing, healthy])
+    assert after.ending.status is Status.DONE and after.ending.message == ""

@@ -1,0 +1,158 @@
+"""What is read off a trajectory, on trajectories whose figures are known beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loops import PAPER, case
+from results import trajectory
+
+from orchestrator.benchmark import metrics
+from orchestrator.cosim.trajectory import Ending, Status
+
+DISTURBANCE = case(3, "compliant", "disturbance")
+T_3, T_1, T_2 = DISTURBANCE.scenario.chirp.start, 10.0, 10.5
+NOISE = case(3, "compliant", "noise")
+GAIN = case(3, "sticky", "gain_1")
+
+EXACT = 1e-15
+"""Positions of about 1 m are known to 2e-16 m."""
+
+
+def spike(at, height, rest=0.0):
+    """A signal of ``height`` in the one sample at time ``at``, ``rest`` elsewhere."""
+    return lambda t: np.where(np.abs(t - at) < 1e-4, height, rest)
+
+
+def measured(case, **signals):
+    return metrics.measure(PAPER, case, trajectory(**signals))
+
+
+# ---- Torques ----
+
+
+def test_B1_and_B2_are_distances_from_the_start_torque():
+    noise = measured(NOISE, torque=(spike(0.5, 3.2, 3.0), spike(0.7, -2.5, -2.0)), u_m0=(3.0, -2.0), duration=2.0)
+    assert noise.criteria == {"B1": pytest.approx(0.2), "B2": pytest.approx(0.5)}
+    assert noise.limit_cycle is None and noise.rest_error is None, "nothing is required of this test"
+
+
+def test_B3_and_B4_count_gravity():
+    figures = measured(DISTURBANCE, torque=(spike(9.0, -8.0, -3.0), 2.0), u_m0=(-3.0, 2.0)).criteria
+    assert (figures["B3"], figures["B4"]) == (8.0, 2.0)
+
+
+# ---- Windows of B5 and B7 ----
+
+
+@pytest.mark.parametrize(
+    ("at", "B5", "B7"),
+    [
+        (T_3 - 0.01, 0.0, 0.0),
+        (math.ceil(T_3 * 4000) / 4000, 0.0, 5e-3),
+        (7.9, 0.0, 5e-3),
+        (9.99975, 0.0, 5e-3),
+        (10.0, 5e-3, 0.0),
+        (10.4, 5e-3, 0.0),
+        (26.0, 5e-3, 0.0),
+    ],
+)
+def test_force_errors_count_from_t_1_and_chirp_errors_between_t_3_and_t_1(at, B5, B7):
+    figures = measured(DISTURBANCE, error_x=spike(at, 3e-3), error_z=spike(at, -4e-3)).criteria
+    assert figures["B5"] == pytest.approx(B5, abs=EXACT)
+    assert figures["B7"] == pytest.approx(B7, abs=EXACT)
+
+
+# ---- Settling ----
+
+
+def decay(start, rate):
+    """1 mm at t_2, falling exponentially."""
+    return lambda t: np.where(t >= start, 1e-3 * np.exp(-rate * np.maximum(t - start, 0.0)), 0.0)
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
+def test_B6_is_the_time_of_the_last_sample_outside_the_circle(rate):
+    settled = measured(DISTURBANCE, error_x=decay(T_2, rate))
+    crossing = math.log(10.0) / rate
+    assert crossing - 0.25e-3 <= settled.criteria["B6"] <= crossing
+    assert settled.settled is True
+
+
+def test_B6_counts_an_error_that_comes_back():
+    figures = measured(DISTURBANCE, error_x=decay(T_2, 10.0), error_z=spike(15.0, 0.11e-3))
+    assert figures.criteria["B6"] == pytest.approx(4.5, abs=1e-12)
+    assert figures.settled is True
+
+
+def test_B6_counts_an_error_of_exactly_the_limit():
+    at_limit = replace(trajectory(), X=np.where(np.arange(104001)[:, None] == 60000, (0.1e-3, 0.0), (0.0, 0.0)))
+    assert metrics.settling_time(at_limit, T_2, 0.1e-3) == (4.5, True)
+
+
+def test_B6_of_one_that_never_leaves_is_zero():
+    assert measured(DISTURBANCE, error_x=0.09e-3).criteria["B6"] == 0.0
+
+
+def test_B6_of_one_that_does_not_settle_is_the_whole_rest_and_marked():
+    figures = measured(DISTURBANCE, error_x=0.2e-3)
+    assert figures.criteria["B6"] == pytest.approx(26.0 - 10.5, abs=1e-12)
+    assert figures.settled is False
+
+
+# ---- Limit cycle and rest ----
+
+
+@pytest.mark.parametrize("frequency", [0.5, 7.0, 45.0])
+def test_limit_cycle_is_half_the_peak_to_peak_of_each_coordinate(frequency):
+    def wave(amplitude):
+        return lambda t: 3e-5 + amplitude * np.sin(2 * np.pi * frequency * t)
+
+    x, z = measured(GAIN, error_x=wave(12e-6), error_z=wave(4e-6)).limit_cycle
+    # A peak between two samples, 0.25 ms apart, is missed by at most 1 - cos(pi f 0.25 ms).
+    missed = 1 - math.cos(math.pi * frequency * 0.25e-3)
+    assert 12e-6 * (1 - missed) - EXACT <= x <= 12e-6 + EXACT
+    assert 4e-6 * (1 - missed) - EXACT <= z <= 4e-6 + EXACT
+
+
+def test_limit_cycle_looks_at_the_last_three_seconds():
+    before = measured(GAIN, error_x=spike(22.9, 1e-3)).limit_cycle
+    within = measured(GAIN, error_x=spike(23.1, 1e-3)).limit_cycle
+    assert before == (0.0, 0.0)
+    assert within == pytest.approx((0.5e-3, 0.0), abs=EXACT)
+
+
+def test_rest_error_looks_at_the_last_second():
+    assert measured(GAIN, error_z=spike(24.9, 1e-3)).rest_error == 0.0
+    assert measured(GAIN, error_z=spike(25.1, 1e-3)).rest_error == pytest.approx(1e-3, abs=EXACT)
+
+
+# ---- Status ----
+
+
+def test_judgement_of_a_loop_at_rest():
+    verdict = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3))
+    assert (verdict["status"], verdict["message"]) == (Status.DONE, "")
+    assert verdict["measurement"].rest_error == pytest.approx(0.09e-3, abs=EXACT)
+
+
+def test_a_loop_that_does_not_come_to_rest_is_unstable_and_still_measured():
+    verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3))
+    assert verdict["status"] is Status.UNSTABLE
+    assert "0.2 mm in the last 1 s" in verdict["message"]
+    assert verdict["measurement"].criteria["B5"] == pytest.approx(0.2e-3, abs=EXACT)
+
+
+def test_a_test_without_requirements_asks_for_no_rest():
+    assert metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0))["status"] is Status.DONE
+
+
+@pytest.mark.parametrize("status", [Status.UNSTABLE, Status.ERROR])
+def test_what_ended_early_is_not_measured(status):
+    ended = replace(trajectory(), ending=Ending(status, 3.5, "because", 2))
+    assert metrics.judge(PAPER, DISTURBANCE, ended) == {
+        "status": status, "time": 3.5, "message": "because", "warnings": 2,
+    }  # fmt: skip

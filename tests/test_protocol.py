@@ -1,0 +1,230 @@
+"""The protocol files: which cases there are, and that they are the same for everybody."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from manipulators import HALF_WIDTHS
+
+from orchestrator.benchmark import protocol as protocols
+from orchestrator.cosim.scenario import Chirp, Pulse
+from orchestrator.errors import InputError
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+PAPER = protocols.load("paper")
+CASES = protocols.cases(PAPER, NOMINAL, 0)
+
+
+def by_id(cases):
+    return {case.id: case for case in cases}
+
+
+# ---- How much there is ----
+
+
+def test_the_papers_protocol_has_324_cases_of_7128_seconds():
+    assert len(CASES) == len(by_id(CASES)) == 324
+    assert sum(case.scenario.duration for case in CASES) == 7128
+    assert sum(case.scenario.samples for case in CASES) == 28_512_000
+    assert Counter(case.test.name for case in CASES) == {
+        "noise": 54, "disturbance": 54, "gain_1": 54, "gain_2": 54, "delay_1": 54, "delay_2": 54,
+    }  # fmt: skip
+
+
+def test_quick_is_a_small_part_of_it():
+    quick = protocols.cases(protocols.load("quick"), NOMINAL, 0)
+    assert len(quick) == 24
+    assert {case.test for case in quick} == set(PAPER.tests), "of every kind"
+    assert protocols.load("quick").criteria == PAPER.criteria
+
+
+def test_configurations_fill_the_workspace():
+    angles = {(round(math.degrees(q.q_a1), 9), round(math.degrees(q.q_a2), 9)) for q in PAPER.grid}
+    assert angles == {(q_a1, q_a2) for q_a1 in (-90, -36, 18, 72, 126, 180) for q_a2 in (-180, -50, 80)}
+    assert [q.index for q in PAPER.grid] == list(range(18))
+
+
+# ---- The numbers of the paper ----
+
+
+def test_weights_and_targets_are_those_of_section_6():
+    assert sum(criterion.weight for criterion in PAPER.criteria) == 100
+    assert [criterion.weight for criterion in PAPER.criteria] == [3, 3, 2, 2, 25, 40, 25]
+    assert [criterion.target for criterion in PAPER.criteria] == [0.7, 0.4, 35, 20, 7e-3, 3, 0.5e-3]
+
+
+def test_imperfections_are_those_of_table_1():
+    for case in CASES:
+        loop = case.scenario
+        assert loop.sample_time == Fraction("0.25e-3")
+        # Band-limited white noise of power 3e-12: variance times sample time.
+        assert loop.sensor.noise.sigma**2 * 0.25e-3 == pytest.approx(3e-12, rel=1e-12)
+        assert loop.sensor.delay == (0, 0)
+        assert loop.sensor.quantum * 65536 == pytest.approx(2 * math.pi, rel=1e-15)
+        assert loop.drive.limit == (35.0, 20.0)
+        assert [quantum * 4096 for quantum in loop.drive.quantum] == [70.0, 40.0]
+
+
+def test_stability_tests_add_what_they_are_named_for():
+    more = Fraction("1.5e-3")
+    T_d = Fraction("0.25e-3")
+    expected = {
+        "noise": ((1.0, 1.0), (T_d, T_d)),
+        "disturbance": ((1.0, 1.0), (T_d, T_d)),
+        "gain_1": ((2.5, 1.0), (T_d, T_d)),
+        "gain_2": ((1.0, 2.5), (T_d, T_d)),
+        "delay_1": ((1.0, 1.0), (T_d + more, T_d)),
+        "delay_2": ((1.0, 1.0), (T_d, T_d + more)),
+    }
+    for case in CASES:
+        assert (case.scenario.drive.gain, case.scenario.drive.delay) == expected[case.test.name]
+
+
+def test_noise_alone_has_no_disturbance_and_all_others_have_both():
+    for case in CASES:
+        if case.test.name == "noise":
+            assert case.scenario.chirp == Chirp() and case.scenario.pulse == Pulse()
+            continue
+        chirp, pulse = case.scenario.chirp, case.scenario.pulse
+        assert chirp.amplitude == (1.0, -1.0)
+        assert 0.0 <= chirp.start <= 1.0 and chirp.stop == 8.0
+        assert {chirp.f_start, chirp.f_stop} == {0.0, 15.0}
+        assert math.hypot(*pulse.force) == pytest.approx(500.0, rel=1e-15)
+        assert (pulse.start, pulse.stop) == (10.0, 10.5)
+
+
+def test_stability_systems_draw_nothing():
+    disturbances = {
+        (case.system.disturbance, case.scenario.chirp, case.scenario.pulse) for case in CASES if case.test.axis
+    }
+    ((fixed, _, pulse),) = disturbances
+    assert (fixed.t_3, fixed.f_start, fixed.f_stop) == (0.5, 15.0, 0.0)
+    assert pulse.force == pytest.approx((500 * math.cos(0.7), 500 * math.sin(0.7)))
+
+
+# ---- Systems ----
+
+
+def relative(case):
+    """Deviation of each uncertain parameter in half-widths of its uncertainty."""
+    given = dict(case.system.parameters)
+    return {
+        f"{symbol}[{axis}]": (given[f"{symbol}[{axis}]"] / NOMINAL[f"{symbol}[{axis}]"] - 1.0) / half_width
+        for symbol, half_width in HALF_WIDTHS.items()
+        for axis in (1, 2)
+    }
+
+
+def test_named_systems_are_corners_of_the_uncertainty():
+    signs = {
+        "compliant": {"m": 1, "k_low": -1, "k_high": -1, "psi": 1, "d": -1, "f_d": -1, "f_c": -1, "mu_k": -1,
+                      "beta": 1, "alpha": -1, "gamma": -1},
+        "slippery": {"m": -1, "k_low": 1, "k_high": 1, "psi": -1, "d": -1, "f_d": -1, "f_c": -1, "mu_k": -1,
+                     "beta": 1, "alpha": -1, "gamma": 1},
+        "sticky": {"m": 1, "k_low": -1, "k_high": -1, "psi": 1, "d": -1, "f_d": 1, "f_c": 1, "mu_k": 1,
+                   "beta": -1, "alpha": 1, "gamma": -1},
+    }  # fmt: skip
+    seen = set()
+    for case in CASES:
+        if case.system.name in signs:
+            seen.add(case.system.name)
+            for name, deviation in relative(case).items():
+                assert deviation == pytest.approx(signs[case.system.name][name.partition("[")[0]], rel=1e-12)
+    assert seen == set(signs)
+
+
+def test_random_systems_fill_the_uncertainty_and_nothing_else():
+    cases = [case for case in CASES if case.system.name.startswith("random") and case.test.name == "noise"]
+    deviations = np.array([list(relative(case).values()) for case in cases])
+    assert deviations.shape == (36, 22)
+    assert np.abs(deviations).max() <= 1.0
+    assert len(np.unique(deviations)) == deviations.size, "every parameter and axis on its own"
+    # 792 uniform numbers: mean 0 and variance 1/3, within four standard deviations of their estimates.
+    assert abs(deviations.mean()) < 4 * math.sqrt(1 / 3 / deviations.size)
+    assert abs(deviations.var() - 1 / 3) < 4 * math.sqrt((1 / 5 - 1 / 9) / deviations.size)
+    for case in cases:
+        certain = {name: value for name, value in case.system.parameters if name.partition("[")[0] not in HALF_WIDTHS}
+        assert certain == {name: NOMINAL[name] for name in certain}
+
+
+def test_drawn_disturbances_point_everywhere_and_sweep_both_ways():
+    performance = [case for case in CASES if case.test.systems == "performance"]
+    drawn = {(case.configuration.index, case.system.name): case.system.disturbance for case in performance}
+    assert len(drawn) == 54
+    quadrants = Counter(int(disturbance.phi_F // (math.pi / 2)) for disturbance in drawn.values())
+    assert set(quadrants) == {0, 1, 2, 3}
+    assert len({disturbance.t_3 for disturbance in drawn.values()}) == 54
+    assert {(d.f_start, d.f_stop) for d in drawn.values()} == {(0.0, 15.0), (15.0, 0.0)}
+
+
+# ---- Seeds ----
+
+
+def test_cases_are_determined_by_the_seed():
+    assert protocols.cases(PAPER, NOMINAL, 0) == CASES
+    other = by_id(protocols.cases(PAPER, NOMINAL, 1))
+    for case in CASES:
+        assert case.scenario.sensor.noise.seed != other[case.id].scenario.sensor.noise.seed
+        if case.system.name.startswith("random"):
+            assert case.system.parameters != other[case.id].system.parameters
+
+
+def test_every_configuration_and_system_has_noise_of_its_own_and_all_its_tests_the_same():
+    seeds = {}
+    for case in CASES:
+        seeds.setdefault((case.configuration.index, case.system.name), set()).add(case.scenario.sensor.noise.seed)
+    assert all(len(own) == 1 for own in seeds.values())
+    assert len(set().union(*seeds.values())) == len(seeds) == 18 * 5
+
+
+def test_a_system_is_the_same_in_all_its_tests():
+    systems = {}
+    for case in CASES:
+        kind = case.test.systems
+        systems.setdefault((case.configuration.index, case.system.name, kind), set()).add(case.system)
+    assert all(len(own) == 1 for own in systems.values())
+
+
+@given(order=st.permutations(["compliant", "random_1", "random_2"]), tests=st.permutations(PAPER.tests))
+def test_the_order_of_systems_and_tests_changes_no_case(order, tests):
+    raw = {**PAPER.raw, "performance": {**PAPER.raw["performance"], "systems": order}}
+    shuffled = replace(PAPER, raw=raw, tests=tuple(tests), grid=PAPER.grid[7:9])
+    for case in protocols.cases(shuffled, NOMINAL, 0):
+        assert case == by_id(CASES)[case.id]
+
+
+def test_another_sample_time_leaves_sensor_and_systems_alone():
+    slower = protocols.cases(PAPER, NOMINAL, 0, Fraction(1, 1000))
+    for case, other in zip(CASES, slower, strict=True):
+        assert other.scenario == replace(case.scenario, sample_time=Fraction(1, 1000))
+        assert other.scenario.longest_hold == Fraction(1, 4000)
+
+
+# ---- Bad names and poses ----
+
+
+def test_unknown_names_are_answered_with_those_there_are():
+    with pytest.raises(InputError, match=r"no protocol pepper\. Choose one of: .*paper.*quick"):
+        protocols.load("pepper")
+    with pytest.raises(InputError, match="no test nois.*noise, disturbance"):
+        PAPER.test("nois")
+    with pytest.raises(InputError, match=r"no system slimy\. .*nominal, compliant, slippery, sticky"):
+        protocols.system(PAPER, NOMINAL, 0, 0, "slimy", PAPER.test("noise"))
+
+
+@pytest.mark.parametrize(("q_a1", "q_a2", "name"), [(-91, 0, "q_a1"), (181, 0, "q_a1"), (0, 81, "q_a2")])
+def test_poses_outside_the_workspace_are_refused(q_a1, q_a2, name):
+    with pytest.raises(InputError, match=f"{name} = .* outside the workspace"):
+        protocols.configuration(PAPER, math.radians(q_a1), math.radians(q_a2))
+
+
+def test_grid_points_are_recognized():
+    assert protocols.configuration(PAPER, math.radians(-36), math.radians(80)) == PAPER.grid[5]
+    assert protocols.configuration(PAPER, 0.1, 0.2).index == -1

@@ -1,0 +1,213 @@
+"""The report of a run: the static part of its page, and what is shown of a run in the first place."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from closed_loops import PAPER
+from reports import RECORDINGS, evaluation, recording, stored
+from results import everything, result
+from rich.console import Console
+
+from orchestrator.benchmark.scorecard import score
+from orchestrator.cosim.trajectory import Status
+from orchestrator.report import pages
+from orchestrator.report.payload import script_json
+from orchestrator.report.report_page import report_html
+from orchestrator.report.selection import shown
+from orchestrator.report.terminal import show_document
+from orchestrator.report.wording import remarks, requirement_rows
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+DOCS = Path(__file__).parents[1] / "docs" / "report.md"
+EVIL = "</script><script>alert(1)</script><!--<script>"
+GOOD = {criterion.name: criterion.target for criterion in PAPER.criteria}
+
+
+class Page(HTMLParser):
+    """Elements of a page, its texts, and its attributes that a browser would run or load."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.elements: list[str] = []
+        self.texts: list[str] = []
+        self.active: list[tuple[str, str]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append(tag)
+        self.active += [(name, value) for name, value in attrs if name.startswith("on") or name in ("src", "href")]
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+@pytest.fixture
+def run(tmp_path, plant_file, pid_file):
+    return stored(tmp_path, evaluation(plant_file, pid_file))
+
+
+def failing(status: Status):
+    """Results of an evaluation in which every case fails."""
+    return [replace(entry, status=status, measurement=None, message=EVIL) for entry in everything(GOOD)]
+
+
+def test_headline_and_verdicts(run):
+    text = Page(report_html(run)).text
+    assert "140.7" in text and "target 100" in text and "paper's PID 141" in text
+    assert text.count("✓ holds") == 5
+    assert "10.2" in text and run.document["controller"]["sha256"] in text
+
+
+def test_everything_from_outside_is_escaped(run):
+    document = json.loads(json.dumps(run.document))
+    document["controller"].update(file=EVIL, generation_tool=EVIL, sha256=EVIL, parameters={EVIL: 1.0})
+    document["plant"].update(file=EVIL, parameters={EVIL: 2.0})
+    document["environment"]["platform"] = EVIL
+    document["cases"][0].update(status="error", message=EVIL)
+    recordings = (recording(("B5",), EVIL, message=EVIL, system=EVIL), *RECORDINGS)
+    clean, page = Page(report_html(run)), Page(report_html(replace(run, document=document, recordings=recordings)))
+    assert page.elements.count("script") == clean.elements.count("script") == 3
+    assert not [entry for entry in page.active if entry[0] != "href"]
+    assert {value for name, value in page.active} == {"#content"}
+    assert page.text.count(EVIL) >= 7
+
+
+def test_no_text_ends_a_script():
+    values = {"a": EVIL, "b": ["\u2028\u2029&<>", None, 1.5]}
+    text = script_json(values)
+    assert not set("<>&\u2028\u2029") & set(text)
+    assert json.loads(text) == values
+
+
+def test_the_policy_admits_the_scripts_embedded_and_nothing_else(run):
+    html = report_html(run)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1].replace("&#39;", "'")
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    assert rules["default-src"] == "'none'"
+    scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    hashes = {"'sha256-" + base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() + "'" for s in scripts}
+    assert set(rules["script-src"].split()) == hashes and len(hashes) == 2
+
+
+def test_embedded_scripts_do_not_end_early():
+    for name in (pages.LIBRARY, *pages.REPORT, *pages.COMPARE):
+        assert "</script" not in (pages.FILES / name).read_text(encoding="utf-8").lower()
+
+
+def test_the_plotting_library_is_the_release_named_in_the_docs():
+    source = (pages.FILES / pages.LIBRARY).read_bytes()
+    assert hashlib.sha256(source).hexdigest() in DOCS.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("status", [Status.ERROR, Status.TIMEOUT, Status.CRASHED, Status.SKIPPED])
+def test_a_controller_that_fails_everywhere_has_a_report(tmp_path, plant_file, pid_file, status):
+    run = stored(tmp_path, evaluation(plant_file, pid_file, failing(status)), ())
+    text = Page(report_html(run)).text
+    assert "No cost" in text
+    assert text.count("✗ fails") == 5
+    assert text.count(f"✗ {status.value}") == 324
+    assert "made without trajectories" in text
+
+
+def test_a_part_of_a_protocol_has_a_report(tmp_path, plant_file, pid_file):
+    run = stored(tmp_path, evaluation(plant_file, pid_file, [result(7, "slippery", "gain_1")]))
+    text = Page(report_html(run)).text
+    assert "Incomplete" in text and "not tested" in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"complete": False}, "Incomplete"),
+        ({"protocol": "quick"}, "Protocol quick"),
+        ({"sample_time": {"seconds": 1e-3, "as_in_benchmark": False}}, "1 ms"),
+        ({"plant": {"parameters": {"m[1]": 60.0}}}, "m[1] = 60"),
+    ],
+)
+def test_remarks(run, changes, words):
+    assert remarks(run.document) == []
+    (remark,) = remarks({**run.document, **changes})
+    assert words in remark
+
+
+def test_requirements_are_told_per_axis(run):
+    rows = requirement_rows(run.document)
+    assert [(row["name"], row["axis"]) for row in rows] == [
+        *(("A1", "1"), ("A1", "2"), ("A2", "1"), ("A2", "2"), ("A3", "")),
+    ]
+    assert "2.5" in rows[0]["title"] and "1.5 ms" in rows[2]["title"]
+
+
+@pytest.mark.parametrize("width", [60, 80, 140])
+def test_terminal_respects_its_width_and_markup_of_others(run, width):
+    document = {**run.document, "controller": {**run.document["controller"], "file": "[red]x[/red].fmu"}}
+    console = Console(width=width)
+    with console.capture() as capture:
+        show_document(document, console)
+    lines = capture.get().splitlines()
+    assert max(map(len, lines)) <= width
+    assert "\x1b" not in capture.get()
+    assert "[red]x[/red].fmu" in capture.get()
+    assert "140.7" in capture.get()
+
+
+def test_colour_on_a_terminal_only_and_never_against_the_users_will(run, monkeypatch):
+    def printed():
+        console = Console(force_terminal=True, width=80)
+        with console.capture() as capture:
+            show_document(run.document, console)
+        return capture.get()
+
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b[3" in printed()
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert not re.search(r"\x1b\[[0-9;]*3[0-7]m", printed())
+
+
+class TestSelection:
+    """What an evaluation simulates again for its report."""
+
+    def chosen(self, results):
+        return shown(PAPER, NOMINAL, 0, results, score(PAPER, results, 324))
+
+    def test_worst_cases_example_and_spread(self):
+        found = self.chosen(everything(GOOD))
+        roles = [role for entry in found for role in entry.roles]
+        assert {f"B{i}" for i in range(1, 8)} <= set(roles)
+        assert {"A1 1", "A1 2", "A2 1", "A2 2", "A3 x", "A3 z"} <= set(roles)
+        assert roles.count("example") == 1
+        spread = [entry.case for entry in found if entry.roles == ("spread",)]
+        assert len({case.system.name for case in spread}) == len(spread) == 20
+        assert {case.configuration for case in spread} == {spread[0].configuration}
+
+    def test_a_worst_case_is_the_very_case_evaluated(self):
+        results = everything(GOOD)
+        known = {entry.case.id: entry.case for entry in results}
+        for entry in self.chosen(results):
+            if not {"example", "spread"} & set(entry.roles):
+                assert entry.case is known[entry.case.id]
+
+    def test_a_short_evaluation_has_a_short_spread(self):
+        found = self.chosen(everything(GOOD, [0]))
+        assert sum("spread" in entry.roles for entry in found) == 3
+
+    @pytest.mark.parametrize("status", [Status.TIMEOUT, Status.CRASHED, Status.SKIPPED])
+    def test_what_would_hang_or_crash_again_is_left_out(self, status):
+        assert all({"example", "spread"} & set(entry.roles) for entry in self.chosen(failing(status)))
+
+    def test_nothing_unknown_is_tried_where_something_hung(self):
+        assert self.chosen(failing(Status.TIMEOUT)) == []
+        assert self.chosen([]) == []

@@ -1,0 +1,178 @@
+"""From case results to V and the verdicts."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+from closed_loops import PAPER
+from hypothesis import given
+from hypothesis import strategies as st
+from results import everything, result
+
+from orchestrator.benchmark.scorecard import score
+from orchestrator.cosim.trajectory import Status
+
+ON_TARGET = {criterion.name: criterion.target for criterion in PAPER.criteria}
+TABLE_2 = {"B1": 0.17, "B2": 0.06, "B3": 9.6, "B4": 9.1, "B5": 10.2e-3, "B6": 3.5, "B7": 1.1e-3}
+
+ON_TARGET_EVERYWHERE = everything(ON_TARGET)
+
+
+def scored(results):
+    return score(PAPER, results, 324)
+
+
+def changed(results, index, system, test, **changes):
+    """``results`` with one case's result replaced by one with ``changes``."""
+    other = result(index, system, test, **changes)
+    return [other if entry.case.id == other.case.id else entry for entry in results]
+
+
+def verdicts(card):
+    return {requirement.name: requirement.overall.passed for requirement in card.requirements}
+
+
+# ---- Cost ----
+
+
+def test_a_controller_on_target_costs_100():
+    card = scored(ON_TARGET_EVERYWHERE)
+    assert card.cost == pytest.approx(100.0, rel=1e-14)
+    assert [entry.cost for entry in card.configurations] == pytest.approx([100.0] * 18, rel=1e-14)
+    assert card.complete
+
+
+def test_table_2_costs_what_the_paper_says():
+    card = scored(everything(TABLE_2))
+    assert card.cost == pytest.approx(140.7, abs=0.05), "printed there as 141"
+    assert round(card.cost) == PAPER.reference["V"]
+    assert {entry.criterion.name: entry.value for entry in card.criteria} == pytest.approx(TABLE_2)
+    shares = [entry.share for entry in card.criteria]
+    assert shares == pytest.approx([0.73, 0.45, 0.55, 0.91, 36.4, 46.7, 55.0], abs=0.05)
+
+
+@given(values=st.lists(st.floats(1e-3, 1e3), min_size=7, max_size=7), factor=st.floats(0.1, 10.0))
+def test_cost_is_linear_in_every_criterion(values, factor):
+    given_values = dict(zip(ON_TARGET, values, strict=True))
+    one = scored(everything(given_values, range(2))).cost
+    other = scored(everything({name: factor * value for name, value in given_values.items()}, range(2))).cost
+    assert other == pytest.approx(factor * one, rel=1e-12)
+
+
+def test_cost_is_the_mean_over_configurations_of_the_worst_over_systems():
+    """Two systems of configuration 4 are worse than the rest, in one criterion each."""
+    B5 = {name: ON_TARGET[name] for name in ("B3", "B4", "B5", "B6", "B7")}
+    results = changed(ON_TARGET_EVERYWHERE, 4, "random_2", "disturbance", criteria={**B5, "B5": 2 * B5["B5"]})
+    results = changed(results, 4, "random_1", "disturbance", criteria={**B5, "B5": 1.5 * B5["B5"], "B6": 6.0})
+    card = scored(results)
+    assert card.cost == pytest.approx(100 + (25 + 40) / 18)
+    assert card.configurations[4].cost == pytest.approx(165.0)
+    assert card.configurations[4].relative["B5"] == pytest.approx(2.0)
+    worst = {entry.criterion.name: entry.worst_case for entry in card.criteria}
+    assert worst["B5"] == "c04.random_2.disturbance"
+    assert worst["B6"] == "c04.random_1.disturbance"
+    values = {entry.criterion.name: (entry.value, entry.worst_value) for entry in card.criteria}
+    assert values["B5"] == pytest.approx((7e-3 * (1 + 1 / 18), 14e-3))
+
+
+def test_the_order_of_results_does_not_matter():
+    results = changed(ON_TARGET_EVERYWHERE, 9, "random_1", "noise", criteria={"B1": 0.9, "B2": 0.1}, cycle=(0.0, 0.0))
+    shuffled = list(results)
+    random.Random(1).shuffle(shuffled)
+    assert scored(shuffled).cost == scored(results).cost
+    assert verdicts(scored(shuffled)) == verdicts(scored(results))
+
+
+# ---- Requirements ----
+
+
+def test_without_limit_cycles_all_requirements_hold():
+    assert verdicts(scored(ON_TARGET_EVERYWHERE)) == {"A1": True, "A2": True, "A3": True}
+
+
+@pytest.mark.parametrize(
+    ("test", "failing", "axis"),
+    [("gain_1", "A1", "1"), ("gain_2", "A1", "2"), ("delay_1", "A2", "1"), ("delay_2", "A2", "2")],
+)
+def test_a_limit_cycle_fails_its_axis_and_A3(test, failing, axis):
+    card = scored(changed(ON_TARGET_EVERYWHERE, 6, "slippery", test, cycle=(3e-6, 18e-6)))
+    assert verdicts(card) == {"A1": failing != "A1", "A2": failing != "A2", "A3": False}
+    for requirement in card.requirements:
+        axes = {name: verdict.passed for name, verdict in requirement.axes.items()}
+        if requirement.name == failing:
+            assert axes == {"1": axis != "1", "2": axis != "2"}
+            assert requirement.overall.amplitude == 18e-6
+            assert requirement.overall.worst_case == f"c06.slippery.{test}"
+        elif requirement.name == "A3":
+            assert axes == {"x": True, "z": False}
+    assert card.cost == pytest.approx(100.0), "a requirement is never averaged into V"
+
+
+def test_a_limit_cycle_with_the_nominal_loop_fails_A3_alone():
+    B = {name: ON_TARGET[name] for name in ("B3", "B4", "B5", "B6", "B7")}
+    card = scored(changed(ON_TARGET_EVERYWHERE, 0, "random_1", "disturbance", criteria=B, cycle=(11e-6, 0.0)))
+    assert verdicts(card) == {"A1": True, "A2": True, "A3": False}
+
+
+@pytest.mark.parametrize(("amplitude", "holds"), [(9.999e-6, True), (10e-6, False)])
+def test_the_limit_is_ten_micrometres(amplitude, holds):
+    card = scored(changed(ON_TARGET_EVERYWHERE, 0, "sticky", "gain_1", cycle=(amplitude, 0.0)))
+    assert verdicts(card)["A1"] is holds
+
+
+# ---- Cases that failed, cases that are missing ----
+
+
+@pytest.mark.parametrize("status", [Status.UNSTABLE, Status.CRASHED, Status.TIMEOUT, Status.ERROR])
+def test_a_performance_case_without_measurement_leaves_no_cost(status):
+    card = scored(
+        changed(ON_TARGET_EVERYWHERE, 2, "compliant", "disturbance", criteria=None, cycle=None, status=status)
+    )
+    assert card.cost is None
+    assert card.configurations[2].cost is None and card.configurations[3].cost == pytest.approx(100.0)
+    for entry in card.criteria:
+        if entry.criterion.name in ("B1", "B2"):
+            assert entry.value is not None
+        else:
+            assert entry.value is None and entry.share is None
+            assert entry.worst_case == "c02.compliant.disturbance"
+    assert verdicts(card) == {"A1": True, "A2": True, "A3": False}
+    assert card.complete is (status is Status.UNSTABLE), "an unstable loop is a verdict, a crash is none"
+
+
+@pytest.mark.parametrize("status", [Status.UNSTABLE, Status.CRASHED])
+def test_a_stability_case_without_measurement_fails_its_requirement(status):
+    card = scored(changed(ON_TARGET_EVERYWHERE, 2, "sticky", "delay_2", cycle=None, status=status))
+    assert verdicts(card) == {"A1": True, "A2": False, "A3": False}
+    assert card.cost == pytest.approx(100.0)
+    requirement = next(entry for entry in card.requirements if entry.name == "A2")
+    assert (requirement.overall.amplitude, requirement.overall.worst_case) == (None, "c02.sticky.delay_2")
+
+
+def test_a_loop_that_does_not_rest_fails_whatever_its_limit_cycle():
+    results = changed(ON_TARGET_EVERYWHERE, 2, "sticky", "gain_2", cycle=(0.0, 0.0), status=Status.UNSTABLE)
+    assert verdicts(scored(results)) == {"A1": False, "A2": True, "A3": False}
+
+
+def test_missing_cases_make_the_card_incomplete():
+    card = scored(ON_TARGET_EVERYWHERE[:-1])
+    assert not card.complete
+    assert card.cost == pytest.approx(100.0)
+
+
+def test_nothing_tried_is_nothing_passed():
+    card = scored([])
+    assert card.cost is None and not card.complete
+    assert verdicts(card) == {"A1": None, "A2": None, "A3": None}
+    only_noise = [entry for entry in ON_TARGET_EVERYWHERE if entry.case.test.name == "noise"]
+    assert verdicts(scored(only_noise)) == {"A1": None, "A2": None, "A3": None}
+    assert scored(only_noise).cost is None
+
+
+def test_results_may_hold_a_part_of_the_configurations():
+    part = [replace(entry) for entry in ON_TARGET_EVERYWHERE if entry.case.configuration.index in (3, 8)]
+    card = scored(part)
+    assert [entry.configuration.index for entry in card.configurations] == [3, 8]
+    assert card.cost == pytest.approx(100.0) and not card.complete

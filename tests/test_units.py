@@ -1,0 +1,147 @@
+"""Units at a connection: by base units where they are defined, by name where they are known, never silently."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from descriptions import description, variable
+from fmpy.model_description import BaseUnit, SimpleType, Unit
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orchestrator.cosim.units import KNOWN, conversion
+from orchestrator.cosim.variables import variables
+from orchestrator.errors import InputError
+
+WHERE = "The controller x.fmu: q_m[1]"
+TORQUE = {"kg": 1, "m": 2, "s": -2}
+
+
+def convert(unit, wanted, *definitions):
+    return conversion(description([], definitions), unit, wanted, WHERE)
+
+
+def refusal(unit, wanted, *definitions):
+    with pytest.raises(InputError) as caught:
+        convert(unit, wanted, *definitions)
+    assert str(caught.value).startswith(WHERE)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        ("rad", "rad", 1.0),
+        ("deg", "rad", math.pi / 180),
+        ("°", "rad", math.pi / 180),
+        ("N.m", "N.m", 1.0),
+        ("Nm", "N.m", 1.0),
+        ("mN.m", "N.m", 1e-3),
+        ("kN.m", "N.m", 1e3),
+        ("ms", "s", 1e-3),
+    ],
+)
+def test_units_known_by_name(unit, wanted, factor):
+    assert convert(unit, wanted).factor == pytest.approx(factor, rel=1e-15)
+    assert convert(unit, wanted).note == ""
+
+
+@pytest.mark.parametrize("unit", KNOWN)
+def test_a_unit_is_itself(unit):
+    wanted = next(name for name in ("rad", "N.m", "N", "m", "s") if KNOWN[name].exponents == KNOWN[unit].exponents or unit == "1")
+    assert convert(unit, wanted).factor == KNOWN[unit].factor
+
+
+@pytest.mark.parametrize(
+    ("definition", "wanted", "factor"),
+    [
+        (Unit("grad", BaseUnit(rad=1, factor=math.pi / 200)), "rad", math.pi / 200),
+        (Unit("lbf.ft", BaseUnit(**TORQUE, factor=1.3558179483314004)), "N.m", 1.3558179483314004),
+        (Unit("J", BaseUnit(**TORQUE)), "N.m", 1.0),
+        (Unit("rad", BaseUnit(rad=1)), "rad", 1.0),
+    ],
+)
+def test_units_are_understood_by_their_base_units(definition, wanted, factor):
+    assert convert(definition.name, wanted, definition) == convert(definition.name, wanted, definition)
+    assert convert(definition.name, wanted, definition).factor == factor
+
+
+def test_a_definition_goes_above_the_name():
+    """An FMU that calls a milliradian "rad" has said so."""
+    assert convert("rad", "rad", Unit("rad", BaseUnit(rad=1, factor=1e-3))).factor == 1e-3
+    assert "'deg', which is no rad" in refusal("deg", "rad", Unit("deg", BaseUnit(K=1)))
+
+
+def test_a_definition_without_base_units_leaves_the_name():
+    assert convert("deg", "rad", Unit("deg", None)).factor == pytest.approx(math.pi / 180)
+    assert "does not define by base units" in refusal("furlong", "rad", Unit("furlong", None))
+
+
+def test_a_missing_unit_is_a_note():
+    found = convert(None, "rad")
+    assert found.factor == 1.0 and found.note == f"{WHERE} declares no unit; taken as rad"
+
+
+@pytest.mark.parametrize(
+    ("unit", "definitions", "factor"),
+    [
+        ("1", (), 1.0),
+        ("rad", (Unit("rad", BaseUnit()),), 1.0),
+        ("deg", (Unit("deg", BaseUnit(factor=math.pi / 180)),), math.pi / 180),
+    ],
+)
+def test_an_angle_without_dimension_is_a_note(unit, definitions, factor):
+    found = convert(unit, "rad", *definitions)
+    assert found.factor == factor and "counts radians as dimensionless" in found.note
+
+
+def test_a_torque_per_radian_differs_by_radians_only():
+    assert "counts radians" in convert("N.m/rad", "N.m", Unit("N.m/rad", BaseUnit(**TORQUE, rad=-1))).note
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "definitions"),
+    [
+        ("m", "rad", ()),
+        ("rad", "N.m", ()),
+        ("N", "N.m", ()),
+        ("1", "N.m", ()),
+        ("V", "N.m", (Unit("V", BaseUnit(kg=1, m=2, s=-3, A=-1)),)),
+        ("rad/s", "rad", (Unit("rad/s", BaseUnit(rad=1, s=-1)),)),
+    ],
+)
+def test_a_unit_of_another_kind_is_refused(unit, wanted, definitions):
+    assert f"has the unit {unit!r}, which is no {wanted}" in refusal(unit, wanted, *definitions)
+
+
+@pytest.mark.parametrize("unit", ["rpm", "counts", "N.m/rad", "Rad"])
+def test_an_unknown_unit_is_refused_with_the_way_out(unit):
+    assert "Declare it in rad, or give its definition a BaseUnit" in refusal(unit, "rad")
+
+
+def test_a_unit_with_an_offset_is_refused():
+    """Its zero is not zero: a factor alone would be wrong."""
+    shifted = Unit("turned", BaseUnit(rad=1, offset=0.5))
+    assert "whose zero is not that of rad (offset 0.5)" in refusal("turned", "rad", shifted)
+
+
+exponents = st.fixed_dictionaries({name: st.integers(-2, 2) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")})
+
+
+@given(exponents, st.floats(1e-6, 1e6), st.sampled_from(["rad", "N.m", "N", "m", "s"]))
+def test_only_units_of_the_same_kind_convert(base, factor, wanted):
+    definition = Unit("x", BaseUnit(**base, factor=factor))
+    same = all(base[name] == exponent for name, exponent in zip(base, KNOWN[wanted].exponents[:-1], strict=False))
+    if same:
+        assert convert("x", wanted, definition).factor == factor
+    else:
+        assert "which is no" in refusal("x", wanted, definition)
+
+
+def test_the_unit_of_a_declared_type_counts():
+    typed = variable("q_m[1]")
+    typed.declaredType = SimpleType(name="Angle", type="Real", unit="deg")
+    assert variables(description([typed]))["q_m[1]"].unit == "deg"
+    typed.unit = "rad"
+    assert variables(description([typed]))["q_m[1]"].unit == "rad"
