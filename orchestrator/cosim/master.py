@@ -14,8 +14,9 @@ from .scenario import Pair, Scenario
 from .slaves import Slave, log
 from .trajectory import Ending, Status, Trajectory
 
-STATUS_WORDS = {
-    **dict(enumerate(("ok", "warning", "discard", "error", "fatal", "pending"))),
+STATUS_WORDS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+STEPPING_WORDS = {
     port.TERMINATED: "ended the simulation",
     port.EARLY_RETURN: "stopped before the end of the step",
     port.ENDLESS_EVENTS: "asks for event iterations without end",
@@ -115,12 +116,12 @@ def _ending(raw: loop.Ending, scenario: Scenario, plant: Slave, controller: Slav
         return Ending(Status.ERROR, time, message, raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     call = slave.calls[("set", "step", "get")[raw.call]]
-    word = STATUS_WORDS.get(raw.status, f"the illegal status {raw.status}")
-    told = (
-        f"{slave.archive.name}: {call} returned {word}"
-        if raw.status < port.TERMINATED
-        else f"{slave.archive.name} {word}"
-    )
+    if raw.status in STEPPING_WORDS:
+        told = f"{slave.archive.name} {STEPPING_WORDS[raw.status]}"
+    elif raw.status < len(STATUS_WORDS):
+        told = f"{slave.archive.name}: {call} returned {STATUS_WORDS[raw.status]}"
+    else:
+        told = f"{slave.archive.name}: {call} returned the illegal status {raw.status}"
     return Ending(Status.ERROR, time, "\n  ".join((told, *log.lines())), raw.warnings, call)
 
 

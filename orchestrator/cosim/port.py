@@ -19,9 +19,9 @@ SET, STEP, GET = range(3)
 WARNING = 1
 """Highest FMI status that does not end a simulation."""
 
-TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 10, 11, 12
+TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
 """What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
-the step, or goes on asking for another event iteration."""
+the step, or goes on asking for another event iteration. No status an FMU can return is as large."""
 
 CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3 = range(4)
 """How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, time events of FMI 2 and FMI 3."""

@@ -55,8 +55,8 @@ def _read(controller: Archive, text: str, origin: str) -> Fraction:
         return seconds(text)
     except ValueError:
         raise InputError(
-            f"The sample time of {controller.name}, {text!r} ({origin}), is no number of seconds. Export the FMU again, "
-            "or say what it is: --sample-time 0.00025."
+            f"The sample time of {controller.name}, {text!r} ({origin}), is no number of seconds. "
+            "Export the FMU again, or say what it is: --sample-time 0.00025."
         ) from None
 
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing import connection
 
-import psutil
-
 from .child import GOODBYE
-from .job import Died, Job, Outcome
+from .family import Family
+from .job import Died, Failed, Finished, Job, Outcome
 from .launch import Child, started
+from .messages import Garbage, Inbox
 
 TAIL = 8192
 """Bytes of a child's printed output that are kept."""
@@ -23,33 +23,62 @@ LINES = 10
 LOOK = 0.2
 """Seconds between two looks at the stop signal and the child's memory."""
 
+GRACE = 5.0
+"""Seconds after which a child is ended that outlives its own alarm: an FMU may ignore that."""
+
+SANDBOX_GRACE = 60.0
+"""The same where the child starts from nothing and may have to compile."""
+
+LAST_WORDS = 2.0
+"""Seconds for a child whose pipe is closed to end."""
+
+FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
+LOST = 255
+"""Exit code of a child whose fork server is gone."""
+
 
 def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outcome]:
     """Run the tasks of ``job`` in child processes and yield one outcome a task, in order.
 
-    A task that fails or ends its process costs that task only: the rest goes on in a new child. Once ``stop`` is set,
-    the running child is killed and nothing more is yielded.
+    A task that fails or ends its process costs that task only: the rest goes on in a new child. One that fails in a
+    process that has run others before, or whose process may have been ended by somebody else, gets a second chance in
+    a new process: so the outcome does not depend on what ran before. Once ``stop`` is set, the running child is killed
+    and nothing more is yielded.
     """
     stop = stop or threading.Event()
-    first = 0
+    first, tried = 0, -1
     while first < len(job.tasks) and not stop.is_set():
         rest = replace(job, tasks=job.tasks[first:], time_limits=job.time_limits[first:])
-        done = 0
         with started(rest) as child:
+            start = first
             for outcome in _listen(child, rest, stop):
-                done = outcome.index + 1
-                yield replace(outcome, index=first + outcome.index)
-        if done == 0:
-            return
-        first += done
+                number = start + outcome.index
+                if number != tried and _deserves_another_chance(outcome):
+                    tried = number
+                    break
+                first = number + 1
+                yield replace(outcome, index=number)
+
+
+def _deserves_another_chance(outcome: Outcome) -> bool:
+    if isinstance(outcome, Finished):
+        return False
+    return outcome.index > 0 or (isinstance(outcome, Died) and outcome.outside)
 
 
 def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     """Outcomes of one child: until its tasks are done, one fails, or the process dies or has to."""
     index, begin, tail, printed = 0, time.perf_counter(), b"", 0
     looked = begin
+    inbox, family = Inbox(child.outcomes.fileno()), child.process.family
     sources = [child.outcomes, child.output]
-    verdict = ""
+    grace = SANDBOX_GRACE if job.sandbox else GRACE
+
+    def died(message: str, timeout: bool = False, outside: bool = False) -> Died:
+        child.process.kill()
+        words = _lines(tail + _rest(child))
+        return Died(index, timeout, message, time.perf_counter() - begin, child.trace.read(), words, outside)
+
     while not stop.is_set():
         ready = connection.wait(sources, timeout=LOOK)
         if child.output in ready:
@@ -58,29 +87,42 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if not piece:
                 sources.remove(child.output)
             if printed > job.limits.output:
-                verdict = f"it printed or logged more than {job.limits.output / 1e6:.0f} MB"
-        if time.perf_counter() - looked > LOOK:
-            looked = time.perf_counter()
-            used = _memory(child.process.pid)
+                yield died(f"it printed or logged more than {job.limits.output / 1e6:.0f} MB")
+                return
+        if child.outcomes in ready:
+            closed = not inbox.receive()
+            try:
+                for message in inbox.messages():
+                    if message == GOODBYE:
+                        return
+                    if not isinstance(message, Finished | Failed) or message.index != index:
+                        raise Garbage("an outcome that is not due")
+                    yield message
+                    if isinstance(message, Failed):
+                        return
+                    index, begin, printed = index + 1, time.perf_counter(), 0
+                    if index == len(job.tasks):
+                        return
+            except Garbage as problem:
+                yield died(f"it wrote into a pipe that is not its own ({problem})")
+                return
+            if closed:
+                yield died(*_cause(child.process.exit_code(LAST_WORDS), job.sandbox))
+                return
+        now = time.perf_counter()
+        if now - looked > LOOK:
+            looked = now
+            used = family.memory()
             if used > job.limits.memory:
-                verdict = f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB"
-        if verdict:
-            child.process.kill()
-            yield Died(index, False, verdict, time.perf_counter() - begin, child.trace.read(), _lines(tail))
-            return
-        if child.outcomes not in ready:
-            continue
-        try:
-            message = child.outcomes.recv()
-        except (EOFError, OSError):
-            timeout, text = _cause(child.process.exit_code())
-            tail += _rest(child)
-            yield Died(index, timeout, text, time.perf_counter() - begin, child.trace.read(), _lines(tail))
-            return
-        if message == GOODBYE:
-            return
-        yield message
-        index, begin, printed = message.index + 1, time.perf_counter(), 0
+                yield died(f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB")
+                return
+            if now - begin > job.time_limits[index] + grace:
+                yield died(TIMED_OUT, timeout=True)
+                return
+            if child.outcomes not in ready and child.process.exit_code(0.0) is not None:
+                # Whatever it has started may still hold the pipe open.
+                yield died(*_cause(child.process.exit_code(0.0), job.sandbox))
+                return
 
 
 def _rest(child: Child) -> bytes:
@@ -95,23 +137,22 @@ def _lines(tail: bytes) -> tuple[str, ...]:
     return tuple(line[:500] for line in tail.decode(errors="replace").splitlines()[-LINES:])
 
 
-def _memory(pid: int) -> int:
-    """Resident memory [bytes] of a process and its descendants."""
-    try:
-        process = psutil.Process(pid)
-        return sum(one.memory_info().rss for one in (process, *process.children(recursive=True)))
-    except psutil.Error:
-        return 0
+TIMED_OUT = "the time limit was reached"
 
 
-def _cause(exit_code: int | None) -> tuple[bool, str]:
-    """Whether a process ended at its time limit, and how it ended, in words."""
-    if exit_code is not None and (exit_code < 0 or exit_code > 128):
-        number = -exit_code if exit_code < 0 else exit_code - 128  # a sandbox passes signals on as exit codes
-        if os.name == "posix" and number == signal.SIGALRM:
-            return True, "the time limit was reached"
-        return False, f"the process was ended by {_name(number)}"
-    return False, f"the process ended by itself with exit code {exit_code}"
+def _cause(exit_code: int | None, sandboxed: bool) -> tuple[str, bool, bool]:
+    """How a process ended, in words; whether at its time limit; whether somebody else may have ended it."""
+    if exit_code is None:
+        return "it closed the pipe of its results", False, False
+    number = -exit_code
+    if sandboxed and exit_code > 128:  # a sandbox passes signals on as exit codes
+        number = exit_code - 128
+    if number <= 0:
+        return f"the process ended by itself with exit code {exit_code}", False, exit_code == LOST
+    name = _name(number)
+    if name == "SIGALRM":
+        return TIMED_OUT, True, False
+    return f"the process was ended by {name}", False, name in FOREIGN_SIGNALS
 
 
 def _name(number: int) -> str:

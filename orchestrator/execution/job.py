@@ -68,6 +68,8 @@ class Died:
     wall_time: float
     place: Place
     output: tuple[str, ...] = ()
+    outside: bool = False
+    """Whether somebody else may have ended the process, such as a system that is out of memory."""
 
 
 Outcome = Finished | Failed | Died

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import functools
 import mmap
 import multiprocessing
 import os
 import pickle
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, reduction
 from pathlib import Path
@@ -22,16 +24,26 @@ from ..cosim.trace import SIZE, Place, Trace
 from ..errors import InputError
 from ..folders import cache_folder
 from . import child
+from .family import Family
 from .job import Job
+
+
+ATTEMPTS = 3
+
+SANDBOX = (
+    *("--unshare-all", "--die-with-parent", "--new-session"),
+    *("--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--tmpfs", "/tmp"),
+)
+"""Options of bubblewrap: no network, no other processes, everything read-only but /tmp."""
 
 
 class Process(Protocol):
     """What a started process can be asked for."""
 
-    pid: int
+    family: Family
 
-    def exit_code(self) -> int | None:
-        """Wait for the end; the exit code, negative for a signal."""
+    def exit_code(self, patience: float) -> int | None:
+        """Wait ``patience`` seconds for the end; the exit code, negative for a signal, None where it is still alive."""
 
     def kill(self) -> None:
         """End it, and whatever it started."""
@@ -52,9 +64,7 @@ class SharedTrace:
 
     def __init__(self, file: int | None = None) -> None:
         if file is None:
-            with tempfile.TemporaryFile() as fresh:
-                fresh.truncate(SIZE)
-                file = os.dup(fresh.fileno())
+            file = _unnamed_file()
         self.file = file
         self.buffer = memoryview(mmap.mmap(file, SIZE))
 
@@ -68,6 +78,18 @@ class SharedTrace:
     def close(self) -> None:
         """Give the file back."""
         os.close(self.file)
+
+
+def _unnamed_file() -> int:
+    """Descriptor of a file of SIZE bytes. On Linux it cannot be cut, which would end whoever reads its memory."""
+    if hasattr(os, "memfd_create"):
+        file = os.memfd_create("trace", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        os.ftruncate(file, SIZE)
+        fcntl.fcntl(file, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)
+        return file
+    with tempfile.TemporaryFile() as fresh:
+        fresh.truncate(SIZE)
+        return os.dup(fresh.fileno())
 
 
 def _attach(duplicate: Any) -> SharedTrace:
@@ -107,16 +129,23 @@ class _ServedProcess:
         context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
             context.set_forkserver_preload(["orchestrator.execution.preload"])
-        self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
-        self._process.start()
-        self.pid = self._process.pid
+        for attempt in range(ATTEMPTS):
+            self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
+            try:
+                self._process.start()
+                break
+            except (EOFError, OSError):  # the fork server has been killed; the next start starts another
+                if attempt + 1 == ATTEMPTS:
+                    raise
+                time.sleep(0.1 * (attempt + 1))
+        self.family = Family(self._process.pid)
 
-    def exit_code(self) -> int | None:
-        self._process.join()
+    def exit_code(self, patience: float) -> int | None:
+        self._process.join(patience)
         return self._process.exitcode
 
     def kill(self) -> None:
-        _kill_group(self.pid)
+        self.family.kill()
         self._process.kill()
         self._process.join()
 
@@ -134,16 +163,19 @@ class _FreshProcess:
             pass_fds=descriptors,
             start_new_session=True,
         )
-        self.pid = self._process.pid
+        self.family = Family(self._process.pid)
         assert self._process.stdin is not None
-        pickle.dump(job, self._process.stdin)
-        self._process.stdin.close()
+        with suppress(BrokenPipeError):  # it has ended already; the reason is in its output
+            pickle.dump(job, self._process.stdin)
+            self._process.stdin.close()
 
-    def exit_code(self) -> int | None:
-        return self._process.wait()
+    def exit_code(self, patience: float) -> int | None:
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(patience)
+        return self._process.returncode
 
     def kill(self) -> None:
-        _kill_group(self.pid)
+        self.family.kill()
         self._process.kill()
         self._process.wait()
 
@@ -161,22 +193,26 @@ def _sandbox(job: Job, scratch: Path) -> list[str]:
     program = shutil.which("bwrap")
     if program is None:
         raise InputError("--sandbox needs bubblewrap (bwrap), which is not installed. Install it, or leave it out.")
+    _check_sandbox(program)
     cache = cache_folder()
     copy = scratch / "cache"
     for folder in (cache / "numba", job.plant.folder, job.controller.folder):
         if folder.is_dir():
             shutil.copytree(folder, copy / folder.relative_to(cache), symlinks=True, dirs_exist_ok=True)
     return [
-        *(program, "--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc"),
-        *("--tmpfs", "/tmp", "--bind", str(copy), str(cache), "--chdir", "/tmp"),
+        *(program, *SANDBOX),
+        *("--bind", str(copy), str(cache), "--chdir", "/tmp"),
         *("--setenv", "PYTHONPATH", os.pathsep.join(path for path in sys.path if path)),
         "--",
     ]
 
 
-def _kill_group(pid: int) -> None:
-    if os.name == "posix":
-        try:
-            os.killpg(pid, signal.SIGKILL)
-        except (ProcessLookupError, PermissionError):
-            return
+@functools.cache
+def _check_sandbox(program: str) -> None:
+    """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
+    tried = subprocess.run([program, *SANDBOX, "--", sys.executable, "-c", ""], capture_output=True, text=True)
+    if tried.returncode != 0:
+        raise InputError(
+            f"--sandbox does not work on this machine: {tried.stderr.strip() or 'bubblewrap failed'}. User namespaces "
+            "must be allowed. Without the option FMUs run with your rights."
+        )

@@ -20,6 +20,8 @@ class PrivateModules:
     def __init__(self, folder: Path) -> None:
         self._folder = str(folder)
         self._modules: dict[str, ModuleType] = {}
+        self._foreign: dict[str, ModuleType] = {}
+        """Modules looked at before: there are hundreds, and this is done several times a simulation."""
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
@@ -27,14 +29,15 @@ class PrivateModules:
         path = list(sys.path)
         covered = {name: sys.modules[name] for name in self._modules if name in sys.modules}
         sys.modules.update(self._modules)
-        before = set(sys.modules)
         try:
             yield
         finally:
-            imported = {name: sys.modules[name] for name in sys.modules.keys() - before}
-            self._modules.update({name: module for name, module in imported.items() if self._owns(module)})
-            for name in self._modules:
-                sys.modules.pop(name, None)
+            unknown = {name: module for name, module in sys.modules.items() if self._foreign.get(name) is not module}
+            own = {name: module for name, module in unknown.items() if self._owns(module)}
+            self._modules.update(own)
+            for name in own:
+                del sys.modules[name], unknown[name]
+            self._foreign.update(unknown)
             sys.modules.update(covered)
             sys.path[:] = path
 
