@@ -101,7 +101,8 @@ def _run(
     keys = store.keys(protocol, cases, bench)
     if options.force:
         results.forget(list(keys.values()))
-    found = results.load(keys)
+    conditions = store.conditions(bench)
+    found = results.load(keys, conditions)
     known = {result.case for result in found}
     waiting = [case for case in cases if case not in known]
     if found:
@@ -117,8 +118,8 @@ def _run(
     ):
         update(found)
         for result in stream:
-            if result.status is not Status.SKIPPED:
-                results.put(keys[result.case], result)
+            if result.status is not Status.SKIPPED and result.final:
+                results.put(keys[result.case], result, conditions)
             found.append(result)
             update(found)
     order = {case: number for number, case in enumerate(cases)}

@@ -42,9 +42,7 @@ def test_optional_connectors_may_be_absent():
 
 
 def test_exact_arrays():
-    shown = description(
-        [variable("q_m", kind="Float64", size=2), variable("u_m", "output", kind="Float64", size=2)]
-    )
+    shown = description([variable("q_m", kind="Float64", size=2), variable("u_m", "output", kind="Float64", size=2)])
     assert bound(shown) == {"q_m": (["q_m"], "exact"), "u_m": (["u_m"], "exact")}
 
 
@@ -268,9 +266,7 @@ def test_wrong_mappings_are_refused(mapping, told):
 
 
 def test_factors_and_notes_stand_in_the_binding():
-    shown = description(
-        [*pair(["q_m[1]", "q_m[2]"], "input", "deg"), *pair(["u_m[1]", "u_m[2]"], "output", None)]
-    )
+    shown = description([*pair(["q_m[1]", "q_m[2]"], "input", "deg"), *pair(["u_m[1]", "u_m[2]"], "output", None)])
     found = bind_controller(shown, WHAT)
     assert found["q_m"].factors == pytest.approx((0.017453292519943295,) * 2, rel=1e-15)
     assert found["q_m"].notes == ()

@@ -27,9 +27,7 @@ def test_spellings_of_the_first_motor_angle(name):
     assert spelling(name, array=False) == Spelling("qm", 1)
 
 
-@pytest.mark.parametrize(
-    "name", ["q_m", "time", "[1]", "1", "", "q_m[1].x", "q_m_1_raw", "axis1", "position", "..."]
-)
+@pytest.mark.parametrize("name", ["q_m", "time", "[1]", "1", "", "q_m[1].x", "q_m_1_raw", "axis1", "position", "..."])
 def test_names_without_an_index_are_no_component(name):
     assert spelling(name, array=False) is None
 

@@ -34,8 +34,8 @@ OWN = {
 }
 EVERYONE = {**OWN, **RECIPES}
 
-SOLVER_ERROR = 1e-5
-"""How far CVode's torques may be from the exact ones [N.m]."""
+SOLVER_ERROR = 5e-4
+"""How far CVode's torques may be from the exact ones [N.m]: a tenth of what the drive rounds away."""
 
 
 def scenario():
@@ -63,7 +63,7 @@ def replayed(recipe, trajectory):
     """The torques of the law for what the controller saw, by the convention of its timing [N.m]."""
     single = recipe.name.startswith("float32")
     q_m_ref, q_m = errors(trajectory, single)
-    u_m0 = tuple(np.float32(u) for u in trajectory.u_m0) if single else trajectory.u_m0
+    u_m0 = tuple(float(np.float32(u)) for u in trajectory.u_m0) if single else trajectory.u_m0
     if recipe.timing is Timing.CONTINUOUS:
         return np.array(held((q_m_ref - q_m).tolist(), u_m0))
     if recipe.timing is Timing.TWICE_FIRST:
@@ -141,7 +141,15 @@ def test_conversions_only_round(loop, default):
 
 def scored(file, folder, *only):
     """cases.csv and the judgement in results.json."""
-    arguments = [str(file), "--output-dir", str(folder), *(word for pattern in only for word in ("--only", pattern))]
+    arguments = [
+        str(file),
+        "--no-report",
+        "--timeout",
+        "600",
+        "--output-dir",
+        str(folder),
+        *(word for pattern in only for word in ("--only", pattern)),
+    ]
     assert commands.guarded(evaluate.main, arguments) == commands.EXIT_OK
     results = json.loads((folder / "results.json").read_text())
     kept = ("criteria", "stability", "cost", "cases", "loop_delay", "sample_time")
@@ -158,10 +166,7 @@ def reference_scores(default, exporter_folder, tmp_path_factory):
     return {only: scored(file, tmp_path_factory.mktemp("reference"), *only) for only in (QUICK, FULL)}
 
 
-STANDARDS = [name for name in build_fmus.VARIANTS]
-
-
-@pytest.mark.parametrize("name", ["DiagonalPID", *STANDARDS, "container_fmi3", "names_nested", "position_error"])
+@pytest.mark.parametrize("name", ["DiagonalPID", *build_fmus.VARIANTS, "container_fmi3"])
 def test_scorecards_are_equal(name, reference_scores, exporter_folder, tmp_path):
     recipe = EVERYONE[name]
     if recipe.missing():
@@ -173,12 +178,22 @@ def test_scorecards_are_equal(name, reference_scores, exporter_folder, tmp_path)
     assert judged["criteria"]["B7"]["value"] > 0 and judged["stability"]["A1"]["axes"]
 
 
+CONVENTIONS = {
+    Timing.STEP_START: "at the start of each step",
+    Timing.INITIALIZATION: "once during initialization, then at the end",
+    Timing.TWICE_FIRST: "twice in the first step",
+    Timing.CONTINUOUS: "at the start of each step",
+}
+"""Words for a controller's timing in the results; a continuous one answers within the step as well."""
+
+
 @pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES)
 def test_every_exporter_is_scored(recipe, reference_scores, exporter_folder, tmp_path):
     if recipe.missing():
         pytest.skip(recipe.missing())
     _, judged = scored(recipe.build(exporter_folder), tmp_path, *QUICK)
     _, expected = reference_scores[QUICK]
+    assert CONVENTIONS[recipe.timing] in judged["loop_delay"]["convention"]
     assert judged["loop_delay"]["samples"] == 1.0 and judged["sample_time"]["as_in_benchmark"]
     if recipe in SAME and recipe.timing is Timing.STEP_START:
         assert judged == expected
@@ -187,17 +202,7 @@ def test_every_exporter_is_scored(recipe, reference_scores, exporter_folder, tmp
         assert found == pytest.approx([expected["criteria"][name]["value"] for name in ("B1", "B2")], rel=0.2)
 
 
-def test_conventions_stand_in_the_results(exporter_folder, tmp_path):
-    words = {"timing_initialization": "during initialization", "timing_twice_first": "twice in the first step"}
-    for name, word in words.items():
-        if RECIPES[name].missing():
-            pytest.skip(RECIPES[name].missing())
-        _, judged = scored(RECIPES[name].build(exporter_folder), tmp_path / name, *QUICK)
-        assert word in judged["loop_delay"]["convention"]
-
-
-def test_one_case_of_model_exchange_by_cvode(exporter_folder, tmp_path):
-    """The continuous controller has values of its own: V's parts differ from the sampled PID's by some percent."""
+def test_continuous_controller_through_simulate(exporter_folder, tmp_path):
     recipe = RECIPES["casadi"]
     if recipe.missing():
         pytest.skip(recipe.missing())

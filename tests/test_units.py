@@ -49,7 +49,9 @@ def test_units_known_by_name(unit, wanted, factor):
 
 @pytest.mark.parametrize("unit", KNOWN)
 def test_a_unit_is_itself(unit):
-    wanted = next(name for name in ("rad", "N.m", "N", "m", "s") if KNOWN[name].exponents == KNOWN[unit].exponents or unit == "1")
+    wanted = next(
+        name for name in ("rad", "N.m", "N", "m", "s") if KNOWN[name].exponents == KNOWN[unit].exponents or unit == "1"
+    )
     assert convert(unit, wanted).factor == KNOWN[unit].factor
 
 

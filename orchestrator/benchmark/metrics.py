@@ -32,7 +32,8 @@ class CaseResult:
     """One finished case: its status with the simulated time [s] and the reason, and its measurement.
 
     The measurement is None where the simulation did not reach its end. ``warnings`` counts FMI calls that returned
-    a warning, ``wall_time`` [s] what the simulation took.
+    a warning, ``wall_time`` [s] what the simulation took. ``final`` is False where something from outside ended it, so
+    that it is worth another try.
     """
 
     case: Case
@@ -42,6 +43,7 @@ class CaseResult:
     measurement: Measurement | None = None
     warnings: int = 0
     wall_time: float = 0.0
+    final: bool = True
 
 
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> dict[str, Any]:

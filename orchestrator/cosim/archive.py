@@ -12,6 +12,7 @@ import shutil
 import stat
 import tempfile
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -150,13 +151,15 @@ def _check_contents(file: Path) -> None:
 def _extract(file: Path, sha256: str) -> Path:
     """The folder with the archive's files. It appears under its final name complete or not at all."""
     folder = cache_folder() / "fmus" / sha256
-    if folder.is_dir():
+    if _is_intact(folder, file):
         return folder
     scratch: Path | None = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
         fmpy.extract(str(file), str(scratch / "fmu"))
+        if folder.is_dir() and not _is_intact(folder, file):
+            os.rename(folder, scratch / "spoiled")
         os.rename(scratch / "fmu", folder)
     except OSError as problem:
         if not folder.is_dir():  # else another process was first
@@ -169,6 +172,22 @@ def _extract(file: Path, sha256: str) -> Path:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
     return folder
+
+
+def _is_intact(folder: Path, file: Path) -> bool:
+    """Whether ``folder`` holds the archive's files as they are in ``file``. An FMU may have written over its own, or a
+    power cut may have left them empty. Files that came later, such as compiled code, do not count."""
+    if not folder.is_dir():
+        return False
+    with zipfile.ZipFile(file) as archive:
+        for member in archive.infolist():
+            path = folder / member.filename
+            try:
+                if not member.is_dir() and zlib.crc32(path.read_bytes()) != member.CRC:
+                    return False
+            except OSError:
+                return False
+    return True
 
 
 def _ensure_library(file: Path, folder: Path, description: ModelDescription, kind: str) -> None:

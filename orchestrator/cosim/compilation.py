@@ -54,7 +54,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
         try:
             subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIME_LIMIT)
         except subprocess.CalledProcessError as problem:
-            lines = "\n  ".join(problem.stderr.strip().splitlines()[:5])
+            lines = "\n  ".join(problem.stderr.replace(f"{folder}{os.sep}", "").strip().splitlines()[:5])
             raise InputError(f"The sources of {name} do not compile:\n  {lines}") from None
         except subprocess.TimeoutExpired:
             raise InputError(f"The sources of {name} do not compile within {TIME_LIMIT:g} s.") from None

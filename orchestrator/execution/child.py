@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -17,11 +18,12 @@ from ..errors import BenchmarkError
 from .family import bind_to_parent
 from .job import Failed, Finished, Job
 
-GOODBYE = "all tasks done"
-"""The last message of a child that came to its end; an FMU that calls exit(0) does not send it."""
+if sys.platform != "win32":
+    import resource
 
+MOST_DESCRIPTORS = 65536
 PATIENCE = 10.0
-"""Seconds that a child waits for its parent to end it."""
+"""Seconds that a child whose tasks are done waits for its parent to end it."""
 
 
 def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> None:
@@ -38,6 +40,7 @@ def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> Non
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
         log.echo_to(2)
+        _close_all_but(outcomes.fileno())
     trace.use(trace.Trace(shared.buffer))
     surroundings = Surroundings()
     begin = time.perf_counter()
@@ -56,11 +59,19 @@ def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> Non
     sys.stdout.flush()
     sys.stderr.flush()
     _alarm(PATIENCE)
-    outcomes.send(GOODBYE)
     if os.name == "posix":
         while True:  # the parent ends us, after it has looked for what the FMUs have started
             signal.pause()
     os._exit(0)  # destructors of foreign libraries are no business of ours
+
+
+def _close_all_but(descriptor: int) -> None:
+    """Close what the process has inherited, such as the pipes between fork server and parent: an FMU that writes into
+    all it finds shall find little."""
+    resource_tracker._resource_tracker._fd = None  # type: ignore[attr-defined]
+    highest = min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS)
+    os.closerange(3, descriptor)
+    os.closerange(descriptor + 1, highest)
 
 
 class Surroundings:

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..cosim.archive import Archive, open_archive
 from ..cosim.trace import Place
-from ..errors import InputError
+from ..errors import BenchmarkError, InputError
 from ..folders import cache_folder
 from .host import run_hosted
 from .job import Died, Job, Outcome
@@ -40,7 +40,8 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
         raise InputError(f"There is no Dask scheduler at {address}: {problem}.") from problem
     with client:
         files = {archive.sha256: archive.file for job in jobs for archive in (job.plant, job.controller)}
-        contents = {sha256: client.scatter(file.read_bytes(), broadcast=True) for sha256, file in files.items()}
+        # As tasks and not as scattered data: the scheduler makes them anew where the worker that held them is lost.
+        contents = {sha256: client.submit(_content, file.read_bytes(), pure=False) for sha256, file in files.items()}
         futures = {
             client.submit(
                 _run_remotely,
@@ -58,10 +59,21 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
                     outcomes = future.result()
                 except KilledWorker as problem:
                     outcomes = [_lost(index, problem) for index in range(len(jobs[number].tasks))]
+                except BenchmarkError:
+                    raise
+                except Exception as problem:  # whatever a worker or the network has to offer
+                    raise BenchmarkError(
+                        f"The cluster at {address} could not run a job: {problem or type(problem).__name__}. What is "
+                        "finished is kept: run the same command again. Workers need this package in the same version."
+                    ) from problem
                 for outcome in outcomes:
                     yield number, outcome
         finally:
             client.cancel(list(futures))
+
+
+def _content(data: bytes) -> bytes:
+    return data
 
 
 def _without_paths(job: Job) -> Job:
@@ -85,4 +97,4 @@ def _open(archive: Archive, content: bytes) -> Archive:
 
 
 def _lost(index: int, problem: Any) -> Died:
-    return Died(index, False, f"its worker died repeatedly: {problem}", 0.0, Place(0, 0, ""))
+    return Died(index, False, f"its worker died repeatedly: {problem}", 0.0, Place(0, 0, ""), outside=True)

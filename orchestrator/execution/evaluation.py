@@ -149,7 +149,8 @@ def case_result(case: Case, outcome: Outcome) -> CaseResult:
         return CaseResult(case, Status.ERROR, 0.0, str(outcome.error), wall_time=outcome.wall_time)
     status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
     time = float(outcome.place.sample * case.scenario.sample_time)
-    return CaseResult(case, status, time, _told(outcome, case.scenario), wall_time=outcome.wall_time)
+    message = _told(outcome, case.scenario)
+    return CaseResult(case, status, time, message, wall_time=outcome.wall_time, final=not outcome.outside)
 
 
 def _rehearsed(setup: Setup, plant: Slave, controller: Slave, scenario: Scenario) -> Timing | None:

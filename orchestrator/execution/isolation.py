@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing import connection
 
-from .child import GOODBYE
-from .family import Family
 from .job import Died, Failed, Finished, Job, Outcome
 from .launch import Child, started
 from .messages import Garbage, Inbox
@@ -70,7 +68,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     """Outcomes of one child: until its tasks are done, one fails, or the process dies or has to."""
     index, begin, tail, printed = 0, time.perf_counter(), b"", 0
     looked = begin
-    inbox, family = Inbox(child.outcomes.fileno()), child.process.family
+    inbox = Inbox(child.outcomes.fileno())
     sources = [child.outcomes, child.output]
     grace = SANDBOX_GRACE if job.sandbox else GRACE
 
@@ -93,8 +91,6 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             closed = not inbox.receive()
             try:
                 for message in inbox.messages():
-                    if message == GOODBYE:
-                        return
                     if not isinstance(message, Finished | Failed) or message.index != index:
                         raise Garbage("an outcome that is not due")
                     yield message
@@ -112,7 +108,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
         now = time.perf_counter()
         if now - looked > LOOK:
             looked = now
-            used = family.memory()
+            used = child.process.family.memory()
             if used > job.limits.memory:
                 yield died(f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB")
                 return

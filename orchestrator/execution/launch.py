@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import functools
 import mmap
 import multiprocessing
@@ -26,6 +25,9 @@ from ..folders import cache_folder
 from . import child
 from .family import Family
 from .job import Job
+
+if sys.platform == "linux":
+    import fcntl
 
 
 ATTEMPTS = 3
@@ -82,7 +84,7 @@ class SharedTrace:
 
 def _unnamed_file() -> int:
     """Descriptor of a file of SIZE bytes. On Linux it cannot be cut, which would end whoever reads its memory."""
-    if hasattr(os, "memfd_create"):
+    if sys.platform == "linux":
         file = os.memfd_create("trace", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         os.ftruncate(file, SIZE)
         fcntl.fcntl(file, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)

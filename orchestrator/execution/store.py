@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import sqlite3
@@ -29,21 +30,31 @@ CREATE TABLE IF NOT EXISTS results (
 """
 
 
+LASTING = (Status.DONE, Status.UNSTABLE)
+"""What depends on the key alone; a failure may depend on the conditions, too: a timeout on the time limit."""
+
+
 class Store:
     """An open store. Not for use from several threads."""
 
     def __init__(self, connection: sqlite3.Connection, file: Path) -> None:
         self._connection, self._file = connection, file
 
-    def load(self, keys: Mapping[Case, str]) -> list[CaseResult]:
-        """The stored results of the cases in ``keys``."""
+    def load(self, keys: Mapping[Case, str], conditions: str = "") -> list[CaseResult]:
+        """The stored results of the cases in ``keys``, but failures under other ``conditions``."""
         with self._told():
             rows = dict(self._connection.execute("SELECT key, record FROM results"))
-        return [from_record(case, json.loads(rows[key])) for case, key in keys.items() if key in rows]
+        found = []
+        for case, key in keys.items():
+            with contextlib.suppress(ValueError, KeyError, TypeError):  # a record that makes no sense is none
+                record = json.loads(rows[key])
+                if Status(record["status"]) in LASTING or record.get("conditions", "") == conditions:
+                    found.append(from_record(case, record))
+        return found
 
-    def put(self, key: str, result: CaseResult) -> None:
+    def put(self, key: str, result: CaseResult, conditions: str = "") -> None:
         """Store a result and commit it; a second one of the same key takes the first one's place."""
-        row = (key, result.case.id, json.dumps(to_record(result)))
+        row = (key, result.case.id, json.dumps({**to_record(result), "conditions": conditions}))
         with self._told(), self._connection:
             self._connection.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?)", row)
 
@@ -116,6 +127,11 @@ def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[Case, 
         return digest.hexdigest()
 
     return {case: key(case) for case in cases}
+
+
+def conditions(bench: Bench) -> str:
+    """What a failure may depend on beside its key: limits, and whether there is a sandbox."""
+    return json.dumps([bench.timeout, bench.limits.memory, bench.limits.output, bench.sandbox])
 
 
 def to_record(result: CaseResult) -> dict[str, Any]:

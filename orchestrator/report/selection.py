@@ -38,8 +38,8 @@ def shown(
 ) -> list[Shown]:
     """What to simulate for the report of ``results``.
 
-    A case that hung or ended its process would do so again: it is not tried. Where one hung, only cases that are
-    known to end are. The spread is limited to as many systems as the evaluation ran, so that a short evaluation
+    A case that hung or ended its process would do so again: it is not tried. Where one hung, or none came to its end,
+    nothing is tried that was not tried before. The spread is limited to as many systems as the evaluation ran, so that a short evaluation
     stays short.
     """
     known = {result.case.id: result for result in results}
@@ -48,7 +48,8 @@ def shown(
         for id, roles in _worst(card).items()
         if known[id].status not in (Status.TIMEOUT, Status.CRASHED, Status.SKIPPED)
     ]
-    if not results or any(result.status is Status.TIMEOUT for result in results):
+    statuses = {result.status for result in results}
+    if Status.DONE not in statuses or Status.TIMEOUT in statuses:
         return chosen
     test = next(test for test in protocol.tests if "B5" in test.criteria)
     size = min(SPREAD_SYSTEMS, sum(result.case.test == test for result in results))

@@ -37,8 +37,7 @@ def open_page(chromium):
     contexts = []
 
     def opened(file: Path, size=DESKTOP, scheme="light"):
-        # The page's policy would keep the accessibility checker out, too; the policy has a test of its own.
-        context = chromium.new_context(viewport=size, color_scheme=scheme, bypass_csp=False)
+        context = chromium.new_context(viewport=size, color_scheme=scheme)
         contexts.append(context)
         page = context.new_page()
         page.on(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 
 import pytest
-from reports import evaluation, stored
+from reports import TABLE_2, evaluation, stored
+from results import everything
 
 from browser.conftest import DESKTOP, PHONE
 from orchestrator import compare, evaluate
+from orchestrator.cosim.controller import Setup
 from orchestrator.report.compare_page import FILE as COMPARE_PAGE
 from orchestrator.report.report_page import FILE as REPORT_PAGE
 from orchestrator.report.report_page import report_html
@@ -22,26 +25,26 @@ NAME = "<img src=x onerror=alert(1)>.fmu" if os.name == "posix" else "odd & name
 
 
 @pytest.fixture(scope="module")
-def folders(chromium, tmp_path_factory, pid_file):
-    """Two quick runs of a controller with a hostile name, the second with another gain."""
-    folder = tmp_path_factory.mktemp("runs")
+def report(chromium, tmp_path_factory, pid_c_file):
+    """The report of a quick evaluation of a controller with a hostile name."""
+    folder = tmp_path_factory.mktemp("report")
+    controller = shutil.copy(pid_c_file, folder / NAME)
+    assert evaluate.main([str(controller), "--quick", "--output-dir", str(folder / "run")]) == 0
+    return folder / "run" / REPORT_PAGE
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory, plant_file, pid_file):
+    """The comparison of three runs made by hand, with a hostile name; one must not be ranked with the others."""
+    folder = tmp_path_factory.mktemp("comparison")
     controller = shutil.copy(pid_file, folder / NAME)
-    for name, options in (("first", []), ("second", ["--set", "K_p[2]=20"])):
-        arguments = [str(controller), "--quick", "--output-dir", str(folder / name), *options]
-        assert evaluate.main(arguments) == 0
-    return folder / "first", folder / "second"
-
-
-@pytest.fixture(scope="module")
-def report(folders):
-    return folders[0] / REPORT_PAGE
-
-
-@pytest.fixture(scope="module")
-def comparison(folders):
-    out = folders[0].parent / "comparison"
-    assert compare.main([*map(str, folders), "--output-dir", str(out)]) == 0
-    return out / COMPARE_PAGE
+    folders = []
+    for name, gain, seed in (("first", 1.0, 0), ("second", 2.0, 0), ("third", 1.0, 1)):
+        setup = Setup({"K": gain})
+        made = evaluation(plant_file, controller, everything({k: gain * v for k, v in TABLE_2.items()}), setup=setup)
+        folders.append(str(stored(folder / name, replace(made, seed=seed)).folder))
+    assert compare.main([*folders, "--output-dir", str(folder)]) == 0
+    return folder / COMPARE_PAGE
 
 
 def view(page, name):
@@ -129,8 +132,7 @@ def test_the_map_is_walked_by_keyboard_and_poses_the_arm(report, open_page):
     for key in ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowUp"):
         page.keyboard.press(key)
         told.add((page.locator("#arm-text").inner_text(), page.locator("#arm path").last.get_attribute("d")))
-    assert len(told) == 3 or len(told) == 4
-    assert len({pose for _, pose in told}) == len(told)
+    assert len({pose for _, pose in told}) == len(told) >= 2
 
 
 def test_tabs_are_walked_by_keyboard(report, open_page):
@@ -150,7 +152,11 @@ def test_the_arm_plays_pauses_and_is_scrubbed(report, open_page):
     now = "Number(document.querySelector('#scrub').value)"
     begin = page.evaluate(now)
     page.locator("#play").click()
-    page.wait_for_function(f"{now} > {begin} + 0.02")
+    for _ in range(100):
+        page.wait_for_timeout(100)
+        if page.evaluate(now) > begin + 0.02:
+            break
+    assert page.evaluate(now) > begin + 0.02
     page.locator("#play").click()
     stopped = page.evaluate(now)
     page.wait_for_timeout(200)

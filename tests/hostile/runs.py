@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.case import Case
@@ -14,28 +15,28 @@ from orchestrator.benchmark.metrics import CaseResult
 from orchestrator.commands import nominal_parameters
 from orchestrator.cosim.archive import Archive, open_archive
 from orchestrator.execution import evaluation, pool
-from orchestrator.execution.evaluation import Bench
+from orchestrator.execution.evaluation import FULL_LENGTH, Bench
 
 PROTOCOL = protocols.load("quick")
 
-STRUCK, SPARED = 0.05, 0.06
+STRUCK, SPARED = Fraction("0.05"), Fraction("0.5")
 """Durations [s] of the case that a fault strikes and of the one after it."""
 
 
-def short_cases(plant: Archive, durations: Sequence[float]) -> list[Case]:
-    """Noise cases of the quick protocol, cut to ``durations`` [s]; no two are alike."""
-    nominal = nominal_parameters(plant, {})
-    noisy = [case for case in protocols.cases(PROTOCOL, nominal, 0) if case.test.name == "noise"]
+def short_cases(plant: Archive, durations: Sequence[Fraction]) -> list[Case]:
+    """Noise cases of the quick protocol, cut to ``durations`` [s]."""
+    noisy = [case for case in protocols.cases(PROTOCOL, nominal_parameters(plant, {}), 0) if case.test.name == "noise"]
     return [
-        replace(case, scenario=replace(case.scenario, duration=Fraction(str(duration)) + Fraction(i // 4, 4000)))
+        replace(case, scenario=replace(case.scenario, duration=duration))
         for i, duration in enumerate(durations)
-        for case in [noisy[i % 4]]
+        for case in [noisy[i % len(noisy)]]
     ]
 
 
-def bench(plant: Path, controller: Path, **changes: object) -> Bench:
-    """The plant with the controller in ``controller``."""
-    return replace(Bench(open_archive(plant), open_archive(controller), timeout=10.0), **changes)
+def bench(plant: Path, controller: Path, limit: float = 10.0, **changes: Any) -> Bench:
+    """The plant with a controller; a struck case may take ``limit`` seconds, longer ones more in proportion."""
+    opened = Bench(open_archive(plant), open_archive(controller), timeout=limit * FULL_LENGTH / float(STRUCK))
+    return replace(opened, **changes)
 
 
 def run(bench: Bench, cases: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseResult]:

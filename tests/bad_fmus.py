@@ -1,0 +1,44 @@
+"""FMUs that cannot be used, made from good ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from exporters.description_edits import edited
+
+from controller_fmu.export.archive import pack, unpack
+
+
+def without(fmu: Path, target: Path, *prefixes: str) -> Path:
+    """``fmu`` without the entries that begin with one of ``prefixes``."""
+    kept = {name: data for name, data in unpack(fmu).items() if not name.startswith(prefixes)}
+    target.write_bytes(pack(kept))
+    return target
+
+
+def for_windows(fmu: Path, target: Path) -> Path:
+    """``fmu`` with its binary as if for another platform, and without sources."""
+    entries = {name: data for name, data in unpack(fmu).items() if not name.startswith("sources/")}
+    moved = {
+        name.replace("binaries/linux64/", "binaries/win64/").replace(".so", ".dll"): data
+        for name, data in entries.items()
+    }
+    target.write_bytes(pack(moved))
+    return target
+
+
+def with_broken_sources(fmu: Path, target: Path) -> Path:
+    """``fmu`` with sources only, which do not compile."""
+    entries = {name: data for name, data in unpack(fmu).items() if not name.startswith("binaries/")}
+    target.write_bytes(pack({**entries, "sources/pid.c": b"this is not C\n"}))
+    return target
+
+
+def of_another_guid(fmu: Path, target: Path) -> Path:
+    """``fmu`` whose description is not its binary's."""
+
+    def change(root: Element) -> None:
+        root.set("guid", "{00000000-0000-0000-0000-000000000000}")
+
+    return edited(fmu, target, change)

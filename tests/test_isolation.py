@@ -1,0 +1,370 @@
+"""Whatever a controller does costs its own case a status: a corpus of hostile FMUs, each run before a healthy case."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import psutil
+import pytest
+from conftest import build_or_skip
+from hostile import fmus
+from hostile.fmus import Fault, hostile_fmu
+from hostile.runs import PROTOCOL, SPARED, STRUCK, bench, run, short_cases
+
+from orchestrator.benchmark.metrics import CaseResult
+from orchestrator.cosim.trajectory import Status
+from orchestrator.execution import evaluation, isolation
+from orchestrator.execution.evaluation import Bench, rehearse
+from orchestrator.execution.job import Limits
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the corpus is written for Linux")
+
+CRASHED, TIMEOUT, ERROR, DONE = Status.CRASHED, Status.TIMEOUT, Status.ERROR, Status.DONE
+ONLY_STRUCK = -float(STRUCK) * 1e3
+HANG_LIMIT = 1.2
+"""Wall time [s] for a case that hangs; all others have plenty."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The result of the struck case: status, simulated time [s], and words of its message."""
+
+    fault: Fault
+    status: Status
+    time: float = 0.02
+    words: tuple[str, ...] = ()
+    limits: Limits = Limits()
+
+    def __str__(self) -> str:
+        return str(self.fault)
+
+
+def crash(what: str, *words: str, where: str = "step", call: str = "'step'") -> Expected:
+    """A fault that ends the process."""
+    time = 0.02 if where in ("step", "set", "get") else 0.0
+    return Expected(Fault(what, where, time, ONLY_STRUCK), CRASHED, time, (*words, f"in the call {call} of the contr"))
+
+
+def hang(what: str, *words: str, where: str = "step", call: str = "'step'") -> Expected:
+    """A fault after which nothing comes any more."""
+    time = 0.02 if where == "step" else 0.0
+    words = (*words, "the time limit was reached", call)
+    return Expected(Fault(what, where, time, ONLY_STRUCK), TIMEOUT, time, words)
+
+
+def error(what: str, *words: str, where: str = "step", time: float = 0.02) -> Expected:
+    """A fault that the master notices."""
+    return Expected(Fault(what, where, time, ONLY_STRUCK), ERROR, time, words)
+
+
+def harmless(what: str, where: str = "step") -> Expected:
+    """What a controller had better not do, but may."""
+    return Expected(Fault(what, where, 0.0, ONLY_STRUCK), DONE, float(STRUCK))
+
+
+CRASHES = [
+    crash("segfault", "SIGSEGV", "about to follow a bad pointer"),
+    crash("segfault", "SIGSEGV", where="initialize", call="'enterInitializationMode'"),
+    crash("segfault", "SIGSEGV", where="get", call="'get'"),
+    crash("overflow", "SIGSEGV"),
+    crash("divide", "SIGFPE"),
+    crash("abort", "SIGABRT"),
+    crash("exit:0", "exit code 0"),
+    crash("_exit:3", "exit code 3"),
+    crash("exit:139", "exit code 139"),
+    crash("thread-crash", "SIGABRT"),
+    crash("format", "SIGSEGV"),
+    crash("kill:9", "SIGKILL"),
+    crash("kill:15", "SIGTERM"),
+    crash("garbage", "wrote into a pipe that is not its own"),
+    crash("pickle", "wrote into a pipe that is not its own"),
+    crash("daemon-crash", "SIGABRT"),
+    crash("kill-parent", "exit code 255"),
+]
+HANGS = [
+    hang("spin"),
+    hang("spin", where="initialize", call="'enterInitializationMode'"),
+    hang("pause"),
+    hang("ignore-alarm"),
+    hang("stop-timer"),
+    hang("block-signals"),
+    hang("handlers"),
+    hang("stop"),
+    hang("log:0"),
+    hang("close-all"),
+]
+ERRORS = [
+    error("status:2", "fmi2DoStep returned discard", "as you wish"),
+    error("status:3", "fmi2DoStep returned error", "as you wish"),
+    error("status:4", "fmi2DoStep returned fatal"),
+    error("status:5", "fmi2DoStep returned pending"),
+    error("status:77", "illegal status 77"),
+    error("status:-1", "illegal status"),
+    error("status:3", "fmi2SetReal returned error", where="set"),
+    error("status:3", "fmi2GetReal returned error", where="get"),
+    error("status:3", "enterInitializationMode failed", where="initialize", time=0.0),
+    error("value:nan", "no number", where="get"),
+    error("value:inf", "no number", where="get"),
+    error("value:-inf", "no number", where="get"),
+    error("value:1e300", "no number or beyond", where="get"),
+    error("utf8", "fmi2DoStep returned error", "caf�"),
+    error("percent", "100 %s of %n and %d%%"),
+    error("null-message", "fmi2DoStep returned error"),
+    error("huge-message", "xxxxxxxx"),
+]
+HARMLESS = [
+    harmless("round"),
+    harmless("trap"),
+    harmless("chdir"),
+    harmless("umask"),
+    harmless("close-output"),
+    harmless("thread"),
+]
+FLOODS = [
+    replace(crash("grow", "of memory; the limit is 0.4 GB"), limits=Limits(memory=400_000_000)),
+    replace(crash("log:1", "logged more than 1 MB", "still here, and talking"), limits=Limits(output=1_000_000)),
+    replace(crash("print", "printed or logged more than 1 MB", "no news"), limits=Limits(output=1_000_000)),
+]
+
+
+@pytest.fixture(autouse=True)
+def no_slack(monkeypatch):
+    """Time limits in proportion to the simulated time alone, and what comes on top of them short."""
+    monkeypatch.setattr(evaluation, "START_TIME", 0.0)
+    monkeypatch.setattr(isolation, "GRACE", 0.3)
+
+
+@pytest.fixture(scope="module")
+def fmu(fmu_folder):
+    """A function that builds the controller with a fault."""
+    return lambda fault: build_or_skip(lambda: hostile_fmu(fmu_folder, fault))
+
+
+@pytest.fixture(scope="module")
+def healthy(plant_file, fmu) -> list[CaseResult]:
+    """The results of the two cases with a controller without a fault."""
+    own = bench(plant_file, fmu(fmus.NONE), limit=120.0)
+    results = run(own, short_cases(own.plant, (STRUCK, SPARED)))
+    assert [result.status for result in results] == [DONE, DONE]
+    return results
+
+
+@pytest.mark.parametrize("expected", [*CRASHES, *HANGS, *ERRORS, *HARMLESS, *FLOODS], ids=str)
+def test_a_hostile_controller_costs_its_own_case_only(expected, plant_file, fmu, healthy):
+    limit = HANG_LIMIT if expected.status is TIMEOUT else 10.0
+    own = bench(plant_file, fmu(expected.fault), limit, limits=expected.limits)
+    struck, spared = run(own, short_cases(own.plant, (STRUCK, SPARED)))
+    assert struck.status is expected.status, struck
+    assert struck.time == pytest.approx(expected.time, abs=1e-9)
+    for word in expected.words:
+        assert word in struck.message
+    assert "Traceback" not in struck.message
+    assert spared.status is DONE
+    assert spared.time == float(SPARED)
+    assert spared.measurement == healthy[1].measurement  # bit for bit: no fault leaks into another case
+    if expected.status is DONE and expected.fault.what != "round":
+        assert struck.measurement == healthy[0].measurement
+
+
+def test_a_warning_is_counted(plant_file, fmu):
+    own = bench(plant_file, fmu(Fault("status:1", "step", 0.02)))
+    (result,) = run(own, short_cases(own.plant, (STRUCK,)))
+    assert (result.status, result.warnings) == (DONE, 120)
+
+
+@pytest.mark.parametrize("what", ["segfault", "exit:0", "spin", "status:3"])
+def test_a_controller_that_cannot_be_instantiated(what, plant_file, fmu):
+    own = bench(plant_file, fmu(Fault(what, "instantiate", 0.0)), HANG_LIMIT)
+    (result,) = run(own, short_cases(own.plant, (STRUCK,)))
+    assert result.status is {"spin": TIMEOUT, "status:3": ERROR}.get(what, CRASHED)
+    assert result.time == 0.0
+    assert "instantiation" in result.message
+
+
+def test_a_crash_in_the_second_instance_goes_away_in_a_process_of_its_own(plant_file, fmu, healthy):
+    """Some FMUs can be instantiated once a process. The result of a case must not depend on the ones before it."""
+    own = bench(plant_file, fmu(Fault("segfault", "initialize", 0.0, which=2)))
+    results = run(own, short_cases(own.plant, (STRUCK, SPARED, STRUCK)))
+    assert [result.status for result in results] == [DONE] * 3
+    assert results[1].measurement == healthy[1].measurement
+
+
+def test_a_case_whose_process_is_killed_from_outside_is_run_again(plant_file, fmu, healthy):
+    own = bench(plant_file, fmu(Fault("pause", "step", 0.02, which=1)), limit=60.0)
+    job = own.job(
+        short_cases(own.plant, (SPARED,)),
+        [case.scenario for case in short_cases(own.plant, (SPARED,))],
+        evaluation.functools.partial(evaluation._judged, PROTOCOL, own.setup),
+        0.0,
+    )
+    waiting = isolation.started
+
+    def killed(rest):
+        opened = waiting(rest)
+        return _KilledOnce(opened) if not killed.done else opened
+
+    killed.done = False
+
+    class _KilledOnce:
+        def __init__(self, opened):
+            self._opened = opened
+
+        def __enter__(self):
+            child = self._opened.__enter__()
+            killed.done = True
+            time.sleep(0.3)
+            child.process.kill()
+            return child
+
+        def __exit__(self, *problem):
+            return self._opened.__exit__(*problem)
+
+    pytest.MonkeyPatch().setattr(isolation, "started", killed)
+    try:
+        results = list(isolation.run_isolated(replace(job, controller=bench(plant_file, fmu(fmus.NONE)).controller)))
+    finally:
+        pytest.MonkeyPatch().setattr(isolation, "started", waiting)
+    assert [type(result).__name__ for result in results] == ["Finished"]
+    assert results[0].value["measurement"] == healthy[1].measurement
+
+
+@pytest.mark.parametrize("what", ["daemon", "daemon-session", "daemon-crash"])
+def test_no_process_stays_behind(what, plant_file, fmu):
+    own = bench(plant_file, fmu(Fault(what, "terminate" if what != "daemon-crash" else "step", 0.0)))
+    note = own.controller.folder / "resources" / "daemon.pid"
+    note.unlink(missing_ok=True)
+    run(own, short_cases(own.plant, (STRUCK,)))
+    daemon = int(note.read_text())
+    assert ends(daemon), "the process that the FMU has started outlives it"
+
+
+def ends(pid: int, patience: float = 3.0) -> bool:
+    """Whether a process is gone, or going."""
+    deadline = time.monotonic() + patience
+    while time.monotonic() < deadline:
+        try:
+            if psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+                return True
+        except psutil.NoSuchProcess:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_what_an_fmu_writes_over_itself_is_mended(plant_file, fmu, healthy):
+    file = fmu(Fault("spoil", "terminate", 0.0))
+    for _ in range(2):
+        own = bench(plant_file, file)
+        (result,) = run(own, short_cases(own.plant, (STRUCK,)))
+        assert result.measurement == healthy[0].measurement
+    assert (own.controller.folder / "resources" / "fault.txt").read_text().startswith("abort")
+
+
+# ---- Python FMUs ----
+
+
+@pytest.fixture(scope="module")
+def python_slave(fmu_folder) -> Path:
+    """The FMU of ``tests/hostile/slave.py``."""
+    return fmus.python_fmu(fmu_folder)
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "words"),
+    [
+        (1, ERROR, ("fmi2DoStep returned", "the slave has lost its mind")),
+        (2, CRASHED, ("exit code 7", "in the call 'step' of the controller")),
+        (3, ERROR, ("fmi2DoStep returned",)),
+        (5, ERROR, ("fmi2DoStep returned", "recursion")),
+    ],
+    ids=["raise", "os._exit", "sys.exit", "recursion"],
+)
+def test_a_hostile_python_controller(fault, status, words, plant_file, python_slave):
+    own = bench(plant_file, python_slave)
+    own = replace(own, setup=replace(own.setup, parameters={"fault": float(fault), "at": 0.02}))
+    results = run(own, short_cases(own.plant, (STRUCK, STRUCK)))
+    for result in results:
+        assert (result.status, result.time) == (status, 0.02)
+        for word in words:
+            assert word in result.message
+
+
+def test_a_python_controller_that_starts_a_process(plant_file, python_slave):
+    own = bench(plant_file, python_slave)
+    own = replace(own, setup=replace(own.setup, parameters={"fault": 4.0, "at": 0.02}))
+    (result,) = run(own, short_cases(own.plant, (STRUCK,)))
+    assert result.status is DONE
+    assert ends(int((own.controller.folder / "resources" / "daemon.pid").read_text()))
+
+
+# ---- Three strikes ----
+
+
+def test_a_broken_controller_answers_after_three_crashes(plant_file, fmu):
+    own = bench(plant_file, fmu(Fault("abort")))
+    cases = short_cases(own.plant, (STRUCK,) * 4 + (SPARED,) * 4)
+    results = run(own, cases, keep_going=False)
+    assert [result.status for result in results] == [CRASHED] * 3 + [Status.SKIPPED] * 5
+    assert "skipped after 3 failures of one kind (crashed: the process was ended by SIGABRT" in results[3].message
+    assert "--keep-going" in results[3].message
+    assert [result.status for result in run(own, cases)] == [CRASHED] * 8
+
+
+def test_strikes_of_an_earlier_run_count(plant_file, fmu):
+    own = bench(plant_file, fmu(Fault("abort")))
+    cases = short_cases(own.plant, (STRUCK,) * 4)
+    earlier = run(own, cases[:3])
+
+    def never(jobs):
+        raise AssertionError("nothing is to be run")
+
+    found = list(evaluation.evaluate(PROTOCOL, cases[3:], own, never, earlier))
+    assert [result.status for result in found] == [Status.SKIPPED]
+
+
+def test_the_rehearsal_survives_a_crash(plant_file, fmu):
+    own = bench(plant_file, fmu(Fault("abort", "step", 0.0)))
+    assert rehearse(short_cases(own.plant, (STRUCK,))[0], own) is None
+
+
+# ---- The parent ----
+
+
+def test_the_parent_never_loads_an_fmu(plant_file, fmu, healthy):
+    """It may build and unpack, but no library of an FMU is mapped into it."""
+    mapped = Path("/proc/self/maps").read_text()
+    assert "/fmus/" not in mapped
+
+
+def test_no_descriptor_or_child_stays_after_many_faults(plant_file, fmu):
+    benches = [bench(plant_file, fmu(Fault(what)), limit=20.0) for what in ("abort", "exit:0", "status:3")]
+    cases = short_cases(benches[0].plant, (STRUCK,) * 3)
+    run(benches[0], cases)
+    before = descriptors()
+    for own in benches:
+        run(own, cases, workers=2)
+    assert descriptors() <= before
+    assert children_of_fork_server() == []
+
+
+def descriptors() -> int:
+    """Open files of this process."""
+    return len(os.listdir("/proc/self/fd"))
+
+
+def children_of_fork_server() -> list[psutil.Process]:
+    """Simulations that are still running below this process."""
+    servers = [child for child in psutil.Process().children() if "forkserver" in " ".join(child.cmdline())]
+    return [child for server in servers for child in server.children()]
+
+
+def test_time_limits_follow_the_simulated_time(plant_file, fmu, monkeypatch):
+    monkeypatch.setattr(evaluation, "START_TIME", 5.0)
+    own = Bench(bench(plant_file, fmu(fmus.NONE)).plant, bench(plant_file, fmu(fmus.NONE)).controller, timeout=52.0)
+    scenarios = [case.scenario for case in short_cases(own.plant, (Fraction(13), Fraction(26)))]
+    assert own.job(scenarios, scenarios, rehearse, 5.0).time_limits == (5.0 + 26.0, 5.0 + 52.0)
