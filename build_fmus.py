@@ -1,4 +1,4 @@
-"""Build the benchmark's FMUs: the manipulator, and its default controller in Python and in C.
+"""Build the benchmark's FMUs: the manipulator, its default controller in Python and in C, and better controllers.
 
     python build_fmus.py                                  all of them, into build/fmus
     python build_fmus.py DiagonalPID --output-dir /tmp    one of them, elsewhere
@@ -37,6 +37,28 @@ def _diagonal_pid(target: Path) -> Path:
     return python_fmu(script, [], script.stem, target)
 
 
+def _tuned_pid(target: Path) -> Path:
+    folder = HERE / "controller_fmu" / "pid_tuned"
+    script = folder / "tuned_pid_fmu.py"
+    law = HERE / "controller_fmu" / "pid" / "diagonal_pid_fmu.py"
+    return python_fmu(script, [law, folder / "tuned_pid_gains.json"], script.stem, target)
+
+
+def _manipulator_lqg(target: Path) -> Path:
+    folder = HERE / "controller_fmu" / "lqg"
+    script = folder / "manipulator_lqg_fmu.py"
+    needs = [folder / "flexible_manipulator_lqg.py", folder / "lqg_weights.json"]
+    return python_fmu(script, needs, script.stem, target)
+
+
+def _dithered_lqg(target: Path) -> Path:
+    lqg, folder = HERE / "controller_fmu" / "lqg", HERE / "controller_fmu" / "friction"
+    script = folder / "manipulator_friction_fmu.py"
+    modules = [lqg / "flexible_manipulator_lqg.py", lqg / "manipulator_lqg_fmu.py"]
+    needs = [*modules, folder / "flexible_manipulator_dither.py", folder / "friction_weights.json"]
+    return python_fmu(script, needs, script.stem, target)
+
+
 def _diagonal_pid_c(target: Path, dialect: Dialect) -> Path:
     folder = HERE / "controller_fmu" / "pid_c"
     return c_fmu(sorted(folder.glob("*.[ch]")), folder / "modelDescription.xml", target, dialect)
@@ -46,6 +68,9 @@ _RECIPES: dict[str, Callable[[Path], Path]] = {
     "FlexibleManipulator": _flexible_manipulator,
     "DiagonalPID": _diagonal_pid,
     "DiagonalPID_C": partial(_diagonal_pid_c, dialect=Dialect()),
+    "TunedPID": _tuned_pid,
+    "ManipulatorLQG": _manipulator_lqg,
+    "DitheredLQG": _dithered_lqg,
 }
 _VARIANTS: dict[str, Callable[[Path], Path]] = {
     "DiagonalPID_C_fmi1": partial(_diagonal_pid_c, dialect=Dialect(1)),
@@ -109,6 +134,9 @@ def _parser() -> argparse.ArgumentParser:
   FlexibleManipulator          the manipulator, Python (FMI 2.0 co-simulation)
   DiagonalPID                  the default controller, Python (FMI 2.0 co-simulation)
   DiagonalPID_C                the same in C (FMI 2.0 co-simulation)
+  TunedPID                     the same in Python with optimised gains
+  ManipulatorLQG               LQG, scheduled by the reference position, Python
+  DitheredLQG                  the same with a dither against friction, Python
 built with --all or by name, the controller in C for
   DiagonalPID_C_fmi1           FMI 1.0 co-simulation
   DiagonalPID_C_fmi3           FMI 3.0 co-simulation, variables are arrays
@@ -118,7 +146,7 @@ built with --all or by name, the controller in C for
 What is written in C is skipped where there is no C compiler (cc, gcc, clang, or the environment's CC).
 
 examples:
-  python build_fmus.py                            build the first three into build/fmus
+  python build_fmus.py                            build the first six into build/fmus
   python build_fmus.py DiagonalPID                build one
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
 
@@ -126,7 +154,7 @@ exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="FMUs to build (default: the first three below)"
+        "names", nargs="*", metavar="NAME", help="FMUs to build (default: the first six below)"
     )
     parser.add_argument(
         "--all", action="store_true", help="build the controller for the other kinds of FMI, too"

@@ -74,7 +74,9 @@ def _dynamic(plant: Archive, controller: Archive, setup: Setup, sample_time: Fra
     for outcome in run_isolated(job):
         subject = CHECKS[outcome.index].__name__.replace("_", " ")
         if isinstance(outcome, Failed):
-            yield Finding(Severity.ERROR, subject, str(outcome.error))
+            yield Finding(
+                Severity.ERROR, subject, str(outcome.error), "Mend what the FMU says itself, and export it again."
+            )
         elif isinstance(outcome, Died):
             text = "\n".join((outcome.message, *outcome.output))
             yield Finding(Severity.ERROR, subject, text, "Run the FMU in a debugger: it ends or hangs its process.")

@@ -52,7 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     units = {criterion.name: criterion.unit for criterion in protocol.criteria}
     pose = " / ".join(f"{math.degrees(angle):g}°" for angle in (case.configuration.q_a1, case.configuration.q_a2))
     title = f"{controller.name}, {case.system.name} system at {pose}, {case.test.name}"
-    trajectory_files.write_csv(trajectory_files.columns(trajectory, scenario), folder / "trajectory.csv")
+    table = trajectory_files.columns(trajectory, scenario)
+    trajectory_files.write_csv(table, folder / "trajectory.csv")
+    if options.mat:
+        trajectory_files.write_mat(table, folder / "trajectory.mat")
     trajectory_files.write_plot(trajectory, scenario, title, [folder / "trajectory.png"])
 
     ending = trajectory.ending
@@ -62,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if ending.status is Status.DONE and scenario == case.scenario:
         for name, value in measure(protocol, case, trajectory).criteria.items():
             print(f"{name} = {value:.6g} {units[name]}")
-    print(f"written to {folder}: trajectory.csv, trajectory.png", file=sys.stderr)
+    written = ["trajectory.csv", "trajectory.png", *(["trajectory.mat"] if options.mat else [])]
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
     return commands.EXIT_OK if ending.status in (Status.DONE, Status.UNSTABLE) else commands.EXIT_INCOMPLETE
 
 
@@ -109,6 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument("--test", default="disturbance", metavar="NAME", help="a test of the protocol, such as gain_1")
     add_options(parser)
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/...)")
+    parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
     return parser
 
 

@@ -48,7 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) -> Scenario:
     """``scenario`` with the options that were given applied, the sweeping ones (undisturbed, ideal) first."""
-    raw, loop = protocol.raw["disturbance"], protocol.raw["loop"]
+    raw, fixed, loop = (protocol.raw[part] for part in ("disturbance", "fixed_disturbance", "loop"))
 
     def given(name: str, default: Any) -> Any:
         value = getattr(options, name)
@@ -59,6 +59,14 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         chirp, pulse = replace(chirp, amplitude=(0.0, 0.0)), replace(pulse, force=(0.0, 0.0))
     if options.ideal:
         sensor, drive = Sensor(), Drive()
+
+    if options.chirp_amplitude is not None and not chirp.stop:  # a test without a chirp gets the fixed one
+        chirp = Chirp(start=fixed["t_3"], stop=raw["t_4"], f_start=fixed["f_start"], f_stop=fixed["f_stop"])
+    direction = fixed["phi_F"]
+    if pulse.stop:
+        direction = math.atan2(scenario.pulse.force[1], scenario.pulse.force[0])
+    elif options.force is not None:
+        pulse = Pulse(start=raw["t_1"], stop=raw["t_2"])
 
     power = given("noise_power", None)
     sigma = sensor.noise.sigma if power is None else math.sqrt(power / scenario.longest_hold)
@@ -71,7 +79,7 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
     F_x, F_z = pulse.force
     if options.force is not None or options.phi_F is not None:
         size = given("force", math.hypot(F_x, F_z))
-        direction = given("phi_F", math.atan2(scenario.pulse.force[1], scenario.pulse.force[0]))
+        direction = given("phi_F", direction)
         F_x, F_z = size * math.cos(direction), size * math.sin(direction)
     f_start, f_stop = given("chirp_frequencies", (chirp.f_start, chirp.f_stop))
     return replace(
@@ -91,11 +99,11 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         chirp=Chirp(
             amplitude=given("chirp_amplitude", chirp.amplitude),
             start=given("t_3", chirp.start),
-            stop=given("t_4", chirp.stop or raw["t_4"]),
+            stop=given("t_4", chirp.stop),
             f_start=f_start,
             f_stop=f_stop,
         ),
-        pulse=Pulse((F_x, F_z), given("t_1", pulse.start or raw["t_1"]), given("t_2", pulse.stop or raw["t_2"])),
+        pulse=Pulse((F_x, F_z), given("t_1", pulse.start), given("t_2", pulse.stop)),
     )
 
 

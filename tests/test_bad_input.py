@@ -26,7 +26,7 @@ def refusal(folder, *arguments, changes=None):
     assert finished.out == ""
     assert "Traceback" not in finished.err
     lines = finished.err.splitlines()
-    assert len([line for line in lines if line.startswith("error:") or ": error:" in line.split("  ")[0]]) == 1, lines
+    assert sum(": error: " in line or line.startswith("error: ") for line in lines if line[0] != " ") == 1, lines
     assert not list(folder.rglob("results.json")) and not list(folder.rglob("*.csv"))
     assert not list(folder.rglob("*incomplete*"))
     return finished.err[finished.err.index("error:") :]
@@ -84,8 +84,9 @@ def controllers(pid_c_file, tmp_path_factory):
 )
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the binaries are Linux's")
 def test_files_that_are_no_usable_fmu(name, told, controllers, tmp_path):
-    message = refusal(tmp_path, *EVALUATE, controllers / name)
-    assert all(words in message for words in told), message
+    for _ in range(2):  # what a first attempt leaves in the cache does not change the answer
+        message = refusal(tmp_path, *EVALUATE, controllers / name)
+        assert all(words in message for words in told), message
 
 
 def test_sources_are_compiled(controllers, tmp_path):
@@ -136,10 +137,14 @@ def test_connectors_that_do_not_fit_simulate_either(exporter_folder, tmp_path):
 @pytest.mark.parametrize(
     ("name", "options", "told"),
     [
-        ("guid.fmu", (), ["guid.fmu: instantiation failed", "GUID"]),
-        ("Unlicensed.fmu", (), ["Unlicensed.fmu: instantiation failed", "no licence"]),
+        ("guid.fmu", (), ["guid.fmu: instantiation failed", "a GUID that is not the binary's", "the GUID is not {"]),
+        ("Unlicensed.fmu", (), ["instantiation failed", "needs a tool to run: is PythonFMU", "no licence"]),
         ("Uninitialized.fmu", (), ["fmi2ExitInitializationMode failed", "gain table is empty"]),
-        ("OtherStep.fmu", ("--sample-time", "0.00025"), ["The first sample fails", "fmi2DoStep", "the step must be 1 ms"]),
+        (
+            "OtherStep.fmu",
+            ("--sample-time", "0.00025"),
+            ["The first sample fails", "fmi2DoStep", "the step must be 1 ms"],
+        ),
     ],
 )
 def test_what_an_fmu_refuses_is_told_in_its_own_words(name, options, told, controllers, tmp_path):
@@ -168,8 +173,8 @@ def test_a_controller_of_another_sample_time_runs_at_its_own(controllers, tmp_pa
         (("--parameters", "absent.ssv"), ["absent.ssv cannot be read"]),
         (("--sample-time", "0.0004"), ["0.0004 s (given), no integer multiple or fraction"]),
         (("--plant-set", "m_3=1"), ["The plant has no parameter m_3"]),
-        (("--plant-set", "m_1=-1"), ["m_1"]),
-        (("--plant-set", "psi[1]=0"), ["psi[1]"]),
+        (("--plant-set", "m[1]=-1"), ["FlexibleManipulator.fmu", "m[1] = -1.", "must be finite and > 0"]),
+        (("--plant-set", "psi[1]=0"), ["FlexibleManipulator.fmu", "psi[1] = 0", "must be finite and > 0"]),
         (("--only", "c99.*"), ["No case matches --only c99.*"]),
         (("--set", "K_p[1]"), ["'K_p[1]' is not of the form NAME=NUMBER"]),
         (("--set", "K_p[1]=much"), ["is not of the form NAME=NUMBER"]),

@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from closed_loops import quiet
 from hypothesis import given
 from hypothesis import strategies as st
 from reports import RECORDINGS, TABLE_2, evaluation, recording, stored
-from results import everything, result
+from results import everything, result, trajectory
 from scipy.io import loadmat
 
 from orchestrator.cosim.trajectory import Status
@@ -26,6 +27,7 @@ from orchestrator.report.recording import thin
 from orchestrator.report.results import document
 from orchestrator.report.run import load_run
 from orchestrator.report.tables import csv_text
+from orchestrator.report.trajectory_files import OBSERVED, columns, write_mat
 
 TOP_LEVEL = {
     *("schema", "benchmark", "protocol", "complete", "cost", "criteria", "stability", "configurations", "cases"),
@@ -171,3 +173,12 @@ def test_thinning_leaves_out_what_is_not_finite():
 def test_error_is_the_distance_from_the_beginning():
     entry = recording(("B5",))
     assert entry.error.max() == pytest.approx(8e-3, rel=0.05)
+
+
+def test_a_trajectory_in_full_for_matlab(tmp_path):
+    signals = trajectory(error_x=1e-3, torque=(1.0, 2.0), duration=1.0)
+    links = {name: np.zeros(signals.time.size) for name in OBSERVED}
+    write_mat(columns(replace(signals, extra=links), quiet("1")), tmp_path / "trajectory.mat")
+    contents = loadmat(tmp_path / "trajectory.mat", squeeze_me=True)
+    np.testing.assert_array_equal(contents["u_m_2"][:-1], signals.torque[:, 1])
+    assert {"time", "q_a_1", "q_m_2", "u_c_1", "u_d_2", "F_x", "x", "tcp_error"} <= set(contents)

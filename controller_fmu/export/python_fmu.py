@@ -16,9 +16,10 @@ from controller_fmu.export.description import complete, parse, to_bytes
 # pythonfmu leaves the slave's modules and an altered sys.path behind: it gets a process of its own. That also
 # reads UNITS, so that no code of a slave ever runs here.
 _EXPORT = """
-import importlib, json, sys
+import importlib, json, os, sys
 from pythonfmu.builder import FmuBuilder
 script, units_module, *packages = sys.argv[1:]
+sys.path[:0] = {os.path.dirname(package) for package in packages}
 FmuBuilder.build_FMU(script, "draft.fmu", packages)
 with open("units.json", "w") as file:
     json.dump(importlib.import_module(units_module).UNITS, file)
@@ -30,8 +31,8 @@ def python_fmu(script: Path, packages: Sequence[Path], units_module: str, target
 
     Args:
         script: the module with the slave's class.
-        packages: package folders and modules the script imports; they must lie beside it, and travel in the
-            FMU's resources.
+        packages: package folders, modules and data files that the script needs, wherever they lie; they travel in
+            the FMU's resources, beside the script.
         units_module: the module, as the script would import it, with a dict ``UNITS`` from variable names
             without index to units, ``{"q_m": "rad"}``; "1" for a variable without dimension.
         target: the FMU file to write; it is replaced in one go.

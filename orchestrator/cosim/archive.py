@@ -63,9 +63,9 @@ def open_archive(file: Path) -> Archive:
     One folder per content also keeps compiled code that lies beside an FMU's sources. An FMU that has only sources is
     compiled. Raises :class:`InputError` where the file cannot be used, with the reason and the way out.
     """
-    if not file.is_file():
-        raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).")
     try:
+        if not file.is_file():
+            raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).")
         content = file.read_bytes()
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.") from problem

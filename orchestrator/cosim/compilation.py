@@ -40,8 +40,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
     for source in sources:
         if not (folder / "sources" / source).resolve().is_relative_to((folder / "sources").resolve()):
             raise InputError(f"{name} is refused: its source file {source!r} lies outside the FMU.")
-    library.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
         output = Path(scratch) / library.name
         command = [
             *compiler,
@@ -58,6 +57,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             raise InputError(f"The sources of {name} do not compile:\n  {lines}") from None
         except subprocess.TimeoutExpired:
             raise InputError(f"The sources of {name} do not compile within {TIME_LIMIT:g} s.") from None
+        library.parent.mkdir(parents=True, exist_ok=True)
         os.replace(output, library)
 
 

@@ -5,17 +5,20 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from .recording import SPREAD, Recording, thin
+from .recording import MOTION_INTERVALS, SPREAD, TORQUE_INTERVALS, Recording, thin
 from .run import Run
 from .wording import SHOWN
 
 SPREAD_INTERVALS = 1000
 """Intervals that the many trajectories of Figures 11 and 12 are thinned out to once more."""
+
+ROWS = 90_000
+"""Rows of all other recordings together, of motion and of torque each, that keep a page below 5 MB."""
 
 
 def report_payload(run: Run) -> dict[str, Any]:
@@ -26,7 +29,7 @@ def report_payload(run: Run) -> dict[str, Any]:
         "criteria": criteria(run),
         "rules": document["rules"],
         "stability": _stability(run),
-        "recordings": [packed(entry) for entry in run.recordings if SPREAD not in entry.about.roles],
+        "recordings": [packed(entry) for entry in _affordable(run)],
         "spread": [packed_error(entry, SPREAD_INTERVALS) for entry in run.recorded(SPREAD)],
     }
 
@@ -73,6 +76,26 @@ def script_json(value: Any) -> str:
 
 def _packed(column: Iterable[float]) -> str:
     return base64.b64encode(np.ascontiguousarray(column, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _affordable(run: Run) -> list[Recording]:
+    """The recordings but the spread; where they are too many or too lively for a page, thinned out further."""
+    kept = [entry for entry in run.recordings if SPREAD not in entry.about.roles]
+    motion = min(1.0, ROWS / max(1, sum(len(entry.motion) for entry in kept)))
+    torque = min(1.0, ROWS / max(1, sum(len(entry.torque) for entry in kept)))
+    return [
+        replace(
+            entry,
+            motion=entry.motion if motion == 1 else _thinned(entry.motion, int(motion * MOTION_INTERVALS)),
+            torque=entry.torque if torque == 1 else _thinned(entry.torque, int(torque * TORQUE_INTERVALS)),
+        )
+        for entry in kept
+    ]
+
+
+def _thinned(columns: np.ndarray, intervals: int) -> np.ndarray:
+    """``columns`` thinned out by the first two after the time."""
+    return columns[thin(columns[:, 1:3], intervals)]
 
 
 def _stability(run: Run) -> list[dict[str, Any]]:

@@ -23,8 +23,8 @@ from .files import write_bytes
 
 FILE = "trajectories.npz"
 
-INTERVALS = 1200
-"""Intervals that a signal is thinned out to."""
+MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
+"""Intervals that the signals are thinned out to."""
 
 EXAMPLE, SPREAD = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
@@ -72,8 +72,8 @@ def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recordin
     offset = trajectory.X - trajectory.X[0]
     links = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
     moved = np.column_stack([offset, links - links[0]])
-    kept = thin(np.column_stack([offset, trajectory.tcp_error]), INTERVALS)
-    torque_kept = thin(trajectory.torque, INTERVALS)
+    kept = thin(np.column_stack([offset, trajectory.tcp_error]), MOTION_INTERVALS)
+    torque_kept = thin(trajectory.torque, TORQUE_INTERVALS)
     about = About(
         id=case.id,
         roles=tuple(roles),

@@ -21,8 +21,8 @@ POSE = (math.radians(18.0), math.radians(-50.0))
 SPREAD_SYSTEMS = 20
 """Uncertain systems in Figures 11 and 12 of the paper."""
 
-AFTERWARDS = 4.0
-"""Seconds shown of the spread after the force has ended: the wanted settling time and one more."""
+AFTERWARDS = 3.0
+"""Seconds shown of the spread after the force has ended: the wanted settling time."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ def shown(
     """What to simulate for the report of ``results``.
 
     A case that hung or ended its process would do so again: it is not tried. Where one hung, or none came to its end,
-    nothing is tried that was not tried before. The spread is limited to as many systems as the evaluation ran, so that a short evaluation
-    stays short.
+    nothing is tried that was not tried before. The spread is limited to as many systems as the evaluation ran, so
+    that a short evaluation stays short.
     """
     known = {result.case.id: result for result in results}
     chosen = [
@@ -71,13 +71,13 @@ def shown(
 
 
 def _worst(card: Scorecard) -> dict[str, list[str]]:
-    """Cases to show with what for: worst of a criterion, of a requirement on an axis."""
+    """Cases to show with what for: worst of a criterion, and of a requirement on an axis where it fails."""
     roles: dict[str, list[str]] = {}
     for score in card.criteria:
         if score.worst_case:
             roles.setdefault(score.worst_case, []).append(score.criterion.name)
     for requirement in card.requirements:
         for axis, verdict in requirement.axes.items():
-            if verdict.worst_case:
+            if verdict.worst_case and not verdict.passed:
                 roles.setdefault(verdict.worst_case, []).append(f"{requirement.name} {axis}")
     return roles

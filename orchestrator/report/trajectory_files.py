@@ -1,8 +1,9 @@
-"""A trajectory as a CSV table and as a plot in the paper's axes."""
+"""A trajectory as a CSV table, as a MAT file, and as a plot in the paper's axes."""
 
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 from ..cosim import signals
 from ..cosim.scenario import Scenario
 from ..cosim.trajectory import Trajectory
-from .files import write_text
+from .files import write_bytes, write_text
 
 OBSERVED = ("q_a[1]", "q_a[2]")
 """Plant outputs that are recorded beside q_m and X."""
@@ -50,6 +51,16 @@ def write_csv(table: dict[str, np.ndarray], file: Path) -> None:
         stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",", header=",".join(table), comments=""
     )
     write_text(file, stream.getvalue())
+
+
+def write_mat(table: dict[str, np.ndarray], file: Path) -> None:
+    """Write the columns as MATLAB variables: ``time``, ``q_m_1``, ..., ``tcp_error``; SI units as in the CSV file."""
+    from scipy.io import savemat
+
+    names = (re.sub(r"\W+", "_", name.split(" ")[0]).strip("_") for name in table)
+    stream = io.BytesIO()
+    savemat(stream, dict(zip(names, table.values(), strict=True)), oned_as="column", do_compression=True)
+    write_bytes(file, stream.getvalue())
 
 
 def write_plot(trajectory: Trajectory, scenario: Scenario, title: str, files: Sequence[Path]) -> None:

@@ -98,9 +98,10 @@ class Slave(ABC):
         """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
         log.clear()
         with self._modules.in_place(), self._reported("instantiation"):
-            self._instantiate(stop_time)
-            if not self._fmu.component:
-                raise RuntimeError("The FMU returned no instance; a wrong GUID is a common reason")
+            try:
+                self._instantiate(stop_time)
+            except Exception as problem:
+                raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
             if self._reset_first:
                 self._initialize({})
                 self._reset(stop_time)
@@ -109,6 +110,16 @@ class Slave(ABC):
         finally:
             trace.current.note(self.side, "freeing the instance")
             self._free()
+
+    def _usual_reasons(self) -> str:
+        """Why FMUs give no instance: all they can say is NULL, and what they log."""
+        description = self.archive.description
+        interface = description.coSimulation or description.modelExchange
+        reasons = "Usual reasons are a missing licence, a missing file, or a GUID that is not the binary's."
+        if str(interface.needsExecutionTool).lower() in ("true", "1"):
+            tool = description.generationTool or "its exporter's tool"
+            reasons += f" The FMU declares that it needs a tool to run: is {tool} or its runtime installed here?"
+        return reasons
 
     def initialize(self, before: Values, within: Values) -> None:
         """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""

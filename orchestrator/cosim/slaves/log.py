@@ -17,7 +17,7 @@ _echo: int | None = None
 def note(instance: bytes, status: int, message: bytes) -> None:
     """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8."""
     if status > 0:
-        text = (message or b"").decode(errors="replace").strip()[:LINE_LENGTH]
+        text = "; ".join((message or b"").decode(errors="replace").split("\n")).strip("; \r\t")[:LINE_LENGTH]
         line = f"{(instance or b'').decode(errors='replace')}: {text}"
         _lines.append(line)
         if _echo is not None:

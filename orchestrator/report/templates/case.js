@@ -1,7 +1,7 @@
 // One recorded case over time: TCP error, torques against their limits, path of the TCP in the circles.
 
 const recordings = data.recordings || [];
-let current = Math.max(0, recordings.findIndex((recording) => recording.roles.includes("example")));
+let current = Math.max(0, recordings.findIndex((recording) => recording.roles.includes("B5")));
 
 /** The columns of a recording, unpacked once: times [s], TCP offset and error [mm], changes of q_a [rad], torques [Nm]. */
 function signals(recording) {

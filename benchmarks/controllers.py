@@ -1,0 +1,160 @@
+"""The project's controllers where no tuning has been: other poses, other draws of systems, noise and disturbances.
+
+    python benchmarks/controllers.py                       all controllers, about 5 minutes on 2 cores
+    python benchmarks/controllers.py DiagonalPID DitheredLQG --jobs 1
+    python benchmarks/controllers.py --cost                only what a step costs
+
+The tests, criteria and requirements are the protocol's (``paper``). Its grid is replaced by one whose poses lie
+between the grid's, the seed by another than that of evaluations and tunings, and of the performance systems the
+vertex that the tuning knows, ``compliant``, gives way to a third random one (or stays: --with-compliant).
+
+What a step costs is measured with both kinds of controller in one process, turn by turn: the time of set, doStep and
+get through the master loop's compiled calls, as a ratio to the PID of the same turn; the median over the turns.
+
+The exit code is 1 where a controller misses its target.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+import numpy as np  # noqa: E402
+
+import build_fmus  # noqa: E402
+from orchestrator.benchmark import protocol as protocols  # noqa: E402
+from orchestrator.benchmark.case import Configuration  # noqa: E402
+from orchestrator.benchmark.protocol import Protocol  # noqa: E402
+from orchestrator.benchmark.scorecard import Scorecard, score  # noqa: E402
+from orchestrator.cosim.archive import open_archive  # noqa: E402
+from orchestrator.cosim.controller import Setup, Steady, prepared  # noqa: E402
+from orchestrator.cosim.jit import compiled  # noqa: E402
+from orchestrator.cosim.port import exchange  # noqa: E402
+from orchestrator.cosim.slaves import load  # noqa: E402
+from orchestrator.execution import pool  # noqa: E402
+from orchestrator.execution.evaluation import Bench, available_cores, evaluate  # noqa: E402
+from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
+from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
+
+BASELINE = "DiagonalPID"
+CONTROLLERS = (BASELINE, "TunedPID", "ManipulatorLQG", "DitheredLQG")
+SEED = 20260
+Q_A1, Q_A2 = (-75.0, 0.0, 75.0, 150.0), (-140.0, -45.0, 40.0)
+"""Link angles of the held-out poses [deg]."""
+WANTED = {"ManipulatorLQG": 0.72, "DitheredLQG": 0.72}
+"""Largest V as a share of the PID's."""
+LARGEST_COST = 3.0
+"""Of a step, in steps of the PID."""
+TURNS, STEPS = 31, 2000
+TIMEOUT = 300.0
+"""Wall time of a simulation [s]."""
+
+
+def held_out(with_compliant: bool) -> Protocol:
+    """The protocol ``paper`` with other poses and systems."""
+    paper = protocols.load("paper")
+    poses = [
+        Configuration(500 + k, *np.radians(pose).tolist())
+        for k, pose in enumerate((q_a1, q_a2) for q_a1 in Q_A1 for q_a2 in Q_A2)
+    ]
+    systems = ["compliant" if with_compliant else "random_3", "random_1", "random_2"]
+    return replace(paper, grid=tuple(poses), raw={**paper.raw, "performance": {"systems": systems}})
+
+
+def scorecard(protocol: Protocol, name: str, folder: Path, jobs: int) -> Scorecard:
+    """The scorecard of the FMU ``name``."""
+    cases = protocols.cases(protocol, NOMINAL, SEED)
+    plant = open_archive(build_fmus.build("FlexibleManipulator", folder))
+    controller = open_archive(build_fmus.build(name, folder))
+    bench = Bench(plant, controller, timeout=TIMEOUT)
+    results = list(evaluate(protocol, cases, bench, functools.partial(pool.run, workers=jobs)))
+    return score(protocol, results, len(cases))
+
+
+@compiled
+def steps(port, reference, count, T_s):
+    """Step a controller ``count`` times with measurements that move about ``reference``; returns the worst status."""
+    worst = 0
+    for k in range(count):
+        for i in range(2):
+            port.input_values[i] = reference[i] + 1e-4 * ((k * (7 + i)) % 11 - 5)
+        call, status = exchange(port, port.inputs.size, k * T_s, T_s, True)
+        worst = max(worst, status)
+    return worst
+
+
+def step_costs(names: Sequence[str], folder: Path) -> dict[str, tuple[float, float]]:
+    """Time of a step [us] and its ratio to the baseline's, by controller; medians over the turns."""
+    protocol = protocols.load("paper")
+    T_s = protocol.sample_time
+    arm, joints = coefficients.arm(NOMINAL), (coefficients.joint(NOMINAL, 1), coefficients.joint(NOMINAL, 2))
+    q_a = (0.4, -1.1)
+    rest = equilibrium.solve(arm, joints, q_a)
+    steady, reference = Steady(rest.q_m, rest.u_m, q_a), np.array(rest.q_m)
+    seconds: dict[str, list[float]] = {name: [] for name in names}
+    for _ in range(TURNS):
+        for name in names:
+            with ExitStack() as stack:
+                slave = load(open_archive(build_fmus.build(name, folder)))
+                port = stack.enter_context(prepared(slave, Setup(), steady, T_s, 10.0))
+                steps(port, reference, 10, float(T_s))
+                begin = time.process_time()
+                steps(port, reference, STEPS, float(T_s))
+                seconds[name].append((time.process_time() - begin) / STEPS)
+    baseline = seconds[names[0]]
+    return {
+        name: (
+            1e6 * statistics.median(turns),
+            statistics.median(turn / first for turn, first in zip(turns, baseline, strict=True)),
+        )
+        for name, turns in seconds.items()
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; 1 where a target is missed."""
+    options = _parser().parse_args(arguments)
+    names = (BASELINE, *(name for name in options.names or CONTROLLERS if name != BASELINE))
+    good = True
+    with tempfile.TemporaryDirectory(prefix="controllers_") as folder:
+        for name, (microseconds, ratio) in step_costs(names, Path(folder)).items():
+            good &= ratio <= LARGEST_COST
+            print(f"{name:16s} {microseconds:6.2f} us a step, {ratio:.2f} of {BASELINE}'s", flush=True)
+        protocol = held_out(options.with_compliant)
+        baseline = None
+        for name in () if options.cost else names:
+            card = scorecard(protocol, name, Path(folder), options.jobs)
+            assert card.cost is not None, "a performance case has no value"
+            baseline = baseline or card.cost
+            share = card.cost / baseline
+            good &= share <= WANTED.get(name, 1.0) and (
+                name == BASELINE or all(r.overall.passed for r in card.requirements)
+            )
+            verdicts = " ".join(f"{r.name} {'holds' if r.overall.passed else 'FAILS'}" for r in card.requirements)
+            criteria = " ".join(f"{c.criterion.name} {c.value:.4g}" for c in card.criteria)
+            print(f"{name:16s} V {card.cost:6.1f} ({share:.1%}), {verdicts}, {criteria}", flush=True)
+    return 0 if good else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers (default: {' '.join(CONTROLLERS)})")
+    parser.add_argument("--cost", action="store_true", help="only what a step costs")
+    parser.add_argument("--with-compliant", action="store_true", help="with the vertex `compliant`, not a third draw")
+    parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help="processes (default: cores)")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,53 @@
+"""The scheduled LQG controller with a dither against friction, as an FMI 2.0 co-simulation slave.
+
+The slave is that of controller_fmu/lqg with weights of its own. To its torque comes the dither of
+flexible_manipulator_dither.py, which the filter's own estimate of the TCP error switches on. The filter is told the
+sum, limited as the drive limits it, and so takes no dither for a disturbance.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, ClassVar
+
+from flexible_manipulator_dither import Dither, dither, read_dither
+from manipulator_lqg_fmu import U_M, UNITS, ManipulatorLQG, U
+
+__all__ = ["UNITS", "DitheredLQG"]
+
+TORQUE_LIMIT = (35.0, 20.0)
+"""u_max of Table 1 [N.m]."""
+
+
+class DitheredLQG(ManipulatorLQG):
+    """The slave; see its base class."""
+
+    description = "LQG controller with a dither that keeps friction from holding the motors while the arm rings"
+    data: ClassVar[Path] = Path(__file__).with_name("friction_weights.json")
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._dither: Dither = read_dither(self.data)
+        self._level = 0.0
+        self._sample = 0
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""
+        if not super().do_step(current_time, step_size):
+            return False
+        vector, x = self._now, self._values
+        error = math.hypot(vector.item(U + 2), vector.item(U + 3))
+        self._level, *shake = dither(self._dither, self._level, error, self._sample)
+        self._sample += 1
+        for i, u_max in enumerate(TORQUE_LIMIT):
+            x[U_M + i] = torque = min(max(x[U_M + i] + shake[i], -u_max), u_max)
+            vector[U + i] = torque - self._u_0[i]
+        return True
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return {**super()._get_fmu_state(), "level": self._level, "sample": self._sample}
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        super()._set_fmu_state(state)
+        self._level, self._sample = state["level"], state["sample"]

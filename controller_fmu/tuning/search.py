@@ -1,0 +1,133 @@
+"""The search of the tuning scripts: CMA-ES over the logarithms of positive numbers.
+
+The objective is the benchmark's cost V on a subset of poses and systems drawn for the tuning, with penalties that
+keep A1-A3: first the linear stability set (a candidate that misses it is not simulated at all), then limit cycles in
+a few simulated tests.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller_fmu.tuning import problem, stability
+from orchestrator.benchmark.metrics import CaseResult
+
+POSES = 10
+STABILITY_POSES = 16
+SEED = 1234
+"""Of the poses, systems and noise that the tuning sees; evaluations use seed 0, the held-out comparison another."""
+POPULATION = 14
+THREADS = 2
+LIMIT_CYCLE = 7e-6
+"""Amplitude [m] from which on a limit cycle is penalized, with a reserve to the 10e-6 of A3."""
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is tuned: ``start`` holds a positive number for every name, ``law_of`` makes the controller of values."""
+
+    start: Values
+    law_of: Callable[[Values], problem.LawOf]
+    upper: Values = field(default_factory=dict)
+
+
+def objective(task: Task) -> Callable[[np.ndarray], float]:
+    """Cost of the logarithms of the values relative to the start."""
+    poses = problem.scattered_poses(POSES, SEED)
+    drawn: problem.Systems = {"performance": ("compliant", "random_1"), "stability": ("sticky",)}
+    light: problem.Systems = {"performance": ("compliant",), "stability": ("slippery",)}
+    folded, *_, unfolded = sorted(poses, key=lambda pose: pose.q_a2)
+    experiments = [
+        *problem.experiments(poses, ["disturbance"], drawn, SEED, shortened=True),
+        *problem.experiments(poses[::3], ["noise"], light, SEED),
+        *problem.experiments([poses[0]], ["gain_1", "delay_2"], drawn, SEED),
+        *problem.experiments([folded, unfolded], ["gain_1", "gain_2"], light, SEED),
+    ]
+    plants = stability.linear_plants(problem.scattered_poses(STABILITY_POSES, SEED))
+    limits = np.log([task.upper.get(name, math.inf) / value for name, value in task.start.items()])
+
+    def cost(logarithms: np.ndarray) -> float:
+        beyond = float(np.sum(np.maximum(logarithms - limits, 0.0)))
+        if beyond > 0.0:
+            return 1e3 + beyond
+        law_of = task.law_of(values(task, logarithms))
+        try:
+            missing = stability.shortfall(stability.decay_rates(plants, law_of))
+        except (ValueError, np.linalg.LinAlgError):  # the design has no solution there
+            return 1e3
+        if missing > 2.0:
+            return 150.0 + 10.0 * math.log(missing)
+        results = problem.evaluate(experiments, law_of)
+        V = problem.scorecard(results).cost
+        return 1e3 if V is None else V + 5.0 * missing + _hunting(results)
+
+    return cost
+
+
+def values(task: Task, logarithms: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """The values that belong to ``logarithms``."""
+    return {name: start * math.exp(z) for (name, start), z in zip(task.start.items(), logarithms, strict=True)}
+
+
+def search(task: Task, evaluations: int, spread: float, seed: int) -> tuple[dict[str, float], dict[str, Any]]:
+    """The best values, rounded to four digits, and how they were found.
+
+    ``spread`` is the first standard deviation of the logarithms. Threads evaluate a generation, and the result does
+    not depend on them.
+    """
+    import cma  # the search alone needs it: pip install cma
+
+    cost, begin = objective(task), time.perf_counter()
+    options = {"seed": seed, "popsize": POPULATION, "maxfevals": evaluations, "verbose": -9}
+    strategy = cma.CMAEvolutionStrategy(np.zeros(len(task.start)), spread, options)
+    with ThreadPoolExecutor(THREADS) as threads:
+        while not strategy.stop():
+            candidates = strategy.ask()
+            strategy.tell(candidates, list(threads.map(cost, candidates)))
+            now = time.perf_counter() - begin
+            print(f"{now:6.0f} s {strategy.result.evaluations:6d} evaluations: {strategy.result.fbest:.2f}", flush=True)
+    best, found = strategy.result.xbest, strategy.result
+    how = {"seed": seed, "evaluations": int(found.evaluations), "objective": round(float(found.fbest), 2)}
+    print(f"{found.evaluations} evaluations, {time.perf_counter() - begin:.0f} s, seed {seed}, {found.fbest:.2f}")
+    return {name: float(f"{value:.4g}") for name, value in values(task, best).items()}, how
+
+
+def verdict(law_of: problem.LawOf, seed: int = 0) -> None:
+    """Simulate the whole protocol and print the scorecard's essence."""
+    with ThreadPoolExecutor(THREADS) as threads:
+        card = problem.scorecard(problem.evaluate(problem.whole_protocol(seed), law_of, threads))
+    criteria = ", ".join(f"{each.criterion.name} {each.value:.4g}" for each in card.criteria)
+    print(f"protocol paper, seed {seed}: V = {card.cost:.1f}, {criteria}")
+    for requirement in card.requirements:
+        overall = requirement.overall
+        amplitude = "none" if overall.amplitude is None else f"{overall.amplitude * 1e6:.2f} um"
+        print(f"{requirement.name} {'holds' if overall.passed else 'FAILS'}: {amplitude} in {overall.worst_case}")
+
+
+def write(file: Path, script: Path, entries: Mapping[str, Any], how: Mapping[str, Any]) -> None:
+    """Write a data file with the hash of the script that made it."""
+    tuned = {"script": script.name, "sha256": hashlib.sha256(script.read_bytes()).hexdigest(), **how}
+    file.write_text(json.dumps({"tuned": tuned, **entries}, indent=1) + "\n", encoding="utf-8")
+    print(f"written: {file.name}")
+
+
+def _hunting(results: Sequence[CaseResult]) -> float:
+    """Penalty for limit cycles in the stability tests."""
+    total = 0.0
+    for result in results:
+        cycle = result.measurement.limit_cycle if result.measurement else None
+        if result.case.test.requirements and not result.case.test.criteria:
+            total += 100.0 if cycle is None else 4.0 * max(0.0, math.log(max(cycle) / LIMIT_CYCLE))
+    return total

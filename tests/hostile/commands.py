@@ -1,0 +1,99 @@
+"""The evaluation as a command, to be interrupted, killed and run again."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+ROOT = Path(__file__).resolve().parents[2]
+NOISE, CASES = ("--only", "c0[0-6].*.noise"), 21
+"""Cases of the protocol "paper" that are simulated in some hundredths of a second each, and how many they are."""
+
+
+def command(folder: Path, *arguments: str) -> list[str]:
+    """The command that evaluates into ``folder``."""
+    return [sys.executable, "-m", "orchestrator.evaluate", *arguments, "--output-dir", str(folder)]
+
+
+@contextmanager
+def started(arguments: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """A command in a session of its own; when the block ends, so does the whole session."""
+    process = subprocess.Popen(
+        arguments,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        cwd=ROOT,
+        env={**os.environ, **options.pop("environment", {})},
+        **options,
+    )
+    try:
+        with process:
+            try:
+                yield process
+            finally:
+                end_session(process.pid)
+    finally:
+        end_session(process.pid)
+
+
+def finished(arguments: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
+    """A command that ran to its end; there must be no traceback in what it says."""
+    with started(arguments, **options) as process:
+        output, errors = process.communicate(timeout=120)
+        assert "Traceback" not in errors + output, errors
+        return subprocess.CompletedProcess(arguments, process.returncode, output, errors)
+
+
+def end_session(session: int) -> None:
+    """Kill all processes of a session."""
+    for member in session_members(session):
+        with suppress(psutil.Error):
+            member.kill()
+
+
+def session_members(session: int) -> list[psutil.Process]:
+    """Living processes of a session, whoever is their parent by now."""
+    found = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, ProcessLookupError):
+            if os.getsid(process.pid) == session and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(process)
+    return found
+
+
+def simulations(session: int) -> list[psutil.Process]:
+    """The processes of a session that hold FMUs: they lead groups of their own."""
+    found = []
+    for process in session_members(session):
+        with suppress(ProcessLookupError):
+            if process.pid != session and os.getpgid(process.pid) == process.pid:
+                found.append(process)
+    return found
+
+
+def wait_for(condition: Any, patience: float = 60.0, every: float = 0.02) -> bool:
+    """Wait until ``condition()``; whether it came true."""
+    deadline = time.monotonic() + patience
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(every)
+    return bool(condition())
+
+
+def kill(process: subprocess.Popen[str] | psutil.Process) -> None:
+    """kill -9."""
+    with suppress(psutil.Error, ProcessLookupError):
+        process.send_signal(signal.SIGKILL)

@@ -1,0 +1,197 @@
+"""The conformance report: what it finds in good and bad controllers, its exit codes, and its JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from bad_fmus import of_another_guid
+from command_lines import run
+from exporters import RECIPES, REFUSED
+from python_controllers import python_controller
+
+from orchestrator import check, commands
+
+
+@pytest.fixture
+def report(capsys):
+    """Runs the check in this process: exit code and findings by subject, of each (severity, text, remedy)."""
+
+    def run_check(file, *options):
+        code = commands.guarded(check.main, [str(file), "--json", *options])
+        document = json.loads(capsys.readouterr().out)
+        assert document["verdict"] in ("ok", "note", "warning", "error")
+        assert code == {"error": 2, "warning": 1}.get(document["verdict"], 0)
+        findings: dict[str, list[tuple[str, str, str]]] = {}
+        for row in document["findings"]:
+            assert set(row) == {"severity", "subject", "text", "remedy"}
+            assert (
+                row["remedy"] or row["severity"] not in ("warning", "error") or row["subject"] in ("timing", "import")
+            )
+            findings.setdefault(row["subject"], []).append((row["severity"], row["text"], row["remedy"]))
+        return code, findings
+
+    return run_check
+
+
+def severities(findings):
+    return {severity for rows in findings.values() for severity, _, _ in rows}
+
+
+# ---- Good controllers ----
+
+
+def test_the_default_controller(report, pid_c_file):
+    code, findings = report(pid_c_file)
+    assert code == 0 and severities(findings) == {"ok", "note"}
+    assert findings["standard"][0][1] == "FMI 2.0 co-simulation, exported by an unnamed tool"
+    assert "linux64" in findings["platforms"][0][1]
+    assert findings["description"] == [("ok", "valid", "")]
+    assert findings["q_m"] == [("ok", "q_m[1] [rad] = 0, q_m[2] [rad] = 0 (exact)", "")]
+    assert findings["u_m"] == [("ok", "u_m[1] [N.m], u_m[2] [N.m] (exact)", "")]
+    assert findings["q_a_ref"][0][0] == "note" and "optional" in findings["q_a_ref"][0][1]
+    assert findings["T_s"][0][1] == "T_s [s] = 0.00025; it is given the sample time"
+    assert findings["sample time"] == [("ok", "0.25 ms (DefaultExperiment)", "")]
+    assert findings["latency"][0][:2] == ("ok", "0 samples from a measurement to the torque")
+    assert findings["timing"][0][1] == "samples at the start of each step"
+    assert findings["initial output"] == [("ok", "u_m0 at rest", "")]
+    assert {findings[subject][0][0] for subject in ("determinism", "reset", "instances", "cost")} == {"ok"}
+    assert findings["cost"][0][1].endswith(" µs a step")
+
+
+@pytest.mark.parametrize(
+    ("name", "subject", "words"),
+    [
+        ("pythonfmu3_arrays", "q_m", "q_m[2] [?] = 0, 0 (exact)"),
+        ("names_nested", "q_m", "Controller.q_m[1] [rad] = 0, Controller.q_m[2] [rad] = 0 (by spelling)"),
+        ("no_units", "q_m", "declares no unit; taken as rad"),
+        ("position_error", "e", "e[1] [rad] = 0, e[2] [rad] = 0 (exact)"),
+        ("timing_initialization", "timing", "once during initialization"),
+        ("timing_twice_first", "timing", "twice in the first step"),
+        ("degrees_and_millinewton", "u_m", "[mN.m]"),
+        ("casadi", "description", "is not a legal variable name"),
+        ("casadi", "standard", "FMI 3.0 Model Exchange, exported by CasADi"),
+    ],
+)
+def test_exporters_have_but_notes(name, subject, words, report, exporter_folder):
+    if RECIPES[name].missing():
+        pytest.skip(RECIPES[name].missing())
+    code, findings = report(RECIPES[name].build(exporter_folder))
+    assert code == 0
+    assert any(words in text for _, text, _ in findings[subject]), findings[subject]
+    assert findings["latency"][0][0] == "ok"
+
+
+def test_options_stand_in_the_report(report, exporter_folder):
+    if RECIPES["names_underscore"].missing():
+        pytest.skip(RECIPES["names_underscore"].missing())
+    swapped = [f"{name}[{i}]={name}_{3 - i}" for name in ("q_m", "q_m_ref", "u_m", "u_m0") for i in (1, 2)]
+    options = [word for connection in swapped for word in ("--map", connection)]
+    options += ["--set", "K_p_1=40", "--sample-time", "0.00025"]
+    code, findings = report(RECIPES["names_underscore"].build(exporter_folder), *options)
+    assert findings["q_m"][0][1] == "q_m_2 [rad] = 0, q_m_1 [rad] = 0 (mapped)"
+    assert findings["parameters"][0][1] == "K_p_1 = 40"
+    assert findings["sample time"][0][1] == "0.25 ms (given)"
+    assert code == 0
+
+
+# ---- Controllers with warnings ----
+
+
+def test_another_sample_time_is_a_warning(report, tmp_path):
+    code, findings = report(python_controller(tmp_path, "Slow", 45.0, step=0.001))
+    assert code == 1
+    assert findings["sample time"][0][0] == "warning"
+    assert "1 ms (DefaultExperiment), not the benchmark's 0.25 ms" in findings["sample time"][0][1]
+    assert findings["execution tool"][0][0] == "note"
+
+
+def test_a_late_or_wrong_first_output_is_a_warning(report, tmp_path):
+    body = "self.law(); self.own['u_m[1]'] += 1.0; return True"
+    code, findings = report(python_controller(tmp_path, "Offset", 45.0, step_body=body))
+    assert code == 1
+    severity, text, remedy = findings["initial output"][0]
+    assert severity == "warning" and "instead of u_m0" in text and "u_m0" in remedy
+
+
+def test_a_unit_delay_is_a_warning(report, tmp_path):
+    body = "late = self.own['u_m0[1]'], self.own['u_m0[2]']; late = getattr(self, 'late', late); self.law(); "
+    body += "self.late = self.own['u_m[1]'], self.own['u_m[2]']; "
+    body += "self.own['u_m[1]'], self.own['u_m[2]'] = late; return True"
+    code, findings = report(python_controller(tmp_path, "UnitDelay", 45.0, step_body=body))
+    assert code == 1
+    severity, text, remedy = findings["latency"][0]
+    assert (severity, text) == ("warning", "1 samples from a measurement to the torque") and "unit delay" in remedy
+    assert findings["initial output"][0][0] == "ok"
+
+
+# ---- Controllers with errors ----
+
+
+def test_a_frozen_output_is_an_error(report, tmp_path):
+    body = "self.own['u_m[1]'], self.own['u_m[2]'] = self.own['u_m0[1]'], self.own['u_m0[2]']; return True"
+    code, findings = report(python_controller(tmp_path, "Frozen", step_body=body))
+    assert code == 2
+    severity, text, remedy = findings["latency"][0]
+    assert severity == "error" and "does not answer" in text and "q_m" in remedy
+
+
+def test_random_torques_are_an_error(report, tmp_path):
+    body = "self.law(); self.own['u_m[1]'] += random.random(); return True"
+    code, findings = report(python_controller(tmp_path, "Dicing", 45.0, imports="import random", step_body=body))
+    assert code == 2
+    assert findings["determinism"][0][0] == "error" and "Seed random numbers" in findings["determinism"][0][2]
+
+
+def test_state_outside_the_instance_is_a_note(report, tmp_path):
+    """Every step of any instance counts for all of them: two at once disturb each other, two in turn differ."""
+    body = "counted.append(1); self.law(); self.own['u_m[1]'] += len(counted); return True"
+    code, findings = report(python_controller(tmp_path, "Shared", 45.0, imports="counted = []", step_body=body))
+    assert code == 2
+    assert findings["determinism"][0][0] == "error" and findings["instances"][0][0] == "note"
+
+
+def test_a_crash_is_an_error_and_the_report_goes_on(report, tmp_path):
+    body = "os._exit(3)"
+    code, findings = report(python_controller(tmp_path, "Quitter", imports="import os", step_body=body))
+    assert code == 2
+    (severity, text, remedy) = findings["timing"][0]
+    assert severity == "error" and "exit code 3" in text and "debugger" in remedy
+    assert {"timing", "repeatability", "several instances", "cost"} <= set(findings)
+
+
+def test_an_fmu_that_refuses_to_start_is_an_error(report, pid_c_file, tmp_path):
+    code, findings = report(of_another_guid(pid_c_file, tmp_path / "guid.fmu"))
+    assert code == 2 and any("GUID" in text for _, text, _ in findings["timing"])
+
+
+@pytest.mark.parametrize("recipe", REFUSED.values(), ids=REFUSED)
+def test_connectors_that_do_not_fit_are_errors(recipe, report, exporter_folder):
+    if recipe.missing():
+        pytest.skip(recipe.missing())
+    code, findings = report(recipe.build(exporter_folder))
+    assert code == 2 and findings["import"][0][0] == "error"
+    assert findings["standard"][0][0] == "ok", "what was found before still stands"
+
+
+def test_a_missing_file_is_an_error(report, tmp_path):
+    code, findings = report(tmp_path / "absent.fmu")
+    assert code == 2 and list(findings) == ["import"] and "There is no file" in findings["import"][0][1]
+
+
+# ---- As a command ----
+
+
+def test_the_table_in_a_terminal_of_its_own(pid_c_file, tmp_path):
+    finished = run("check", pid_c_file, folder=tmp_path)
+    assert finished.code == 0 and finished.err == ""
+    lines = finished.out.splitlines()
+    assert lines[0].strip() == pid_c_file.name
+    assert any(line.startswith("ok ") and "latency" in line for line in lines)
+    assert "\x1b" not in finished.out
+    assert not list(tmp_path.iterdir()), "a check writes nothing"
+
+
+def test_exit_code_2_of_the_command(tmp_path):
+    finished = run("check", "absent.fmu", folder=tmp_path)
+    assert finished.code == 2 and "There is no file absent.fmu" in finished.out and "Traceback" not in finished.err
