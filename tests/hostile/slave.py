@@ -1,6 +1,7 @@
 """A Python controller that goes wrong: what ``fault`` says, from the time ``at`` [s] on."""
 
 import os
+import socket
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 PAIRS = {"q_m_ref": "rad", "q_m": "rad", "u_m": "N.m", "u_m0": "N.m"}
 UNITS = {"fault": "1", "at": "s"} | {f"{name}_{axis}": unit for name, unit in PAIRS.items() for axis in (1, 2)}
 
-RAISE, EXIT, SYSTEM_EXIT, SPAWN, RECURSE = range(1, 6)
+RAISE, EXIT, SYSTEM_EXIT, SPAWN, RECURSE, REPORT = range(1, 7)
 
 
 class HostileSlave(Fmi2Slave):
@@ -59,3 +60,28 @@ class HostileSlave(Fmi2Slave):
             self.fault = 0.0
         if self.fault == RECURSE:
             self.strike()
+        if self.fault == REPORT:
+            raise RuntimeError("; ".join(report()))
+
+
+def report():
+    """What this process is allowed to do."""
+    files = {
+        "home": os.path.expanduser("~/written-by-a-hostile-slave"),
+        "own folder": os.path.join(os.path.dirname(__file__), "written.txt"),
+        "temporary files": "/tmp/written-by-a-hostile-slave",
+    }
+    for name, path in files.items():
+        try:
+            with open(path, "w") as file:
+                file.write("ha")
+            os.remove(path)
+            yield f"{name}: written"
+        except OSError as problem:
+            yield f"{name}: refused ({problem.strerror})"
+    listening = socket.socket()
+    interfaces = {name for _, name in socket.if_nameindex()}
+    listening.close()
+    yield f"network: {'refused' if interfaces <= {'lo'} else 'there'}"
+    count = sum(entry.isdigit() for entry in os.listdir("/proc"))
+    yield f"processes: {'3 or fewer' if count <= 3 else 'all'}"
