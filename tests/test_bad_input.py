@@ -42,6 +42,7 @@ def controllers(pid_c_file, tmp_path_factory):
     (folder / "cut.fmu").write_bytes(pid_c_file.read_bytes()[:2000])
     for_windows(pid_c_file, folder / "windows.fmu")
     without(pid_c_file, folder / "sources.fmu", "binaries/")
+    without(pid_c_file, folder / "uncompiled.fmu", "binaries/")
     with_broken_sources(pid_c_file, folder / "broken.fmu")
     without(pid_c_file, folder / "nothing.fmu", "binaries/", "sources/")
     of_another_guid(pid_c_file, folder / "guid.fmu")
@@ -90,17 +91,16 @@ def test_files_that_are_no_usable_fmu(name, told, controllers, tmp_path):
 
 
 def test_sources_are_compiled(controllers, tmp_path):
-    cache = {"FLEXIBLE_MANIPULATOR_CACHE": str(tmp_path / "cache")}
-    finished = run("simulate", controllers / "sources.fmu", "--duration", "0.01", folder=tmp_path, changes=cache)
+    finished = run("simulate", controllers / "sources.fmu", "--duration", "0.01", folder=tmp_path)
     assert finished.code == 0, finished.err
     assert "done at 0.01 s" in finished.out
 
 
 def test_sources_without_a_compiler_are_told(controllers, tmp_path):
     (tmp_path / "bin").mkdir()
-    changes = {"FLEXIBLE_MANIPULATOR_CACHE": str(tmp_path / "cache"), "PATH": str(tmp_path / "bin"), "CC": ""}
-    message = refusal(tmp_path, *EVALUATE, controllers / "sources.fmu", changes=changes)
-    assert "sources.fmu comes as source code only, and there is no C compiler here" in message
+    changes = {"PATH": str(tmp_path / "bin"), "CC": ""}
+    message = refusal(tmp_path, *EVALUATE, controllers / "uncompiled.fmu", changes=changes)
+    assert "uncompiled.fmu comes as source code only, and there is no C compiler here" in message
     assert "Install one, or export the FMU with a binary" in message
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -73,8 +75,6 @@ def running(folder: Path) -> Iterator[Cluster]:
 
 def address_in(note: Path) -> str:
     """The address in a scheduler's file."""
-    import json
-
     return str(json.loads(note.read_text())["address"])
 
 
@@ -131,6 +131,16 @@ def test_all_workers_killed_at_once_lose_nothing(dask, local, tmp_path):
         errors = process.communicate(timeout=120)[1]
     assert (process.returncode, "Traceback" in errors) == (0, False), errors
     assert (tmp_path / "cases.csv").read_bytes() == local
+
+
+def test_control_c(dask, local, tmp_path):
+    with started(command(tmp_path, *NOISE, "--scheduler", dask.address)) as process:
+        assert wait_for(lambda: any(host.children() for host in dask.hosts()))
+        os.killpg(process.pid, signal.SIGINT)
+        errors = process.communicate(timeout=60)[1]
+        assert (process.returncode, "Traceback" in errors) == (130, False), errors
+    # A worker finishes the group it is at, then nothing more is asked of it.
+    assert wait_for(lambda: not any(child.children() for host in dask.hosts() for child in host.children()))
 
 
 def test_a_scheduler_that_is_killed(local, tmp_path):

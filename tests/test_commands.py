@@ -80,6 +80,7 @@ def test_the_scorecard_is_printed_for_people(quick):
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
+@pytest.mark.slow
 def test_bit_identical_for_any_number_of_processes_and_from_run_to_run(quick, results, pid_c_file, tmp_path):
     expected = (quick[1] / "cases.csv").read_bytes()
     changing = ("timing", "environment")

@@ -293,6 +293,18 @@ def test_a_file_that_may_not_grow(tmp_path, uninterrupted):
     assert table == uninterrupted
 
 
+def test_results_that_cannot_be_written(tmp_path, complete, uninterrupted):
+    """All cases are in the store, but what is made of them finds no place."""
+    folder = Path(shutil.copytree(complete, tmp_path / "out"))
+    (folder / "results.json").unlink()
+    (folder / "results.json").mkdir()
+    stopped = finished(command(folder, *NOISE))
+    assert stopped.returncode == 2
+    assert f"error: {folder / 'results.json'} cannot be written" in stopped.stderr
+    (folder / "results.json").rmdir()
+    assert resumed(folder)[1] == uninterrupted
+
+
 def test_a_full_disk(tmp_path):
     mount = tmp_path / "small"
     mount.mkdir()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import sys
 import time
@@ -14,6 +15,7 @@ import psutil
 import pytest
 from conftest import build_or_skip
 from hostile import fmus
+from hostile.commands import command, finished
 from hostile.fmus import Fault, hostile_fmu
 from hostile.runs import PROTOCOL, SPARED, STRUCK, bench, run, short_cases
 
@@ -292,6 +294,20 @@ def test_a_broken_controller_answers_after_three_crashes(plant_file, fmu):
     assert "skipped after 3 failures of one kind (crashed: the process was ended by SIGABRT" in results[3].message
     assert "--keep-going" in results[3].message
     assert [result.status for result in run(own, cases)] == [CRASHED] * 8
+
+
+def test_the_command_tells_how_it_failed_and_goes_on(fmu, tmp_path):
+    file = fmu(Fault("abort"))
+    done = finished(command(tmp_path, str(file), "--quick"))
+    assert done.returncode == 1
+    with (tmp_path / "cases.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["status"] for row in rows].count("skipped") >= 24 - 3 - 2  # two processes may be at work at the third
+    crashed = [row for row in rows if row["status"] == "crashed"]
+    assert len(crashed) >= 3
+    for row in crashed:
+        assert row["time [s]"] == "0.02"
+        assert "SIGABRT, in the call 'step' of the controller at t = 0.02 s" in row["message"]
 
 
 def test_strikes_of_an_earlier_run_count(plant_file, fmu):

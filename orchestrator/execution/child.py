@@ -41,6 +41,7 @@ def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> Non
         os.dup2(output.fileno(), 2)
         log.echo_to(2)
         _close_all_but(outcomes.fileno())
+        resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     trace.use(trace.Trace(shared.buffer))
     surroundings = Surroundings()
     begin = time.perf_counter()

@@ -6,6 +6,7 @@ with its worker is run again elsewhere, which changes nothing, since a result de
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Generator, Sequence
 from dataclasses import replace
@@ -34,6 +35,7 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
         from distributed.scheduler import KilledWorker
     except ImportError:
         raise InputError("--scheduler needs Dask: pip install 'distributed'.") from None
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what matters is told below, in one sentence
     try:
         client = Client(address, timeout=CONNECT_TIME)
     except (OSError, ValueError, TimeoutError) as problem:
@@ -62,9 +64,10 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
                 except BenchmarkError:
                     raise
                 except Exception as problem:  # whatever a worker or the network has to offer
+                    reason = str(problem).strip().split("\n")[0] or type(problem).__name__
                     raise BenchmarkError(
-                        f"The cluster at {address} could not run a job: {problem or type(problem).__name__}. What is "
-                        "finished is kept: run the same command again. Workers need this package in the same version."
+                        f"The cluster at {address} could not run a job: {reason}. What is finished is kept: run the "
+                        "same command again. Workers need this package in the same version."
                     ) from problem
                 for outcome in outcomes:
                     yield number, outcome

@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import pickle
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection, reduction
+from multiprocessing import connection, reduction, resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -134,7 +135,8 @@ class _ServedProcess:
         for attempt in range(ATTEMPTS):
             self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
             try:
-                self._process.start()
+                with _interrupts_held():
+                    self._process.start()
                 break
             except (EOFError, OSError):  # the fork server has been killed; the next start starts another
                 if attempt + 1 == ATTEMPTS:
@@ -150,6 +152,20 @@ class _ServedProcess:
         self.family.kill()
         self._process.kill()
         self._process.join()
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold SIGINT back, for the fork server too: a Ctrl-C while it begins would print its traceback."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # it would let SIGINT through again when the fork server starts it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _FreshProcess:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import BenchmarkError, InputError
 
 
 def prepare_folder(folder: Path) -> None:
@@ -27,10 +28,21 @@ def write_text(file: Path, text: str) -> None:
 
 
 def write_bytes(file: Path, data: bytes) -> None:
-    """Write a file in one go: under its name there is the old contents or the new, never a part."""
+    """Write a file in one go: under its name there is the old contents or the new, never a part.
+
+    Raises :class:`BenchmarkError` where that fails, as on a full disk.
+    """
     scratch = file.with_name(f".{file.name}.{os.getpid()}")
     try:
-        scratch.write_bytes(data)
+        with scratch.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())  # else a power cut may leave the new name without contents
         os.replace(scratch, file)
+    except OSError as problem:
+        raise BenchmarkError(
+            f"{file} cannot be written: {problem.strerror}. Make room or mend the folder, and run the command again."
+        ) from problem
     finally:
-        scratch.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            scratch.unlink(missing_ok=True)

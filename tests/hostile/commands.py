@@ -21,7 +21,7 @@ NOISE, CASES = ("--only", "c0[0-6].*.noise"), 21
 
 def command(folder: Path, *arguments: str) -> list[str]:
     """The command that evaluates into ``folder``."""
-    return [sys.executable, "-m", "orchestrator.evaluate", *arguments, "--output-dir", str(folder)]
+    return [sys.executable, "-m", "orchestrator.evaluate", *arguments, "--no-report", "--output-dir", str(folder)]
 
 
 @contextmanager

@@ -1,0 +1,254 @@
+"""What it costs to run every group of cases in a process of its own, and whether 10,000 simulations leave anything.
+
+    python benchmarks/execution.py                     cost of a case beyond its simulation
+    python benchmarks/execution.py --throughput        cases a second at 1 and 2 processes, and on Dask workers
+    python benchmarks/execution.py --endurance 10000   memory, descriptors, files, processes over many simulations
+
+The cost is processor time, which others' use of the machine does not change; throughput is not. The exit code is 1
+where the target is missed: at most 5 % on top of the simulations for groups of the default size.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+import psutil  # noqa: E402
+
+from orchestrator.benchmark import protocol as protocols  # noqa: E402
+from orchestrator.benchmark.case import Case  # noqa: E402
+from orchestrator.benchmark.metrics import CaseResult, judge  # noqa: E402
+from orchestrator.benchmark.protocol import Protocol  # noqa: E402
+from orchestrator.commands import nominal_parameters, open_fmus  # noqa: E402
+from orchestrator.cosim.master import simulate  # noqa: E402
+from orchestrator.cosim.slaves import Slave  # noqa: E402
+from orchestrator.cosim.trajectory import Status  # noqa: E402
+from orchestrator.execution import cluster, pool, store  # noqa: E402
+from orchestrator.execution.evaluation import GROUP_SIZE, Bench, evaluate, rehearse  # noqa: E402
+from orchestrator.execution.isolation import run_isolated  # noqa: E402
+from orchestrator.execution.job import Finished  # noqa: E402
+
+TARGET = 0.05
+SHORT = Fraction("0.01")
+"""Simulated time [s] of the endurance test's cases."""
+
+
+# ---- Cost ----
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Processor time of a group [s]: its simulations, the rest of its process, and its parent."""
+
+    simulations: float
+    child: float
+    parent: float
+    wall: float
+    waited: float
+    """Wall time [s] from the start of the group to the beginning of its first case."""
+
+    @property
+    def ratio(self) -> float:
+        """What comes on top of the simulations, relative to them."""
+        return (self.child + self.parent) / self.simulations
+
+
+def timed(protocol: Protocol, bench: Bench, plant: Slave, controller: Slave, case: Case) -> dict[str, Any]:
+    """A case as in an evaluation, with processor times of this process."""
+    begin, started = time.process_time(), time.time()
+    trajectory = simulate(plant, controller, case.scenario, bench.setup)
+    simulated = time.process_time()
+    judge(protocol, case, trajectory)
+    return {"simulation": simulated - begin, "end": time.process_time(), "started": started}
+
+
+def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) -> Cost:
+    """Run one group, storing its results as an evaluation does."""
+    work = functools.partial(timed, protocol, bench)
+    with store.opened(folder) as results:
+        keys = store.keys(protocol, cases, bench)
+        begin, wall, started = time.process_time(), time.perf_counter(), time.time()
+        found = []
+        for outcome in run_isolated(bench.job(cases, [case.scenario for case in cases], work, 30.0)):
+            assert isinstance(outcome, Finished), outcome
+            case = cases[outcome.index]
+            results.put(keys[case], CaseResult(case, Status.DONE, float(case.scenario.duration)))
+            found.append(outcome.value)
+        parent, wall = time.process_time() - begin, time.perf_counter() - wall
+    simulations = sum(value["simulation"] for value in found)
+    return Cost(simulations, found[-1]["end"] - simulations, parent, wall, found[0]["started"] - started)
+
+
+def show_cost(protocol: Protocol, bench: Bench, rounds: int) -> bool:
+    """Print what a case costs beyond its simulation; whether the target is met."""
+    cases = protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)
+    with tempfile.TemporaryDirectory() as folder:
+        groups = [cases[GROUP_SIZE * i : GROUP_SIZE * (i + 1)] for i in range(rounds)]
+        costs = [cost(protocol, bench, group, Path(folder)) for group in groups]
+    simulated = sum(float(case.scenario.duration) for group in groups for case in group) / rounds / GROUP_SIZE
+
+    def median(name: str) -> float:
+        return statistics.median(getattr(entry, name) for entry in costs) * 1e3 / GROUP_SIZE
+
+    ratio = statistics.median(entry.ratio for entry in costs)
+    print(f"{rounds} groups of {GROUP_SIZE} cases, {simulated:.1f} s of simulated time each; medians, ms a case")
+    print(f"  simulation           {median('simulations'):8.2f}")
+    print(f"  rest of the process  {median('child'):8.2f}   start, loading two FMUs, judging, sending")
+    print(f"  parent               {median('parent'):8.2f}   starting, watching, storing")
+    print(f"  on top               {ratio:8.1%}   target {TARGET:.0%}")
+    print(f"  from the start of a group to its first case: {median('waited') * GROUP_SIZE:.0f} ms of wall time")
+    return ratio <= TARGET
+
+
+# ---- Throughput ----
+
+
+def show_throughput(protocol: Protocol, bench: Bench, number: int) -> None:
+    """Print cases a second of wall time, here and on Dask."""
+    cases = protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)[:number]
+
+    def speed(execute: Callable[..., Any]) -> float:
+        begin = time.perf_counter()
+        found = list(evaluate(protocol, cases, bench, execute))
+        assert all(result.measurement is not None for result in found)
+        return len(found) / (time.perf_counter() - begin)
+
+    single = speed(functools.partial(pool.run, workers=1))
+    double = speed(functools.partial(pool.run, workers=2))
+    print(f"{number} cases, cases a second")
+    print(f"  1 process            {single:8.2f}")
+    print(f"  2 processes          {double:8.2f}   {double / single / 2:.0%} of twice the speed")
+    for name, dask in on_dask(speed):
+        print(f"  {name:20} {dask:8.2f}   {dask / double:.0%} of 2 local processes")
+
+
+def on_dask(speed: Callable[..., float]) -> Iterator[tuple[str, float]]:
+    """Speeds on two Dask workers, first with cold ones that must start their helpers."""
+    try:
+        from distributed import LocalCluster
+    except ImportError:
+        print("  Dask is not installed")
+        return
+    options: dict[str, Any] = {"dashboard_address": None, "host": "127.0.0.1"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **options) as workers:
+        execute = functools.partial(cluster.run, address=workers.scheduler_address)
+        for name in ("2 Dask workers, cold", "2 Dask workers"):
+            yield name, speed(execute)
+
+
+# ---- Endurance ----
+
+
+@dataclass(frozen=True)
+class Traces:
+    """What many simulations may leave behind: memory [MB] of this process and of the fork server and its children,
+    open descriptors, entries in the folder of temporary files, child processes."""
+
+    simulations: int
+    parent: float
+    children: float
+    descriptors: int
+    files: int
+    processes: int
+
+
+def endure(bench: Bench, number: int, workers: int, looks: int = 10) -> list[Traces]:
+    """Run ``number`` short simulations as one evaluation; returns what is there after each tenth of them."""
+    protocol = protocols.load("quick")
+    nominal = nominal_parameters(bench.plant, {})
+    cases: list[Case] = []
+    seed = 0
+    while len(cases) < number:
+        noisy = [case for case in protocols.cases(protocol, nominal, seed) if case.test.name == "noise"]
+        cases += [replace(case, scenario=replace(case.scenario, duration=SHORT)) for case in noisy]
+        seed += 1
+    cases = cases[:number]
+    found, peak = [], 0.0
+    with tempfile.TemporaryDirectory() as folder, store.opened(Path(folder)) as results:
+        keys = store.keys(protocol, cases, bench)
+        stream = evaluate(protocol, cases, bench, functools.partial(pool.run, workers=workers))
+        for count, result in enumerate(stream, start=1):
+            assert result.status is Status.DONE, result
+            results.put(keys[result.case], result)
+            if count % 50 == 0:
+                peak = max(peak, memory_of_children())
+            if count % max(1, number // looks) == 0:
+                found.append(look(count, max(peak, memory_of_children())))
+                peak = 0.0
+    return found
+
+
+def look(count: int, peak: float) -> Traces:
+    """What there is now."""
+    own = psutil.Process()
+    return Traces(
+        simulations=count,
+        parent=own.memory_info().rss / 1e6,
+        children=peak,
+        descriptors=own.num_fds(),
+        files=len(os.listdir(tempfile.gettempdir())),
+        processes=len(own.children(recursive=True)),
+    )
+
+
+def memory_of_children() -> float:
+    """Largest resident memory of a descendant [MB]."""
+    sizes = [0.0]
+    for child in psutil.Process().children(recursive=True):
+        try:
+            sizes.append(child.memory_info().rss / 1e6)
+        except psutil.Error:
+            continue
+    return max(sizes)
+
+
+def show_endurance(bench: Bench, number: int, workers: int) -> None:
+    """Print what many simulations leave behind."""
+    begin = time.perf_counter()
+    found = endure(bench, number, workers)
+    print("simulations  parent MB  largest child MB  descriptors  temporary files  processes")
+    for entry in found:
+        print(
+            f"{entry.simulations:11}  {entry.parent:9.1f}  {entry.children:16.1f}  {entry.descriptors:11}"
+            f"  {entry.files:15}  {entry.processes:9}"
+        )
+    left = psutil.Process().children(recursive=True)
+    print(f"after {time.perf_counter() - begin:.0f} s; still there: {len(left)} processes, the fork server's")
+
+
+def main() -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("controller", nargs="?", type=Path, help="an FMU (default: the paper's PID)")
+    parser.add_argument("--rounds", type=int, default=6, help="groups to measure the cost with (default: 6)")
+    parser.add_argument("--throughput", nargs="?", type=int, const=36, metavar="CASES", help="default: 36")
+    parser.add_argument("--endurance", type=int, metavar="SIMULATIONS")
+    parser.add_argument("--jobs", type=int, default=2, help="processes of the endurance test (default: 2)")
+    options = parser.parse_args()
+    bench = Bench(*open_fmus(options.controller), timeout=600.0)
+    protocol = protocols.load("paper")
+    rehearse(protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)[0], bench)  # compiles
+    if options.throughput:
+        show_throughput(protocol, bench, options.throughput)
+        return 0
+    if options.endurance:
+        show_endurance(bench, options.endurance, options.jobs)
+        return 0
+    return 0 if show_cost(protocol, bench, options.rounds) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
