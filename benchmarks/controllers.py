@@ -1,12 +1,14 @@
 """The project's controllers where no tuning has been: other poses, other draws of systems, noise and disturbances.
 
-    python benchmarks/controllers.py                       all controllers, about 5 minutes on 2 cores
+    python benchmarks/controllers.py                       all controllers, about 5 minutes on 2 idle cores
+    python benchmarks/controllers.py --random-only         without the extreme system that the tuning knows
     python benchmarks/controllers.py DiagonalPID DitheredLQG --jobs 1
     python benchmarks/controllers.py --cost                only what a step costs
 
-The tests, criteria and requirements are the protocol's (``paper``). Its grid is replaced by one whose poses lie
-between the grid's, the seed by another than that of evaluations and tunings, and of the performance systems the
-vertex that the tuning knows, ``compliant``, gives way to a third random one (or stays: --with-compliant).
+The protocol is ``paper`` with two changes: its grid is replaced by one whose poses lie between the grid's, and the
+seed of systems, disturbances and noise is neither the evaluations' nor the tunings'. Its system ``compliant`` is an
+extreme of the uncertainty that the tuning also looks at (at other poses, under other forces); with --random-only a
+third random system stands in its place, and there is no target for V.
 
 What a step costs is measured with both kinds of controller in one process, turn by turn: the time of set, doStep and
 get through the master loop's compiled calls, as a ratio to the PID of the same turn; the median over the turns.
@@ -61,14 +63,14 @@ TIMEOUT = 300.0
 """Wall time of a simulation [s]."""
 
 
-def held_out(with_compliant: bool) -> Protocol:
+def held_out(random_only: bool) -> Protocol:
     """The protocol ``paper`` with other poses and systems."""
     paper = protocols.load("paper")
     poses = [
         Configuration(500 + k, *np.radians(pose).tolist())
         for k, pose in enumerate((q_a1, q_a2) for q_a1 in Q_A1 for q_a2 in Q_A2)
     ]
-    systems = ["compliant" if with_compliant else "random_3", "random_1", "random_2"]
+    systems = ["random_3" if random_only else "compliant", "random_1", "random_2"]
     return replace(paper, grid=tuple(poses), raw={**paper.raw, "performance": {"systems": systems}})
 
 
@@ -131,16 +133,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, (microseconds, ratio) in step_costs(names, Path(folder)).items():
             good &= ratio <= LARGEST_COST
             print(f"{name:16s} {microseconds:6.2f} us a step, {ratio:.2f} of {BASELINE}'s", flush=True)
-        protocol = held_out(options.with_compliant)
+        protocol = held_out(options.random_only)
         baseline = None
         for name in () if options.cost else names:
             card = scorecard(protocol, name, Path(folder), options.jobs)
             assert card.cost is not None, "a performance case has no value"
             baseline = baseline or card.cost
             share = card.cost / baseline
-            good &= share <= WANTED.get(name, 1.0) and (
-                name == BASELINE or all(r.overall.passed for r in card.requirements)
-            )
+            good &= options.random_only or share <= WANTED.get(name, 1.0)
+            good &= name == BASELINE or all(bool(r.overall.passed) for r in card.requirements)
             verdicts = " ".join(f"{r.name} {'holds' if r.overall.passed else 'FAILS'}" for r in card.requirements)
             criteria = " ".join(f"{c.criterion.name} {c.value:.4g}" for c in card.criteria)
             print(f"{name:16s} V {card.cost:6.1f} ({share:.1%}), {verdicts}, {criteria}", flush=True)
@@ -151,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers (default: {' '.join(CONTROLLERS)})")
     parser.add_argument("--cost", action="store_true", help="only what a step costs")
-    parser.add_argument("--with-compliant", action="store_true", help="with the vertex `compliant`, not a third draw")
+    parser.add_argument("--random-only", action="store_true", help="a third random system in place of `compliant`")
     parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help="processes (default: cores)")
     return parser
 

@@ -1,7 +1,8 @@
 """The README's leaderboard, from evaluations of the project's own controllers.
 
-    python benchmarks/leaderboard.py            evaluate all (some minutes), keep the figures, write the table
-    python benchmarks/leaderboard.py --table    write the table anew from the figures that are kept
+    python benchmarks/leaderboard.py                evaluate all (some minutes), keep the figures, write the table
+    python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
+    python benchmarks/leaderboard.py --table        write the table anew from the figures that are kept
 
 The figures are kept in docs/leaderboard.json, each with the controller's hash; nothing in the table is typed.
 """
@@ -37,6 +38,7 @@ SHOWN = {"B1": 1.0, "B2": 1.0, "B3": 1.0, "B4": 1.0, "B5": 1e3, "B6": 1.0, "B7":
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
     """The figures of one controller on the protocol ``paper``."""
     command = [sys.executable, "-m", "orchestrator.evaluate", str(own_fmu(name)), "--output-dir", str(folder / name)]
+    command.append("--no-report")
     subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
     results = json.loads((folder / name / "results.json").read_text(encoding="utf-8"))
     return {
@@ -76,14 +78,16 @@ def with_table(readme: str, figures: list[dict[str, Any]]) -> str:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Make the README's leaderboard.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers to evaluate: {', '.join(CONTROLLERS)}")
     parser.add_argument("--table", action="store_true", help="only write the table from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
     options = parser.parse_args()
-    if not options.table:
-        figures = [evaluate(name, options.runs) for name in CONTROLLERS]
-        FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    figures = json.loads(FIGURES.read_text(encoding="utf-8"))
-    README.write_text(with_table(README.read_text(encoding="utf-8"), figures), encoding="utf-8")
+    kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
+    for name in () if options.table else options.names or CONTROLLERS:
+        new = evaluate(name, options.runs)
+        kept = [row for row in kept if row["controller"] != name] + [new]
+        FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    README.write_text(with_table(README.read_text(encoding="utf-8"), kept), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,18 @@
 """Robust control benchmark of a flexible manipulator: closed-loop co-simulation of a plant and a controller FMU."""
 
+import sys
+from types import TracebackType
+
 __version__ = "0.1.0"
 
-import sys
+if sys.argv[:1] == ["-m"]:  # a command whose imports are about to begin, which take a second
+    _excepthook = sys.excepthook
 
-if sys.argv[:1] == ["-m"]:  # a command whose imports have just begun, which takes a second
-    _hook = sys.excepthook
-
-    def _interrupted(kind, error, traceback):
-        """Ctrl-C before a command can say "interrupted" itself."""
+    def _told(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+        """Tell a Ctrl-C that comes before a command can do so itself."""
         if issubclass(kind, KeyboardInterrupt):
             print("interrupted", file=sys.stderr)
         else:
-            _hook(kind, error, traceback)
+            _excepthook(kind, error, traceback)
 
-    sys.excepthook = _interrupted
+    sys.excepthook = _told

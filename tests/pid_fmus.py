@@ -67,9 +67,7 @@ def law(signals: Signals) -> list[tuple[float, float]]:
         K_p, K_i, K_d, z_p = (GAINS[name][i] for name in ("K_p", "K_i", "K_d", "z_p"))
         e_1, v, s = 0.0, 0.0, signals.u_m0[i]
         torques = []
-        for reference, measured in zip(
-            signals.q_m_ref[:, i].tolist(), signals.q_m[:, i].tolist(), strict=True
-        ):
+        for reference, measured in zip(signals.q_m_ref[:, i].tolist(), signals.q_m[:, i].tolist(), strict=True):
             e = reference - measured
             v = z_p * v + (1.0 - z_p) * (e - e_1) / T_S
             s = s + K_i * T_S * e

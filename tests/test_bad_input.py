@@ -272,3 +272,16 @@ def test_ctrl_c_stops_a_simulation(tmp_path):
     assert code == 130 and out == ""
     assert err.rstrip().endswith("interrupted") and "Traceback" not in err
     assert not list(output.glob("*"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("patience", [0.3, 0.8, 1.5, 2.5])
+def test_ctrl_c_at_any_time_is_told_in_a_word(patience, tmp_path):
+    """While modules are imported, while the fork server starts, while code is compiled: no traceback."""
+    due = time.monotonic() + patience
+    code, _, err = interrupted(
+        tmp_path, "evaluate", "--quick", "--output-dir", tmp_path, ready=lambda: time.monotonic() > due
+    )
+    assert code in (130, -signal.SIGINT)
+    assert "Traceback" not in err and err.rstrip().endswith("interrupted")
+    assert not (tmp_path / "results.json").exists()

@@ -56,9 +56,7 @@ def test_description_keeps_what_was_declared(fmu, folder):
     assert description.modelName == fmu.stem
     units = {v.name.partition("[")[0]: (v.unit, v.description) for v in reference.modelVariables}
     assert {
-        v.name.partition("[")[0]: (v.unit, v.description)
-        for v in description.modelVariables
-        if v.name != "time"
+        v.name.partition("[")[0]: (v.unit, v.description) for v in description.modelVariables if v.name != "time"
     } == units
     if fmu.stem in WITH_ARRAYS:
         assert {v.name: v.shape for v in description.modelVariables if v.name in ("q_m", "T_s")} == {
