@@ -15,7 +15,18 @@ from pathlib import Path
 import psutil
 import pytest
 from conftest import build_or_skip
-from hostile.commands import NOISE, ROOT, command, end_session, finished, kill, session_members, started, wait_for
+from hostile.commands import (
+    NOISE,
+    ROOT,
+    command,
+    end_session,
+    finished,
+    kill,
+    session_members,
+    simulations,
+    started,
+    wait_for,
+)
 from hostile.fmus import Fault, hostile_fmu
 
 from orchestrator import evaluate
@@ -41,10 +52,9 @@ class Cluster:
         """The worker processes, which the nannies start again when they die."""
         return [member for member in session_members(self.nannies.pid) if "spawn_main" in " ".join(member.cmdline())]
 
-    def hosts(self) -> list[psutil.Process]:
-        """The processes beside the workers that run simulations."""
-        members = session_members(self.nannies.pid)
-        return [member for member in members if "orchestrator.execution.host" in member.cmdline()]
+    def simulating(self) -> bool:
+        """Whether a worker is at work."""
+        return bool(simulations(self.nannies.pid))
 
 
 @contextmanager
@@ -113,7 +123,7 @@ def test_a_crash_costs_its_cases_only(dask, tmp_path):
 
 def test_a_worker_that_is_killed_loses_nothing(dask, local, tmp_path):
     with started(command(tmp_path, *NOISE, "--scheduler", dask.address)) as process:
-        assert wait_for(lambda: dask.hosts() and any(host.children() for host in dask.hosts()))
+        assert wait_for(dask.simulating)
         victim = dask.workers()[0]
         kill(victim)
         output, errors = process.communicate(timeout=120)
@@ -125,7 +135,7 @@ def test_a_worker_that_is_killed_loses_nothing(dask, local, tmp_path):
 
 def test_all_workers_killed_at_once_lose_nothing(dask, local, tmp_path):
     with started(command(tmp_path, *NOISE, "--scheduler", dask.address)) as process:
-        assert wait_for(lambda: any(host.children() for host in dask.hosts()))
+        assert wait_for(dask.simulating)
         for victim in dask.workers():
             kill(victim)
         errors = process.communicate(timeout=120)[1]
@@ -135,17 +145,16 @@ def test_all_workers_killed_at_once_lose_nothing(dask, local, tmp_path):
 
 def test_control_c(dask, local, tmp_path):
     with started(command(tmp_path, *NOISE, "--scheduler", dask.address)) as process:
-        assert wait_for(lambda: any(host.children() for host in dask.hosts()))
+        assert wait_for(dask.simulating)
         os.killpg(process.pid, signal.SIGINT)
         errors = process.communicate(timeout=60)[1]
         assert (process.returncode, "Traceback" in errors) == (130, False), errors
-    # A worker finishes the group it is at, then nothing more is asked of it.
-    assert wait_for(lambda: not any(child.children() for host in dask.hosts() for child in host.children()))
+    assert wait_for(lambda: not dask.simulating())  # a worker finishes the group it is at
 
 
 def test_a_scheduler_that_is_killed(local, tmp_path):
     with running(tmp_path) as own, started(command(tmp_path, *NOISE, "--scheduler", own.address)) as process:
-        assert wait_for(lambda: bool(own.hosts()))
+        assert wait_for(own.simulating)
         kill(psutil.Process(own.scheduler.pid))
         errors = process.communicate(timeout=120)[1]
         assert "Traceback" not in errors
