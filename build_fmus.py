@@ -153,12 +153,8 @@ examples:
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="FMUs to build (default: the first six below)"
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="build the controller for the other kinds of FMI, too"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first six below)")
+    parser.add_argument("--all", action="store_true", help="build the controller for the other kinds of FMI, too")
     parser.add_argument(
         "--output-dir",
         type=Path,

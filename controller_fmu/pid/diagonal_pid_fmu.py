@@ -115,9 +115,7 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
 
     author = "FlexibleManipulator benchmark contributors"
     license = "MIT"
-    description = (
-        "Diagonal discrete-time PID controller with derivative filter, eq. (12)-(13) of the benchmark"
-    )
+    description = "Diagonal discrete-time PID controller with derivative filter, eq. (12)-(13) of the benchmark"
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)

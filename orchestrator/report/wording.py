@@ -29,7 +29,7 @@ def verdict(passed: bool | None) -> str:
 def loop_delay(delay: Mapping[str, Any]) -> str:
     """The loop delay of ``results.json`` as a sentence."""
     if delay["seconds"] is None:
-        return "loop delay not measurable: the controller does not answer its inputs"
+        return f"loop delay not measured: the controller {delay['convention'] or 'could not be probed'}"
     text = f"loop delay {delay['seconds'] * 1e3:.3f} ms = {delay['samples']:g} sample{'s' * (delay['samples'] != 1)}"
     return text + (f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else "")
 
