@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from importlib import metadata
 from pathlib import Path
 
 import build_fmus
 
 from .errors import InputError
-from .folders import cache_folder
+from .folders import cache_folder, source_hash
 
 PLANT = "FlexibleManipulator"
 DEFAULT_CONTROLLER = "DiagonalPID"
@@ -30,9 +29,4 @@ def own_fmu(name: str) -> Path:
 
 
 def _fingerprint() -> str:
-    digest = hashlib.sha256(metadata.version("pythonfmu").encode())
-    for source in sorted(path for folder in SOURCES for path in (ROOT / folder).rglob("*") if path.is_file()):
-        if "__pycache__" not in source.parts:
-            digest.update(str(source.relative_to(ROOT)).encode())
-            digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    return f"{source_hash(ROOT / folder for folder in SOURCES)[:16]}-{metadata.version('pythonfmu')}"

@@ -107,7 +107,7 @@ ERRORS = [
     error("status:4", "fmi2DoStep returned fatal"),
     error("status:5", "fmi2DoStep returned pending"),
     error("status:77", "illegal status 77"),
-    error("status:-1", "illegal status"),
+    error("status:-1", "illegal status -1"),
     error("status:3", "fmi2SetReal returned error", where="set", time=0.02025),
     error("status:3", "fmi2GetReal returned error", where="get"),
     error("status:3", "enterInitializationMode failed", where="initialize", time=0.0),

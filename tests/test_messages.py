@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import os
 import pickle
 from fractions import Fraction
@@ -13,7 +14,7 @@ import pytest
 from orchestrator.cosim.trajectory import Ending, Status
 from orchestrator.errors import FmuError
 from orchestrator.execution.job import Failed, Finished
-from orchestrator.execution.messages import Garbage, Inbox
+from orchestrator.execution.messages import Garbage, Inbox, send
 
 
 class Reduced:
@@ -30,7 +31,7 @@ def received(message):
     """``message`` after its way through a pipe."""
     reader, writer = Pipe(duplex=False)
     with reader, writer:
-        writer.send(message)
+        send(writer, message)
         inbox = Inbox(reader.fileno())
         assert inbox.receive()
         (found,) = inbox.messages()
@@ -44,6 +45,12 @@ def test_outcomes_arrive():
     np.testing.assert_array_equal(found.value["torque"], values["torque"])
     assert received(Ending(Status.DONE, 1.0)) == Ending(Status.DONE, 1.0)
     assert str(received(Failed(0, FmuError("it failed", "fmi2DoStep", ("why",)), 0.1)).error) == "it failed\n  why"
+
+
+def test_what_others_have_registered_with_pickle_plays_no_part(monkeypatch):
+    """Dask registers a way to pickle every exception, wherever it is imported."""
+    monkeypatch.setitem(copyreg.dispatch_table, FmuError, lambda error: (os.getcwd, ()))
+    assert str(received(Failed(0, FmuError("it failed"), 0.1)).error) == "it failed"
 
 
 def test_members_of_enumerations_as_python_3_11_0_to_3_11_3_write_them():

@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import psutil
@@ -20,6 +21,8 @@ from orchestrator.cosim.trajectory import Status
 from orchestrator.errors import InputError
 from orchestrator.execution import evaluation, launch
 from orchestrator.execution.evaluation import simulate_isolated
+from orchestrator.execution.isolation import run_isolated
+from orchestrator.execution.job import Finished, Job
 
 
 def problem() -> str:
@@ -76,17 +79,36 @@ def test_the_numbers_are_the_same(plant_file, pid_file):
 
 
 @sandboxed
+def test_what_python_needs_of_the_hidden_folder_is_there(plant_file, pid_file, tmp_path, monkeypatch):
+    """The sandbox has a /tmp of its own; a package that lies in the outer one is found all the same."""
+    (tmp_path / "lies_in_tmp.py").write_text("def work(plant, controller, task):\n    return task + 1\n")
+    assert str(tmp_path).startswith("/tmp/") or sys.platform != "linux"
+    monkeypatch.syspath_prepend(str(tmp_path))
+    own = bench(plant_file, pid_file, limit=120.0)
+    job = Job(own.plant, own.controller, (41,), import_module("lies_in_tmp").work, (120.0,), sandbox=True)
+    (outcome,) = run_isolated(job)
+    assert isinstance(outcome, Finished), outcome
+    assert outcome.value == 42
+
+
+@sandboxed
 def test_crashes_hangs_and_processes_left_behind(plant_file, slave, monkeypatch):
     monkeypatch.setattr(evaluation, "START_TIME", 60.0)
     own = bench(plant_file, slave, sandbox=True)
-    before = {process.pid for process in psutil.process_iter() if process.name() == "sleep"}
+    before = sleepers()
     cases = short_cases(own.plant, (STRUCK,))
     (crashed,) = run(with_fault(own, 2), cases)
     assert (crashed.status, crashed.time) == (Status.CRASHED, 0.0)
     assert "exit code 7" in crashed.message
     (left,) = run(with_fault(own, 4), cases)
     assert left.status is Status.DONE
-    assert not {process.pid for process in psutil.process_iter() if process.name() == "sleep"} - before
+    _, alive = psutil.wait_procs(sleepers() - before, timeout=5)  # the system ends a sandbox in its own time
+    assert not alive
+
+
+def sleepers() -> set[psutil.Process]:
+    """What the hostile controller starts; it would sleep for minutes."""
+    return {process for process in psutil.process_iter() if process.name() == "sleep"}
 
 
 @sandboxed

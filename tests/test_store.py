@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -102,6 +103,20 @@ def test_another_judgement_has_another_key(section, own, cases):
     else:
         raw["stability"]["limit_cycle"] = 20e-6
     before, after = store.keys(PROTOCOL, cases, own), store.keys(changed, cases, own)
+    assert not set(before.values()) & set(after.values())
+
+
+@pytest.mark.parametrize("room", ["COSIM", "BENCHMARK"])
+def test_other_code_has_another_key(room, own, cases, monkeypatch, tmp_path):
+    before = store.keys(PROTOCOL, cases, own)
+    edited = tmp_path / getattr(store, room).name
+    shutil.copytree(getattr(store, room), edited)
+    with next(iter(sorted(edited.glob("*.py")))).open("a") as module:
+        module.write("# edited\n")
+    monkeypatch.setattr(store, room, edited)
+    store._code.cache_clear()
+    after = store.keys(PROTOCOL, cases, own)
+    store._code.cache_clear()
     assert not set(before.values()) & set(after.values())
 
 

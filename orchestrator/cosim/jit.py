@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from ..folders import cache_folder
+from ..folders import cache_folder, source_hash
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -22,10 +21,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 def _cache_of_these_sources() -> str:
     """A folder named by the hash of this package's sources. Numba itself looks only at the file of the function
     it compiles and would run stale machine code after a change in a helper from another module."""
-    digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    return str(cache_folder() / "numba" / digest.hexdigest()[:16])
+    return str(cache_folder() / "numba" / source_hash([Path(__file__).parent])[:16])
 
 
 def compiled(function: F) -> F:

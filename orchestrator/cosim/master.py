@@ -121,7 +121,8 @@ def _ending(raw: loop.Ending, scenario: Scenario, plant: Slave, controller: Slav
     elif raw.status < len(STATUS_WORDS):
         told = f"{slave.archive.name}: {call} returned {STATUS_WORDS[raw.status]}"
     else:
-        told = f"{slave.archive.name}: {call} returned the illegal status {raw.status}"
+        signed = raw.status - (1 << 32 if raw.status >= 1 << 31 else 0)
+        told = f"{slave.archive.name}: {call} returned the illegal status {signed}"
     return Ending(Status.ERROR, time, "\n  ".join((told, *log.lines())), raw.warnings, call)
 
 

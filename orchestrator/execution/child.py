@@ -17,6 +17,7 @@ from ..cosim.slaves import load, log
 from ..errors import BenchmarkError
 from .family import bind_to_parent
 from .job import Failed, Finished, Job
+from .messages import send
 
 if sys.platform != "win32":
     import resource
@@ -54,9 +55,9 @@ def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> Non
             _alarm(job.time_limits[index])
             begin = time.perf_counter()
             value = job.work(plant, controller, task)
-            outcomes.send(Finished(index, value, time.perf_counter() - begin))
+            send(outcomes, Finished(index, value, time.perf_counter() - begin))
     except BenchmarkError as error:
-        outcomes.send(Failed(index, error, time.perf_counter() - begin))
+        send(outcomes, Failed(index, error, time.perf_counter() - begin))
     sys.stdout.flush()
     sys.stderr.flush()
     _alarm(PATIENCE)

@@ -37,7 +37,7 @@ SANDBOX = (
     *("--unshare-all", "--die-with-parent", "--new-session"),
     *("--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--tmpfs", "/tmp"),
 )
-"""Options of bubblewrap: no network, no other processes, everything read-only but /tmp."""
+"""Options of bubblewrap: no network, no other processes, everything read-only but /tmp, which is new and empty."""
 
 
 class Process(Protocol):
@@ -211,24 +211,32 @@ def _sandbox(job: Job, scratch: Path) -> list[str]:
     program = shutil.which("bwrap")
     if program is None:
         raise InputError("--sandbox needs bubblewrap (bwrap), which is not installed. Install it, or leave it out.")
-    _check_sandbox(program)
+    visible = _visible()
+    _check_sandbox((program, *SANDBOX, *visible))
     cache = cache_folder()
     copy = scratch / "cache"
     for folder in (cache / "numba", job.plant.folder, job.controller.folder):
         if folder.is_dir():
             shutil.copytree(folder, copy / folder.relative_to(cache), symlinks=True, dirs_exist_ok=True)
     return [
-        *(program, *SANDBOX),
+        *(program, *SANDBOX, *visible),
         *("--bind", str(copy), str(cache), "--chdir", "/tmp"),
         *("--setenv", "PYTHONPATH", os.pathsep.join(path for path in sys.path if path)),
         "--",
     ]
 
 
+def _visible() -> tuple[str, ...]:
+    """Options that show what Python needs of the outer /tmp, which the new one hides: an environment may lie there."""
+    wanted = {os.path.abspath(path) for path in (sys.prefix, sys.base_prefix, *filter(None, sys.path))}
+    hidden = sorted(path for path in wanted if path.startswith("/tmp/") and os.path.exists(path))
+    return tuple(word for path in hidden for word in ("--ro-bind", path, path))
+
+
 @functools.cache
-def _check_sandbox(program: str) -> None:
+def _check_sandbox(sandbox: tuple[str, ...]) -> None:
     """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
-    tried = subprocess.run([program, *SANDBOX, "--", sys.executable, "-c", ""], capture_output=True, text=True)
+    tried = subprocess.run([*sandbox, "--", sys.executable, "-c", ""], capture_output=True, text=True)
     if tried.returncode != 0:
         raise InputError(
             f"--sandbox does not work on this machine: {tried.stderr.strip() or 'bubblewrap failed'}. User namespaces "

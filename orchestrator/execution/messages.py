@@ -1,4 +1,4 @@
-"""Reading what a child process sends without trusting it: an FMU in it may write into the pipe, too.
+"""What a child process sends to its parent, read without trusting it: an FMU in it may write into the pipe, too.
 
 Whoever unpickles what a stranger has written runs the stranger's code. Here only the classes of outcomes and their
 parts are made, and a message that is none ends the child, not its parent.
@@ -14,6 +14,8 @@ import pickle
 import struct
 from collections.abc import Iterator
 from enum import Enum
+from multiprocessing import connection
+from types import MappingProxyType
 from typing import Any
 
 from ..errors import BenchmarkError
@@ -35,6 +37,18 @@ OTHERS = {
     ("numpy.core.numeric", "_frombuffer"),
 }
 """What may be part of a message besides this package's own data classes, enumerations and errors."""
+
+
+def send(pipe: connection.Connection, message: Any) -> None:
+    """Write ``message``; the other end has an :class:`Inbox`."""
+    packed = io.BytesIO()
+    _Pickler(packed, pickle.HIGHEST_PROTOCOL).dump(message)
+    pipe.send_bytes(packed.getbuffer())
+
+
+class _Pickler(pickle.Pickler):
+    dispatch_table = MappingProxyType[Any, Any]({})
+    """Ways to pickle that other packages have registered are not used: Dask's would put its own functions in."""
 
 
 class Garbage(Exception):

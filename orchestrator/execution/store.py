@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from ..benchmark.metrics import CaseResult, Measurement
 from ..benchmark.protocol import Protocol
 from ..cosim.trajectory import Status
 from ..errors import BenchmarkError, InputError
+from ..folders import source_hash
 from .evaluation import Bench
 
 SCHEMA = """
@@ -29,6 +32,8 @@ CREATE TABLE IF NOT EXISTS results (
 )
 """
 
+PACKAGE = Path(__file__).resolve().parent.parent
+COSIM, BENCHMARK = PACKAGE / "cosim", PACKAGE / "benchmark"
 
 LASTING = (Status.DONE, Status.UNSTABLE)
 """What depends on the key alone; a failure may depend on the conditions, too: a timeout on the time limit."""
@@ -106,11 +111,13 @@ def opened(folder: Path) -> Iterator[Store]:
 
 
 def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[Case, str]:
-    """The key of each case: a hash of the FMUs' bytes, their parameters, the scenario, and how it is judged."""
+    """The key of each case: a hash of the FMUs' bytes, their parameters, the scenario, how it is judged, and the code
+    that simulates and judges it."""
     common = hashlib.sha256(
         json.dumps(
             [
                 protocol.benchmark,
+                _code(),
                 bench.plant.sha256,
                 bench.controller.sha256,
                 sorted(bench.setup.parameters.items()),
@@ -127,6 +134,13 @@ def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[Case, 
         return digest.hexdigest()
 
     return {case: key(case) for case in cases}
+
+
+@functools.cache
+def _code() -> list[str]:
+    """What numbers may change with: the sources of the master and of the benchmark, and the libraries they compute
+    with."""
+    return [source_hash([COSIM, BENCHMARK]), *(metadata.version(library) for library in ("numpy", "numba"))]
 
 
 def conditions(bench: Bench) -> str:
