@@ -1,10 +1,10 @@
-"""The README's leaderboard, from evaluations of the project's own controllers.
+"""The README's leaderboard and the tables on the controllers' pages, from evaluations of these controllers.
 
-    python benchmarks/leaderboard.py                evaluate all (some minutes), keep the figures, write the table
+    python benchmarks/leaderboard.py                evaluate all (some minutes), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
-    python benchmarks/leaderboard.py --table        write the table anew from the figures that are kept
+    python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept
 
-The figures are kept in docs/leaderboard.json, each with the controller's hash; nothing in the table is typed.
+The figures are kept in docs/leaderboard.json, each with the controller's hash; nothing in the tables is typed.
 """
 
 from __future__ import annotations
@@ -13,17 +13,21 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orchestrator.cosim.archive import read_description
 from orchestrator.fmus import own_fmu
+from orchestrator.report.comparison import standing
+from orchestrator.report.wording import SHOWN, number
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"
-BEGIN, END = "<!-- leaderboard: made by benchmarks/leaderboard.py -->\n", "<!-- end of leaderboard -->\n"
+BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
 
-CONTROLLERS = {
+PAGES = {
     "DitheredLQG": "controller_fmu/friction",
     "ManipulatorLQG": "controller_fmu/lqg",
     "TunedPID": "controller_fmu/pid_tuned",
@@ -31,63 +35,85 @@ CONTROLLERS = {
 }
 """The project's controllers by the name of their FMU, and where their page is."""
 
-SHOWN = {"B1": 1.0, "B2": 1.0, "B3": 1.0, "B4": 1.0, "B5": 1e3, "B6": 1.0, "B7": 1e3}
-"""Factors from SI to the units of the table."""
+BASELINE = "DiagonalPID"
+HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
+
+Figures = Mapping[str, Any]
+"""What is kept of a ``results.json``, under the same names."""
 
 
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
     """The figures of one controller on the protocol ``paper``."""
-    command = [sys.executable, "-m", "orchestrator.evaluate", str(own_fmu(name)), "--output-dir", str(folder / name)]
-    command.append("--no-report")
-    subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    fmu = own_fmu(name)
+    command = [sys.executable, "-m", "orchestrator.evaluate", str(fmu), "--output-dir", str(folder / name)]
+    subprocess.run([*command, "--no-report"], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
     results = json.loads((folder / name / "results.json").read_text(encoding="utf-8"))
     return {
-        "controller": name,
-        "sha256": results["controller"]["sha256"],
-        "benchmark": results["benchmark"],
-        "protocol": results["protocol"],
-        "seed": results["seed"],
-        "cost": results["cost"],
-        "criteria": {key: entry["value"] for key, entry in results["criteria"].items()},
-        "stability": {key: entry["passed"] for key, entry in results["stability"].items()},
+        "guid": read_description(fmu).guid,
+        **{key: results[key] for key in ("controller", "benchmark", "protocol", "seed", "cost")},
+        "criteria": {
+            key: {part: entry[part] for part in ("value", "unit", "share")}
+            for key, entry in results["criteria"].items()
+        },
+        "stability": {key: {"passed": entry["passed"]} for key, entry in results["stability"].items()},
     }
 
 
-def table(figures: list[dict[str, Any]]) -> str:
-    """The leaderboard in Markdown, best first among those that hold A1 to A3, then the others."""
-    ranked = sorted(figures, key=lambda row: (not all(row["stability"].values()), row["cost"]))
-    lines = [
-        "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in ranked:
-        verdicts = " ".join("holds" if passed else "fails" for passed in row["stability"].values())
-        values = " | ".join(f"{row['criteria'][key] * factor:.3g}" for key, factor in SHOWN.items())
-        name = f"[{row['controller']}]({CONTROLLERS[row['controller']]})"
-        lines.append(f"| {name} | **{row['cost']:.1f}** | {verdicts} | {values} |")
-    return "\n".join(lines) + "\n"
+def name_of(figures: Figures) -> str:
+    """The name of the controller's FMU."""
+    return Path(figures["controller"]["file"]).stem
 
 
-def with_table(readme: str, figures: list[dict[str, Any]]) -> str:
-    """The README's text with the leaderboard put between its marks."""
-    before, _, rest = readme.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return before + BEGIN + table(figures) + END + after
+def row(figures: Figures, name: str) -> str:
+    """A line of a table."""
+    verdicts = " ".join("holds" if entry["passed"] else "fails" for entry in figures["stability"].values())
+    values = " | ".join(number(entry["value"] * SHOWN[entry["unit"]][0]) for entry in figures["criteria"].values())
+    return f"| {name} | **{figures['cost']:.1f}** | {verdicts} | {values} |\n"
+
+
+def leaderboard(kept: Sequence[Figures]) -> str:
+    """The README's table, in the order that ``orchestrator.compare`` has."""
+    lines = (row(each, f"[{name_of(each)}]({PAGES[name_of(each)]})") for each in sorted(kept, key=standing))
+    return HEAD + "".join(lines)
+
+
+def scorecard(kept: Sequence[Figures], name: str) -> str:
+    """The table of a controller's own page: its figures, their shares of V, and the baseline's."""
+    own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
+    shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
+    compared = "" if name == BASELINE else row(baseline, BASELINE)
+    return HEAD + row(own, name) + f"| of V | | | {shares} |\n" + compared
+
+
+def with_table(text: str, table: str) -> str:
+    """``text`` with ``table`` put between its marks."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    assert begin and end, "the marks are missing"
+    return before + BEGIN + table + END + after
+
+
+def pages(kept: Sequence[Figures]) -> dict[Path, str]:
+    """The files that hold a table, with what they should say."""
+    tables = {README: leaderboard(kept)}
+    tables |= {ROOT / folder / "README.md": scorecard(kept, name) for name, folder in PAGES.items()}
+    return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
 
 
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Make the README's leaderboard.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers to evaluate: {', '.join(CONTROLLERS)}")
-    parser.add_argument("--table", action="store_true", help="only write the table from the figures that are kept")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers to evaluate: {', '.join(PAGES)}")
+    parser.add_argument("--table", action="store_true", help="only write the tables from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
     options = parser.parse_args()
     kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
-    for name in () if options.table else options.names or CONTROLLERS:
+    for name in () if options.table else options.names or PAGES:
         new = evaluate(name, options.runs)
-        kept = [row for row in kept if row["controller"] != name] + [new]
+        kept = [each for each in kept if name_of(each) != name] + [new]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    README.write_text(with_table(README.read_text(encoding="utf-8"), kept), encoding="utf-8")
+    for file, text in pages(kept).items():
+        file.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

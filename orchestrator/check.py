@@ -17,19 +17,19 @@ from rich.table import Table
 
 from . import commands
 from .benchmark import protocol as protocols
-from .conformance.dynamic import CHECKS
+from .conformance.dynamic import CHECKS, run_check
 from .conformance.finding import Finding, Severity
 from .conformance.static import archive_findings, binding_findings, sampling_findings
-from .cosim.archive import Archive
-from .cosim.controller import Setup, controller_binding
+from .cosim.controller import controller_binding
 from .cosim.sampling import controller_sample_time
-from .cosim.slaves import Slave
 from .errors import InputError
+from .execution.evaluation import Bench
 from .execution.isolation import run_isolated
 from .execution.job import Died, Failed, Job
+from .fmus import DEFAULT_CONTROLLER
 
-TIME_LIMIT = 60.0
-"""Wall time [s] for one check."""
+PROTOCOL = "paper"
+"""Whose sample time a controller's is held against."""
 
 COLOURS = {Severity.OK: "green", Severity.NOTE: "cyan", Severity.WARNING: "yellow", Severity.ERROR: "red"}
 
@@ -44,19 +44,19 @@ exit codes: 0 nothing but notes, 1 a warning, 2 an error: the controller cannot 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
-    benchmark = protocols.load(options.protocol).sample_time
+    benchmark = protocols.load(PROTOCOL).sample_time
+    name = str(options.controller or f"{DEFAULT_CONTROLLER}.fmu")
     findings: list[Finding] = []
     try:
-        setup = commands.setup(options)
-        plant, controller = commands.open_fmus(options.controller)
+        bench = commands.bench(options)
+        controller, setup = bench.controller, bench.setup
         name = controller.name
         findings.extend(archive_findings(controller))
         findings.extend(binding_findings(controller_binding(controller, setup), controller, setup))
         sample_time = controller_sample_time(controller, benchmark, options.sample_time)
         findings.extend(sampling_findings(sample_time, benchmark))
-        findings.extend(_dynamic(plant, controller, setup, sample_time.value))
+        findings.extend(_dynamic(bench, sample_time.value))
     except InputError as error:
-        name = str(options.controller)
         findings.append(Finding(Severity.ERROR, "import", str(error)))
     worst = max((finding.severity for finding in findings), key=list(Severity).index)
     if options.json:
@@ -68,25 +68,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return {Severity.ERROR: 2, Severity.WARNING: 1}.get(worst, 0)
 
 
-def _dynamic(plant: Archive, controller: Archive, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
-    tasks = tuple((number, setup, sample_time) for number in range(len(CHECKS)))
-    job = Job(plant, controller, tasks, _run_check, (TIME_LIMIT,) * len(tasks))
+def _dynamic(bench: Bench, sample_time: Fraction) -> Iterator[Finding]:
+    tasks = tuple((number, bench.setup, sample_time) for number in range(len(CHECKS)))
+    limits = (bench.timeout,) * len(tasks)
+    job = Job(bench.plant, bench.controller, tasks, run_check, limits, bench.limits, bench.sandbox)
     for outcome in run_isolated(job):
-        subject = CHECKS[outcome.index].__name__.replace("_", " ")
+        check = CHECKS[outcome.index]
         if isinstance(outcome, Failed):
-            yield Finding(
-                Severity.ERROR, subject, str(outcome.error), "Mend what the FMU says itself, and export it again."
-            )
+            remedy = check.loss or "Mend what the FMU says itself, and export it again."
+            yield Finding(check.failure, check.subject, str(outcome.error), remedy)
         elif isinstance(outcome, Died):
             text = "\n".join((outcome.message, *outcome.output))
-            yield Finding(Severity.ERROR, subject, text, "Run the FMU in a debugger: it ends or hangs its process.")
+            remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
+            yield Finding(check.failure, check.subject, text, remedy)
         else:
             yield from outcome.value
-
-
-def _run_check(plant: Slave, controller: Slave, task: tuple[int, Setup, Fraction]) -> list[Finding]:
-    number, setup, sample_time = task
-    return list(CHECKS[number](plant, controller, setup, sample_time))
 
 
 def _show(name: str, findings: Sequence[Finding], console: Console) -> None:
@@ -108,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands.add_common(parser)
+    commands.add_controller(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     return parser
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
+from plant_fmu.flexible_manipulator.parameters import NOMINAL, check
+
 from .benchmark import protocol
 from .cosim.archive import Archive, open_archive
 from .cosim.controller import Setup
 from .cosim.scenario import seconds
-from .errors import BenchmarkError, InputError
+from .errors import BenchmarkError, FmuError, InputError
 from .execution.evaluation import Bench
 from .execution.job import Limits
 from .fmus import DEFAULT_CONTROLLER, PLANT, own_fmu
@@ -20,16 +23,20 @@ from .settings import read_mapping, read_parameters
 
 EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
-EXIT_CODES = "exit codes: 0 all cases have a verdict, 1 some have none, 2 bad input, 130 interrupted"
+EXIT_CODES = """exit codes: 0 all cases have a verdict, 1 some have none or the run could not go on (a full disk, a lost
+cluster, a crash), 2 bad input, 130 interrupted"""
 
 
 def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None) -> int:
-    """Run a command; an error of the user's or an FMU's making becomes one clear message and exit code 2."""
+    """Run a command; an error made on purpose becomes one clear message and an exit code.
+
+    An FMU's own refusal (:class:`FmuError`) comes this far only before the first sample: it is bad input.
+    """
     try:
         return command(arguments)
     except BenchmarkError as error:
         print(f"error: {error}", file=sys.stderr)
-        return EXIT_BAD_INPUT
+        return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -37,18 +44,32 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
 
 def add_common(parser: argparse.ArgumentParser) -> None:
     """Options that both the evaluation and the single simulation have."""
+    add_controller(parser)
+    parser.add_argument(
+        "--protocol", default="paper", metavar="NAME", help=f"one of: {', '.join(protocol.names())} (default: paper)"
+    )
+    parser.add_argument(
+        "--seed", type=_natural, default=0, metavar="N", help="base seed of random systems and noise (default: 0)"
+    )
+    parser.add_argument(
+        "--plant-set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="NAME=VALUE",
+        dest="plant_parameters",
+        help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
+    )
+
+
+def add_controller(parser: argparse.ArgumentParser) -> None:
+    """Options that say which controller is run, how it is used, and under which conditions."""
     parser.add_argument(
         "controller",
         nargs="?",
         type=Path,
         metavar="CONTROLLER.fmu",
         help="the controller to test (default: the paper's PID)",
-    )
-    parser.add_argument(
-        "--protocol", default="paper", metavar="NAME", help=f"one of: {', '.join(protocol.names())} (default: paper)"
-    )
-    parser.add_argument(
-        "--seed", type=_natural, default=0, metavar="N", help="base seed of random systems and noise (default: 0)"
     )
     parser.add_argument(
         "--set",
@@ -97,7 +118,8 @@ def add_common(parser: argparse.ArgumentParser) -> None:
         type=_positive,
         default=60.0,
         metavar="SECONDS",
-        help="wall time a simulation of 26 s may take; shorter ones get their share (default: 60)",
+        help="wall time a simulation of 26 s, or a look of the check, may take; shorter simulations get their share "
+        "(default: 60)",
     )
     parser.add_argument(
         "--memory-limit",
@@ -109,22 +131,18 @@ def add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sandbox", action="store_true", help="run FMUs without network and with read-only files (needs bubblewrap)"
     )
-    parser.add_argument(
-        "--plant-set",
-        action="append",
-        default=[],
-        type=assignment,
-        metavar="NAME=VALUE",
-        dest="plant_parameters",
-        help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
-    )
 
 
-def setup(options: argparse.Namespace) -> Setup:
+def setup(options: argparse.Namespace, controller: Archive) -> Setup:
     """How the controller is used, from files and options; options go above files."""
-    parameters = {name: value for file in options.parameter_files for name, value in read_parameters(file).items()}
+    files = [read_parameters(file, controller) for file in options.parameter_files]
+    parameters = {name: value for values in files for name, value in values.items()}
     mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
-    return Setup({**parameters, **dict(options.controller_parameters)}, {**mapping, **dict(options.connections)})
+    parameters.update(options.controller_parameters)
+    for name, value in parameters.items():
+        if not math.isfinite(value):
+            raise InputError(f"The value of the parameter {name}, {value}, is no finite number.")
+    return Setup(parameters, {**mapping, **dict(options.connections)})
 
 
 def time(text: str) -> Fraction:
@@ -162,21 +180,35 @@ def assignment(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
 
 
+def number(least: float = -math.inf, infinite: bool = False) -> Callable[[str], float]:
+    """The type of an option: a finite number (or ``infinite``, too) that is not below ``least``."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if math.isnan(value) or (math.isinf(value) and not infinite):
+            raise argparse.ArgumentTypeError(f"{text!r} is no finite number")
+        if value < least:
+            raise argparse.ArgumentTypeError(f"{text} is below {least:g}")
+        return value
+
+    return parse
+
+
 def _positive(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
-    if not number > 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no positive number")
-    return number
+    value = number(0.0)(text)
+    if value == 0.0:
+        raise argparse.ArgumentTypeError("0 is no positive number")
+    return value
 
 
 def bench(options: argparse.Namespace) -> Bench:
     """The FMUs that the options name, and the conditions they run under."""
     plant, controller = open_fmus(options.controller)
     limits = Limits(memory=int(options.memory_limit * 1e6))
-    return Bench(plant, controller, setup(options), options.timeout, limits, options.sandbox)
+    return Bench(plant, controller, setup(options, controller), options.timeout, limits, options.sandbox)
 
 
 def open_fmus(controller: Path | None) -> tuple[Archive, Archive]:
@@ -186,13 +218,22 @@ def open_fmus(controller: Path | None) -> tuple[Archive, Archive]:
 
 
 def nominal_parameters(plant: Archive, changes: dict[str, float]) -> dict[str, float]:
-    """The plant's parameters by FMI name, ``changes`` applied; raises :class:`InputError` for an unknown name."""
+    """The plant's parameters by FMI name, ``changes`` applied; raises :class:`InputError` for an unknown name or
+    a value that no manipulator has."""
     values = {
         variable.name: float(variable.start)
         for variable in plant.description.modelVariables
         if variable.causality == "parameter"
     }
-    unknown = sorted(set(changes) - set(values))
+    unknown = sorted(set(changes) - set(NOMINAL))
     if unknown:
-        raise InputError(f"The plant has no parameter {unknown[0]}. It has: {', '.join(values)}.")
-    return {**values, **changes}
+        raise InputError(
+            f"--plant-set: the plant has no nominal parameter {unknown[0]}. It has: {', '.join(NOMINAL)}. "
+            "Its link angles are those of the configuration."
+        )
+    nominal = {**values, **changes}
+    try:
+        check(nominal)
+    except ValueError as problem:
+        raise InputError(f"--plant-set: {problem}.") from None
+    return nominal

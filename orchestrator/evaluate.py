@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import fnmatch
 import functools
+import hashlib
 import json
 import sys
 import time
@@ -30,11 +31,11 @@ from .errors import InputError
 from .execution import cluster, pool, store
 from .execution.evaluation import Bench, available_cores, evaluate, rehearse
 from .replay import record_shown
-from .report import outputs
-from .report import results as files
+from .report import outputs, results
+from .report.files import CASES, RESULTS, prepare_folder
 from .report.progress import progress
 from .report.selection import shown
-from .report.terminal import show
+from .report.terminal import show_document
 
 EXAMPLES = """examples:
   python -m orchestrator.evaluate                              the paper's PID
@@ -57,56 +58,82 @@ def main(arguments: Sequence[str] | None = None) -> int:
     nominal = commands.nominal_parameters(bench.plant, plant_parameters)
     cases = protocols.cases(protocol, nominal, options.seed, sample_time.value)
     chosen = _chosen(cases, options.only)
-    folder = options.output_dir or Path("runs") / f"{bench.controller.file.stem}-{protocol.name}"
-    files.prepare_folder(folder)
+    folder = options.output_dir or Path("runs") / _folder_name(bench, protocol, options)
+    prepare_folder(folder)
 
     start, begin = datetime.now(timezone.utc), time.perf_counter()
-    with store.opened(folder) as results:
-        timing = rehearse(chosen[0], bench)
-        found = _run(protocol, chosen, bench, results, options)
-
-    evaluation = files.Evaluation(
-        protocol=protocol,
-        seed=options.seed,
-        plant=bench.plant,
-        controller=bench.controller,
-        plant_parameters=plant_parameters,
-        nominal=nominal,
-        setup=bench.setup,
-        sample_time=sample_time.value,
-        controller_timing=timing,
-        results=tuple(found),
-        scorecard=score(protocol, found, len(cases)),
-        timing=files.Timing(start, time.perf_counter() - begin, options.jobs),
-    )
-    files.write(evaluation, folder)
-    if options.json:
-        json.dump(files.document(evaluation), sys.stdout, indent=1)
-        print()
-    else:
-        show(evaluation, Console())
-    if outputs.need_recordings(options):
-        wanted = shown(protocol, nominal, options.seed, found, evaluation.scorecard)
-        record_shown(wanted, bench, options.jobs, folder)
-    written = ["results.json", "cases.csv", *outputs.write_outputs(folder, options)]
-    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    with store.opened(folder) as known:
+        rehearsal = rehearse(chosen[0], bench)
+        found = _run(protocol, chosen, bench, known, options, rehearsal.failure)
+        evaluation = results.Evaluation(
+            protocol=protocol,
+            seed=options.seed,
+            plant=bench.plant,
+            controller=bench.controller,
+            plant_parameters=plant_parameters,
+            nominal=nominal,
+            setup=bench.setup,
+            sample_time=sample_time.value,
+            controller_timing=rehearsal.timing,
+            results=tuple(found),
+            scorecard=score(protocol, found, len(cases)),
+            timing=results.Timing(start, time.perf_counter() - begin, options.jobs),
+        )
+        _report(evaluation, bench, folder, options)
     judged = all(result.measurement is not None or result.status == "unstable" for result in found)
     return commands.EXIT_OK if judged else commands.EXIT_INCOMPLETE
 
 
+def _report(evaluation: results.Evaluation, bench: Bench, folder: Path, options: argparse.Namespace) -> None:
+    """Write and print the results, then what is made of them."""
+    document = results.document(evaluation)
+    if outputs.remove_outdated(folder, document):
+        print(f"other results in {folder} are replaced (--output-dir keeps both)", file=sys.stderr)
+    results.write(document, folder)
+    if options.json:
+        json.dump(document, sys.stdout, indent=1)
+        print()
+    else:
+        show_document(document, Console())
+    if outputs.need_recordings(options):
+        wanted = shown(evaluation.protocol, evaluation.nominal, options.seed, evaluation.results, evaluation.scorecard)
+        record_shown(wanted, bench, options.jobs, folder)
+    written = [RESULTS, CASES, *outputs.write_outputs(folder, options)]
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+
+
+def _folder_name(bench: Bench, protocol: Protocol, options: argparse.Namespace) -> str:
+    """A name for the results: of controller and protocol, and of whatever is not as usual."""
+    name = f"{bench.controller.file.stem}-{protocol.name}" + (f"-seed{options.seed}" if options.seed else "")
+    parameters, mapping = sorted(bench.setup.parameters.items()), sorted(bench.setup.mapping.items())
+    unusual = [parameters, mapping, sorted(options.plant_parameters), options.only, options.sample_time]
+    if any(unusual):
+        name += "-" + hashlib.sha256(repr(unusual).encode()).hexdigest()[:6]
+    return name
+
+
 def _run(
-    protocol: Protocol, cases: Sequence[Case], bench: Bench, results: store.Store, options: argparse.Namespace
+    protocol: Protocol,
+    cases: Sequence[Case],
+    bench: Bench,
+    known: store.Store,
+    options: argparse.Namespace,
+    at_once: CaseResult | None = None,
 ) -> list[CaseResult]:
-    """Results of all ``cases`` in their order: those in the store, and the others, stored as they come."""
+    """Results of all ``cases`` in their order: those in the store, and the others, stored as they come.
+
+    ``at_once`` is the rehearsal's failure.
+    """
     keys = store.keys(protocol, cases, bench)
     if options.force:
-        results.forget(list(keys.values()))
+        known.forget(list(keys.values()))
     conditions = store.conditions(bench)
-    found = results.load(keys, conditions)
-    known = {result.case for result in found}
-    waiting = [case for case in cases if case not in known]
+    found = known.load(keys, conditions, failures=not options.keep_going)
+    there = {result.case for result in found}
+    waiting = [case for case in cases if case not in there]
     if found:
-        print(f"{len(found)} of {len(cases)} cases are there from an earlier run (--force runs anew)", file=sys.stderr)
+        again = "--force runs anew" + (", --keep-going what failed" if any(result.kind for result in found) else "")
+        print(f"{len(found)} of {len(cases)} cases are there from an earlier run ({again})", file=sys.stderr)
     execute = (
         functools.partial(cluster.run, address=options.scheduler)
         if options.scheduler
@@ -114,12 +141,12 @@ def _run(
     )
     with (
         progress(protocol, len(cases)) as update,
-        closing(evaluate(protocol, waiting, bench, execute, found, options.keep_going)) as stream,
+        closing(evaluate(protocol, waiting, bench, execute, found, options.keep_going, at_once)) as stream,
     ):
         update(found)
         for result in stream:
             if result.status is not Status.SKIPPED and result.final:
-                results.put(keys[result.case], result, conditions)
+                known.put(keys[result.case], result, conditions)
             found.append(result)
             update(found)
     order = {case: number for number, case in enumerate(cases)}
@@ -166,7 +193,11 @@ def _parser() -> argparse.ArgumentParser:
         "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-PROTOCOL)"
     )
     parser.add_argument("--force", action="store_true", help="run anew what an earlier run has finished")
-    parser.add_argument("--keep-going", action="store_true", help="do not give up after three failures of one kind")
+    parser.add_argument(
+        "--keep-going",
+        action="store_true",
+        help="do not give up after three failures of one kind, and run again what failed in an earlier run",
+    )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
     outputs.add_options(parser)

@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import hashlib
 import os
+import shutil
+import sys
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import platformdirs
+
+from .errors import InputError
 
 VARIABLE = "FLEXIBLE_MANIPULATOR_CACHE"
 """Environment variable that moves the cache elsewhere."""
 
 
 def cache_folder() -> Path:
-    """The user's cache folder for this program; not created here."""
-    return Path(os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False))
+    """The user's cache folder for this program, created where it is missing.
+
+    Where it cannot be written, a temporary folder takes its place for this process and its children, which find it in
+    the environment. Raises :class:`InputError` where there is no place for that either.
+    """
+    return _writable(
+        Path(os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False))
+    )
+
+
+@functools.cache
+def _writable(wanted: Path) -> Path:
+    """``wanted``, or what takes its place, with a line that says so."""
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=wanted).close()
+        return wanted
+    except OSError as problem:
+        reason = f"The cache folder {wanted} cannot be written ({problem.strerror or problem})"
+    way_out = f"Set {VARIABLE} to a folder that can be written."
+    try:
+        folder = tempfile.mkdtemp(prefix="flexible-manipulator-")
+    except OSError:
+        raise InputError(f"{reason}, and there is no temporary folder either. {way_out}") from None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ[VARIABLE] = folder
+    print(f"warning: {reason}: this run compiles everything anew, in {folder}. {way_out}", file=sys.stderr)
+    return Path(folder)
 
 
 def source_hash(folders: Iterable[Path]) -> str:

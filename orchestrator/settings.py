@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from fmpy.model_description import BaseUnit, Unit
 from lxml import etree
 
+from .cosim.archive import Archive
+from .cosim.connectors import find_parameters
+from .cosim.units import EXPONENTS, factor_to_own
 from .errors import InputError
 
 if sys.version_info >= (3, 11):
@@ -42,11 +46,12 @@ def read_mapping(file: Path) -> dict[str, str]:
     return dict(table)
 
 
-def read_parameters(file: Path) -> dict[str, float]:
-    """Parameter name to value. TOML: a table ``[parameters]`` of numbers or lists (``K_p = [45, 15]`` sets ``K_p[1]``
-    and ``K_p[2]``). SSV: ``Parameter`` elements of a numeric type."""
+def read_parameters(file: Path, controller: Archive) -> dict[str, float]:
+    """Parameter name to value, in the unit the controller has for it. TOML: a table ``[parameters]`` of numbers or
+    lists (``K_p = [45, 15]`` sets ``K_p[1]`` and ``K_p[2]``). SSV: ``Parameter`` elements of a numeric type, whose
+    units, where they have any, are converted."""
     if file.suffix == ".ssv":
-        return _ssv_values(file)
+        return _ssv_values(file, controller)
     table = _toml(file).get("parameters")
     if not isinstance(table, Mapping):
         raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.')
@@ -59,17 +64,36 @@ def read_parameters(file: Path) -> dict[str, float]:
     return values
 
 
-def _ssv_values(file: Path) -> dict[str, float]:
+def _ssv_values(file: Path, controller: Archive) -> dict[str, float]:
     values: dict[str, float] = {}
-    for parameter in _root(file).iterfind(".//{*}Parameter"):
+    root = _root(file)
+    definitions = [_unit(file, unit) for unit in root.iterfind(".//{*}Units/{*}Unit")]
+    for parameter in root.iterfind(".//{*}Parameter"):
         name = parameter.get("name", "")
         types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
         if not types:
             raise InputError(f"{file}: the parameter {name} has no value of type Real or Integer.")
         values[name] = _number(file, name, types[0].get("value"))
+        unit = types[0].get("unit")
+        if unit:
+            values[name] *= _factor(controller, name, unit, definitions, f"{file}: the parameter {name}")
     if not values:
         raise InputError(f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value.")
     return values
+
+
+def _factor(controller: Archive, name: str, unit: str, definitions: Iterable[Unit], where: str) -> float:
+    """From a value in ``unit`` to one in the unit that the controller has for its parameter ``name``."""
+    (variable,) = find_parameters(controller.description, {name: 0.0}, f"The controller {controller.name}")
+    return factor_to_own(controller.description, variable.unit, unit, definitions, where)
+
+
+def _unit(file: Path, element: etree._Element) -> Unit:
+    name, base = element.get("name", ""), element.find("{*}BaseUnit")
+    if base is None:
+        return Unit(name)
+    numbers = {key: _number(file, f"the unit {name}", base.get(key, "0")) for key in (*EXPONENTS, "offset")}
+    return Unit(name, BaseUnit(**numbers, factor=_number(file, f"the unit {name}", base.get("factor", "1"))))
 
 
 def _number(file: Path, name: str, value: Any) -> float:

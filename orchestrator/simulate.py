@@ -23,7 +23,7 @@ from .cosim.trajectory import Status
 from .errors import InputError
 from .execution.evaluation import simulate_isolated
 from .report import trajectory_files
-from .report.results import prepare_folder
+from .report.files import prepare_folder
 from .variation import add_options, vary
 
 EXAMPLES = """examples:
@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument(
         "--configuration",
         nargs=2,
-        type=float,
+        type=commands.number(),
         default=(18.0, -50.0),
         metavar=("Q_A1", "Q_A2"),
         help="link angles in degrees (default: 18 -50, a pose of the grid)",

@@ -11,6 +11,11 @@ from . import commands
 from .benchmark.protocol import Protocol
 from .cosim.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
 
+NUMBER = commands.number()
+
+MOST_BITS = 52
+"""Of a quantizer: finer ones than floating-point numbers themselves make no sense."""
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options; :func:`vary` applies them."""
@@ -18,25 +23,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"
     )
 
-    def pair(name: str, text: str, kind: Any = float, metavar: tuple[str, str] = ("AXIS1", "AXIS2")) -> None:
+    def pair(name: str, text: str, kind: Any = NUMBER, metavar: tuple[str, str] = ("AXIS1", "AXIS2")) -> None:
         group.add_argument(name, nargs=2, type=kind, metavar=metavar, help=text)
 
-    def number(name: str, text: str, kind: Any = float) -> None:
+    def number(name: str, text: str, kind: Any = NUMBER) -> None:
         group.add_argument(name, type=kind, metavar="VALUE", help=text)
 
     group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
     group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
     number("--duration", "length of the simulation [s]", commands.time)
-    number("--noise-power", "P_n of the measurement noise")
-    number("--angle-bits", "steps of a motor revolution, as a power of two", int)
-    number("--torque-bits", "steps of the torque range, as a power of two", int)
-    pair("--torque-limit", "saturation [N.m] (inf: none)")
+    number("--noise-power", "P_n of the measurement noise", commands.number(0.0))
+    number("--angle-bits", "steps of a motor revolution, as a power of two", _bits)
+    number("--torque-bits", "steps of the torque range, as a power of two", _bits)
+    pair("--torque-limit", "saturation [N.m] (inf: none)", commands.number(0.0, infinite=True))
     pair("--delay", "transport delay from controller to motor, T_d included [s]", commands.time)
     pair("--sensor-delay", "transport delay of the measurement [s]", commands.time)
     pair("--gain", "loop gain about the initial torque (1: none)")
     pair("--chirp-amplitude", "amplitude of the motor torque disturbance [N.m]")
     group.add_argument(
-        "--chirp-frequencies", nargs=2, type=float, metavar=("START", "END"), help="its frequencies [Hz]"
+        "--chirp-frequencies", nargs=2, type=commands.number(0.0), metavar=("START", "END"), help="its frequencies [Hz]"
     )
     number("--t-3", "start of the chirp [s]")
     number("--t-4", "end of the chirp [s]")
@@ -105,6 +110,12 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         ),
         pulse=Pulse((F_x, F_z), given("t_1", pulse.start), given("t_2", pulse.stop)),
     )
+
+
+def _bits(text: str) -> int:
+    if not text.isdecimal() or int(text) > MOST_BITS:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {MOST_BITS}")
+    return int(text)
 
 
 def _quantum(span: float, bits: int) -> float:

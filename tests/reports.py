@@ -14,7 +14,7 @@ from orchestrator.benchmark.scorecard import score
 from orchestrator.cosim.archive import open_archive
 from orchestrator.cosim.controller import Setup
 from orchestrator.report.recording import About, Recording, save
-from orchestrator.report.results import Evaluation, Timing, write
+from orchestrator.report.results import Evaluation, Timing, document, write
 from orchestrator.report.run import Run, load_run
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -42,8 +42,11 @@ def evaluation(plant: Path, controller: Path, results=None, **changes: Any) -> E
     return Evaluation(**{**values, **changes})
 
 
-def recording(roles: tuple[str, ...], id: str = "c07.compliant.disturbance", **changes: Any) -> Recording:
-    """A recording of 26 s in which the TCP moves 8 mm along x at the beginning of the force."""
+def recording(
+    roles: tuple[str, ...], id: str = "c07.compliant.disturbance", size: float = 8e-3, **changes: Any
+) -> Recording:
+    """A recording of 26 s in which the TCP moves by ``size`` [m] along x at the beginning of the force, and by a tenth
+    of it in the chirp."""
     about = {
         "id": id,
         "roles": roles,
@@ -61,7 +64,8 @@ def recording(roles: tuple[str, ...], id: str = "c07.compliant.disturbance", **c
         "message": "",
     }
     t = np.arange(0, 26, 0.01, dtype=np.float32)
-    x = np.where(t > 10, 8e-3 * np.exp(-2 * np.clip(t - 10, 0, None)), 0)
+    chirp = np.where((t > 0.5) & (t < 8), 0.1 * np.sin(2 * np.pi * t), 0)
+    x = size * np.where(t > 10, np.exp(-2 * np.clip(t - 10, 0, None)), chirp)
     motion = np.column_stack([t, x, 0 * t, x / 2, x / 3]).astype(np.float32)
     torque = np.column_stack([t, np.sin(t), np.cos(t)]).astype(np.float32)
     return Recording(About(**{**about, **changes}), motion, torque)
@@ -79,7 +83,7 @@ RECORDINGS = (
 def stored(folder: Path, of: Evaluation, recordings: tuple[Recording, ...] = RECORDINGS) -> Run:
     """The run of an evaluation, written to ``folder`` and read back."""
     folder.mkdir(parents=True, exist_ok=True)
-    write(of, folder)
+    write(document(of), folder)
     if recordings:
         save(recordings, folder)
     return load_run(folder)

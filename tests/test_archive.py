@@ -135,6 +135,14 @@ REFUSED = {
         lambda good: zipped([*good.items(), *((f"resources/{i}", b"") for i in range(10_001))]),
         "10000 files",
     ),
+    "huge description": (
+        lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION] + b"<!-- -->" * (5 << 20)}),
+        "its modelDescription.xml has 42 MB, more than the 34 MB that are read",
+    ),
+    "huge list of sources": (
+        lambda good: pack({**good, "sources/buildDescription.xml": b"<!-- -->" * (5 << 20)}),
+        "its sources/buildDescription.xml has 42 MB",
+    ),
     "empty description": (lambda good: pack({DESCRIPTION: b""}), "modelDescription.xml"),
     "malformed description": (lambda good: pack({DESCRIPTION: b"<fmiModelDescription>"}), "modelDescription.xml"),
     "binary description": (lambda good: pack({DESCRIPTION: bytes(range(256)) * 4}), "modelDescription.xml"),
@@ -284,8 +292,9 @@ def test_what_was_compiled_beside_the_files_stays(good, room):
     assert compiled.read_bytes() == b"machine code"
 
 
-def test_a_cache_that_cannot_be_written(good, room, monkeypatch):
-    monkeypatch.setenv(VARIABLE, str(room / "precious" / "below a file"))
+def test_a_cache_that_cannot_be_written(good, room):
+    (room / "cache").mkdir()
+    (room / "cache" / "fmus").write_text("a file in the way")
     with pytest.raises(InputError, match="cannot be extracted into the cache"):
         open_archive(hostile_fmu(room))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import zipfile
@@ -13,6 +14,7 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 import build_fmus
+from controller_fmu.export.__main__ import main as export
 from controller_fmu.export.units import base_exponents
 
 SLAVE = """
@@ -133,6 +135,65 @@ def test_unknown_units_are_refused(unit):
 def test_unit_without_spelling_is_refused():
     with pytest.raises(build_fmus.BuildError, match="unit ''"):
         base_exponents("")
+
+
+# ---- Models in C ----
+
+PID = Path(build_fmus.__file__).parent / "controller_fmu" / "pid_c"
+in_c = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+
+
+def exported(folder, change, *options):
+    """Exit code of the export of the PID in C, whose description has gone through ``change``; and the FMU."""
+    sources = folder / "sources"
+    sources.mkdir()
+    for file in PID.glob("*.[ch]"):
+        (sources / file.name).write_bytes(file.read_bytes())
+    (sources / "modelDescription.xml").write_text(change((PID / "modelDescription.xml").read_text()))
+    return export([*options, str(sources), str(folder / "Mine.fmu")]), folder / "Mine.fmu"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--arrays"], "FMI 2 has no arrays; build for FMI 3 (--fmi 3), or without arrays"),
+        (["--fmi", "1", "--arrays"], "FMI 1 has no arrays"),
+        (["--fmi", "1", "--model-exchange"], "FMI 1 is for co-simulation here"),
+    ],
+)
+def test_kinds_of_fmu_that_do_not_exist_are_refused(options, told, tmp_path, capsys):
+    code, fmu = exported(tmp_path, str, *options)
+    assert code == 2 and told in capsys.readouterr().err and not fmu.exists()
+
+
+def test_single_precision_is_for_fmi_3():
+    with pytest.raises(build_fmus.BuildError, match="FMI 2 has no Float32; build for FMI 3"):
+        build_fmus.Dialect(2, float_bits=32)
+
+
+@in_c
+@pytest.mark.parametrize("version", ["1", "2", "3"])
+def test_what_a_description_may_leave_out(version, tmp_path):
+    def change(text):
+        text = re.sub(r"<LogCategories>.*?</LogCategories>", "", text, flags=re.DOTALL)
+        return re.sub(r"<DefaultExperiment[^>]*>", "", text)
+
+    code, fmu = exported(tmp_path, change, "--fmi", version)
+    assert code == 0 and len(read_model_description(str(fmu)).modelVariables) >= 17
+
+
+@in_c
+@pytest.mark.parametrize("version", ["1", "2", "3"])
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("<LogCategories>", "<LogCategories", "the model description is no well-formed XML"),
+        ("ModelStructure>", "Structure>", "has no ModelStructure"),
+    ],
+)
+def test_descriptions_that_cannot_be_used_are_told(version, old, new, told, tmp_path, capsys):
+    code, fmu = exported(tmp_path, lambda text: text.replace(old, new), "--fmi", version)
+    assert code == 1 and told in capsys.readouterr().err and not fmu.exists()
 
 
 # ---- The command line ----

@@ -7,10 +7,15 @@ import json
 import pytest
 from bad_fmus import of_another_guid
 from command_lines import run
+from conftest import build_or_skip
+from edited_sources import with_functions
 from exporters import RECIPES, REFUSED
+from hostile.fmus import Fault, hostile_fmu
 from python_controllers import python_controller
+from test_sandbox import sandboxed
 
 from orchestrator import check, commands
+from orchestrator.execution.job import Job
 
 
 @pytest.fixture
@@ -55,7 +60,8 @@ def test_the_default_controller(report, pid_c_file):
     assert findings["latency"][0][:2] == ("ok", "0 samples from a measurement to the torque")
     assert findings["timing"][0][1] == "samples at the start of each step"
     assert findings["initial output"] == [("ok", "u_m0 at rest", "")]
-    assert {findings[subject][0][0] for subject in ("determinism", "reset", "instances", "cost")} == {"ok"}
+    subjects = ("determinism", "reset", "instances", "termination", "cost")
+    assert {findings[subject][0][0] for subject in subjects} == {"ok"}
     assert findings["cost"][0][1].endswith(" µs a step")
 
 
@@ -125,6 +131,59 @@ def test_a_unit_delay_is_a_warning(report, tmp_path):
     assert findings["initial output"][0][0] == "ok"
 
 
+# ---- What the benchmark can do without ----
+
+REFUSED_RESET = {"fmi2Reset": 'fmi2Status fmi2Reset(fmi2Component c) { return refuse(c, "no way back"); }'}
+CRASHING_RESET = {"fmi2Reset": "#include <stdlib.h>\nfmi2Status fmi2Reset(fmi2Component c) { abort(); }"}
+ONLY_ONE = {
+    "component_new": """static int alive;
+Component *component_new(const char *name)
+{
+    if (alive) return NULL;
+    Component *component = calloc(1, sizeof(Component));
+    component->name = calloc(strlen(name) + 1, 1);
+    component->memory = malloc(memory_size());
+    strcpy(component->name, name);
+    component_reset(component);
+    alive = 1;
+    return component;
+}""",
+    "component_free": "void component_free(Component *component) { alive = 0; free(component); }",
+    "fmi2Instantiate": """fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid,
+    fmi2String resources, const fmi2CallbackFunctions *host, fmi2Boolean visible, fmi2Boolean logging)
+{
+    return component_new(name);
+}""",
+}
+
+
+@pytest.mark.parametrize(
+    ("functions", "subject", "words"),
+    [
+        (REFUSED_RESET, "reset", "reset failed"),
+        (CRASHING_RESET, "reset", "SIGABRT"),
+        (ONLY_ONE, "several instances", "instantiation failed"),
+    ],
+    ids=["refused reset", "crashing reset", "only one instance"],
+)
+def test_what_the_benchmark_does_not_need_is_a_warning(functions, subject, words, report, pid_c_file, tmp_path):
+    file = with_functions(pid_c_file, tmp_path / "Limited.fmu", functions)
+    code, findings = report(file)
+    assert code == 1
+    (severity, text, remedy) = findings[subject][0]
+    assert severity == "warning" and words in text and "The benchmark goes on without" in remedy
+    others = [row[0] for name, rows in findings.items() if name != subject for row in rows]
+    assert set(others) <= {"ok", "note"}
+
+
+def test_a_controller_that_does_not_want_to_end_is_a_warning(report, tmp_path):
+    file = build_or_skip(lambda: hostile_fmu(tmp_path, Fault("status:3", "terminate", 0.0)))
+    code, findings = report(file)
+    assert code == 1
+    severity, text, remedy = findings["termination"][0]
+    assert severity == "warning" and "terminate failed" in text and "results stand" in remedy
+
+
 # ---- Controllers with errors ----
 
 
@@ -179,7 +238,39 @@ def test_a_missing_file_is_an_error(report, tmp_path):
     assert code == 2 and list(findings) == ["import"] and "There is no file" in findings["import"][0][1]
 
 
+def test_without_a_path_the_default_controller_is_named(capsys):
+    assert commands.guarded(check.main, ["--json", "--map", "q_m[1]=absent"]) == 2
+    assert json.loads(capsys.readouterr().out)["controller"] == "DiagonalPID.fmu"
+    assert commands.guarded(check.main, ["--json", "--mapping", "absent.toml"]) == 2
+    assert json.loads(capsys.readouterr().out)["controller"] == "DiagonalPID.fmu"
+
+
 # ---- As a command ----
+
+
+def test_conditions_are_those_asked_for(report, pid_c_file, monkeypatch):
+    jobs: list[Job] = []
+    monkeypatch.setattr(check, "run_isolated", lambda job: jobs.append(job) or ())
+    report(pid_c_file)
+    report(pid_c_file, "--sandbox", "--timeout", "7", "--memory-limit", "100")
+    assert [(job.sandbox, set(job.time_limits), job.limits.memory) for job in jobs] == [
+        (False, {60.0}, 2048 * 10**6),
+        (True, {7.0}, 100 * 10**6),
+    ]
+
+
+@sandboxed
+def test_a_check_in_the_sandbox(pid_c_file, tmp_path):
+    finished = run("check", pid_c_file, "--sandbox", folder=tmp_path)
+    assert finished.code == 0, finished
+    assert any(line.startswith("ok ") and "latency" in line for line in finished.out.splitlines())
+
+
+@pytest.mark.parametrize("option", [("--seed", "1"), ("--plant-set", "psi[1]=1e-3"), ("--protocol", "quick")])
+def test_options_that_would_do_nothing_are_not_offered(option, capsys):
+    with pytest.raises(SystemExit):
+        check.main(list(option))
+    assert "unrecognized arguments" in capsys.readouterr().err
 
 
 def test_the_table_in_a_terminal_of_its_own(pid_c_file, tmp_path):

@@ -106,11 +106,17 @@ def test_a_finished_run_is_not_run_again(quick, pid_c_file):
 # ---- evaluate: options ----
 
 
+def only_run(folder):
+    """The results of the one run below ``folder``."""
+    (file,) = folder.glob("runs/*/results.json")
+    return file
+
+
 def test_only_part_of_the_protocol(pid_c_file, tmp_path):
     options = ("--only", "c0[01].compliant.noise", "--only", "c02.slippery.gain_1", "--no-report")
     finished = run("evaluate", pid_c_file, *options, folder=tmp_path)
     assert finished.code == 0 and "Incomplete" in finished.out
-    contents = json.loads((tmp_path / "runs" / f"{CONTROLLER}-paper" / "results.json").read_text())
+    contents = json.loads(only_run(tmp_path).read_text())
     assert [case["id"] for case in contents["cases"]] == [
         "c00.compliant.noise",
         "c01.compliant.noise",
@@ -122,7 +128,7 @@ def test_only_part_of_the_protocol(pid_c_file, tmp_path):
 def test_json_on_stdout_is_the_results_file(pid_c_file, tmp_path):
     finished = run("evaluate", pid_c_file, *ONE, "--json", "--no-report", folder=tmp_path)
     printed = json.loads(finished.out)
-    written = json.loads((tmp_path / "runs" / f"{CONTROLLER}-paper" / "results.json").read_text())
+    written = json.loads(only_run(tmp_path).read_text())
     assert finished.code == 0 and printed == written
 
 
@@ -251,6 +257,49 @@ def test_systems_configurations_and_parameters_are_chosen(pid_c_file, tmp_path):
     assert columns["q_a[1]"][0] == pytest.approx(math.radians(45)) and columns["q_a[2]"][0] == pytest.approx(
         math.radians(-60)
     )
+
+
+def test_runs_that_differ_do_not_share_a_default_folder(pid_c_file, tmp_path):
+    changes = [(), ("--seed", "1"), ("--set", "K_p[1]=44"), ("--plant-set", "k_high[2]=5e5"), ("--sample-time", "5e-4")]
+    for change in changes:
+        finished = run("evaluate", pid_c_file, *ONE, *change, "--no-report", folder=tmp_path)
+        assert finished.code == 0 and "replaced" not in finished.err
+    names = {file.parent.name for file in tmp_path.glob("runs/*/results.json")}
+    assert len(names) == len(changes) and all(name.startswith(f"{CONTROLLER}-paper-") for name in names)
+
+
+def test_results_of_another_evaluation_in_the_folder_are_replaced_whole(pid_c_file, tmp_path):
+    first = run("evaluate", pid_c_file, *ONE, "--output-dir", "out", folder=tmp_path)
+    assert first.code == 0 and (tmp_path / "out" / "report.html").exists()
+    second = run("evaluate", pid_c_file, *ONE, "--output-dir", "out", "--seed", "1", "--no-report", folder=tmp_path)
+    assert "other results in out are replaced" in second.err
+    assert not (tmp_path / "out" / "report.html").exists() and not (tmp_path / "out" / "trajectories.npz").exists()
+
+
+def test_what_is_connected_is_told(results, quick):
+    assert "connectors q_m, u_m, q_m_ref, u_m0 (without q_a_ref)" in quick[0].out
+    connectors = results["controller"]["connectors"]
+    assert connectors["q_m"] == {"variables": ["q_m[1]", "q_m[2]"], "found": "exact", "notes": []}
+    assert connectors["e"] is None and results["controller"]["mapping"] == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--noise-power", "-1"), "-1 is below 0"),
+        (("--torque-bits", "5000"), "no whole number from 0 to 52"),
+        (("--torque-limit", "-1", "3"), "-1 is below 0"),
+        (("--phi-F", "nan"), "'nan' is no finite number"),
+        (("--timeout", "inf"), "'inf' is no finite number"),
+        (("--memory-limit", "inf"), "'inf' is no finite number"),
+        (("--set", "K_p[1]=nan"), "parameter K_p[1], nan, is no finite number"),
+        (("--plant-set", "q_a_start[1]=1"), "no nominal parameter q_a_start[1]"),
+        (("--plant-set", "j_m[1]=-1"), "j_m[1] = -1 kg.m2 is outside its physical range"),
+    ],
+)
+def test_values_that_make_no_sense_are_bad_input(options, told, pid_c_file, tmp_path):
+    finished = run("simulate", pid_c_file, *options, folder=tmp_path)
+    assert finished.code == 2 and told in finished.err and "Traceback" not in finished.err
 
 
 # ---- Help ----

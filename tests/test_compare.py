@@ -45,6 +45,19 @@ def test_the_lowest_cost_is_first(make, capsys):
     assert group["unranked"] == [] and group["difference"] == ""
 
 
+def test_those_that_fail_a_requirement_come_after_those_that_hold_all(make, capsys):
+    fails = {"passed": False, "limit_cycle": 1e-3, "rest_error": None, "worst_case": "c00.slippery.delay_2", "axes": {}}
+    stability = {name: {**fails, "axes": dict.fromkeys(("1", "2"), fails)} for name in ("A1", "A2", "A3")}
+    (group,) = compared([make("cheap", 0.5, {"stability": stability}), make("a", 1.2), make("b", 0.8)], capsys)
+    assert [round(entry["cost"] / 140.71, 2) for entry in group["ranked"]] == [0.8, 1.2, 0.5]
+
+
+def test_the_order_of_plant_parameters_does_not_matter(make, capsys):
+    first, second = {"m[1]": 50.0, "m[2]": 140.0}, {"m[2]": 140.0, "m[1]": 50.0}
+    groups = compared([make("a", plant_parameters=first), make("b", 0.8, plant_parameters=second)], capsys)
+    assert [len(group["ranked"]) for group in groups] == [2]
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-from descriptions import description, pair, usual, variable
+from dataclasses import replace
 
+import pytest
+from descriptions import archive, description, pair, usual, variable
+
+from orchestrator.conformance.static import binding_findings
 from orchestrator.cosim.connectors import PLANT, bind, bind_controller, find_outputs, find_parameters
+from orchestrator.cosim.controller import Setup, sample_time_parameter
 from orchestrator.cosim.variables import variables
 from orchestrator.errors import InputError
 
@@ -256,10 +260,58 @@ def test_a_mapping_goes_above_the_exact_name_and_may_cross():
         ({"q_m[1]": "In1"}, "only one of q_m[1] and q_m[2]. Give both"),
         ({"q_m": "In1"}, "In1 has 1 elements, but q_m needs 2"),
         ({"q_m[1]": "In1", "q_m[2]": "u_m[1]"}, "u_m[1] is declared as Real, output"),
+        ({"q_m[1]": "q_m[1]", "q_m[2]": "q_m[1]"}, "has q_m[1] for both q_m[1] and q_m[2]"),
+        (
+            {"q_m[1]": "In1", "q_m[2]": "In2", "q_m_ref[1]": "In2", "q_m_ref[2]": "In1"},
+            "has In2 for both q_m[2] and q_m_ref[1]",
+        ),
     ],
 )
 def test_wrong_mappings_are_refused(mapping, told):
     assert told in refusal(usual(*pair(["In1", "In2"])), mapping)
+
+
+def test_what_is_mapped_is_not_found_for_another_connector():
+    """A controller whose inputs named q_m are the error: nothing but the mapping can know."""
+    found = bound(usual(), {"e[1]": "q_m[1]", "e[2]": "q_m[2]"})
+    assert found == {"u_m": (["u_m[1]", "u_m[2]"], "exact"), "e": (["q_m[1]", "q_m[2]"], "mapped")}
+
+
+# ---- The sample time ----
+
+
+def with_parameters(*names):
+    return replace(archive(), description=usual(*(variable(name, "parameter", "s") for name in names)))
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        ((), None),
+        (("T_s",), "T_s"),
+        (("Controller.Ts",), "Controller.Ts"),
+        (("Filter.ts", "T_s"), "T_s"),
+        (("T_s", "Filter.T_s", "Ts"), "T_s"),
+        (("T_f",), None),
+    ],
+)
+def test_the_sample_time_is_the_exact_name_or_the_only_one_spelled_so(names, found):
+    parameter = sample_time_parameter(with_parameters(*names), Setup())
+    assert (parameter.name if parameter else None) == found
+
+
+def test_two_candidates_for_the_sample_time_are_refused_and_named():
+    controller = with_parameters("Filter.T_s", "Ts")
+    with pytest.raises(InputError, match=r"candidate.*T_s: Filter\.T_s, Ts\..* --set Filter\.T_s=0\.00025, or rename"):
+        sample_time_parameter(controller, Setup())
+    assert sample_time_parameter(controller, Setup({"Ts": 0.001})) is None
+
+
+def test_a_sample_time_that_is_set_is_not_given():
+    assert sample_time_parameter(with_parameters("T_s"), Setup({"T_s": 0.001})) is None
+    controller, setup = with_parameters("T_s"), Setup({"T_s": 0.001})
+    subjects = [finding.subject for finding in binding_findings(bind_controller(usual(), WHAT), controller, setup)]
+    assert "T_s" not in subjects and "parameters" in subjects
 
 
 # ---- Units at a connection ----

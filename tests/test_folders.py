@@ -1,10 +1,18 @@
-"""The name of what is made from sources: it changes with every change that can matter, and with no other."""
+"""Where things are kept, and the name of what is made from sources: it changes with every change that can matter, and
+with no other."""
 
 from __future__ import annotations
 
-import pytest
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
-from orchestrator.folders import source_hash
+import pytest
+from hostile.commands import command, finished
+
+from orchestrator.folders import VARIABLE, cache_folder, source_hash
 
 
 @pytest.fixture
@@ -43,3 +51,51 @@ def test_compiled_code_and_place_do_not_matter(sources, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     moved = sources.rename(tmp_path / "elsewhere" / "package")
     assert source_hash([moved]) == before
+
+
+# ---- The cache folder ----
+
+
+def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "a" / "b"))
+    assert cache_folder() == tmp_path / "a" / "b"
+    assert cache_folder().is_dir()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_temporary_folder_takes_the_place_of_one_that_cannot_be_written(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "file" / "cache"))
+    folder = cache_folder()
+    assert folder.is_dir() and tmp_path not in folder.parents
+    told = capsys.readouterr().err
+    assert told.startswith(
+        f"warning: The cache folder {tmp_path / 'file' / 'cache'} cannot be written (Not a directory)"
+    )
+    assert VARIABLE in told and told.count("\n") == 1
+    assert cache_folder() == folder == Path(os.environ[VARIABLE])  # children find it there
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a folder that nobody can make: /proc/nonexistent")
+def test_a_command_runs_without_its_cache_folder_and_leaves_nothing(tmp_path):
+    (tmp_path / "tmp").mkdir()
+    environment = {VARIABLE: "/proc/nonexistent", "TMPDIR": str(tmp_path / "tmp")}
+    done = finished(command(tmp_path / "out", "--only", "c00.compliant.noise"), environment=environment)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count(VARIABLE) == 1  # one line of one process, not one of each child
+    assert list((tmp_path / "tmp").iterdir()) == []
+
+
+@pytest.mark.skipif(shutil.which("bwrap") is None, reason="bubblewrap makes everything read-only")
+def test_where_nothing_can_be_written(tmp_path):
+    sandbox = ["bwrap", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--"]
+    if subprocess.run([*sandbox, "true"], check=False, capture_output=True).returncode != 0:
+        pytest.skip("bubblewrap may not work here")
+    environment = {VARIABLE: str(tmp_path / "cache")}
+    told = finished([*sandbox, sys.executable, "-m", "orchestrator.evaluate", "--help"], environment=environment)
+    assert told.returncode == 0 and "--keep-going" in told.stdout
+    refused = finished([*sandbox, *command(tmp_path / "out", "--quick")], environment=environment)
+    assert refused.returncode == 2
+    assert f"error: The cache folder {tmp_path / 'cache'} cannot be written (Read-only file system)" in refused.stderr
+    assert f"Set {VARIABLE}" in refused.stderr

@@ -67,11 +67,14 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     kind = kinds[number % len(kinds)]
     if number in lost:
         lost.remove(number)
-        return Died(index, False, "the process was ended by SIGKILL", 1.0, Place(7, CONTROLLER, "step"), outside=True)
+        told = "the process was ended by SIGKILL"
+        return Died(index, False, told, told, 1.0, Place(7, CONTROLLER, "step"), outside=True)
     if kind == "crashed":
-        return Died(index, False, "the process was ended by SIGSEGV", 1.0, Place(number, CONTROLLER, "step"))
+        told = "the process was ended by SIGSEGV"
+        return Died(index, False, f"{told} no. {number}", told, 1.0, Place(number, CONTROLLER, "step"))
     if kind == "timeout":
-        return Died(index, True, "the time limit was reached", 1.0, Place(number, CONTROLLER, "step"))
+        told = "the time limit was reached"
+        return Died(index, True, told, told, 1.0, Place(number, CONTROLLER, "step"))
     if kind == "error":
         return Failed(index, FmuError(f"no. {number}"), 1.0)
     figures = Measurement({"B1": number / 3.0}, (number / 7.0, 1e-300), 0.1 + number, None)
@@ -284,7 +287,7 @@ def test_a_file_that_may_not_grow(tmp_path, uninterrupted):
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
 
     stopped = finished(command(tmp_path, *NOISE), preexec_fn=limited)
-    assert stopped.returncode == 2
+    assert stopped.returncode == 1
     assert "What is committed is kept" in stopped.stderr
     kept = stored(tmp_path)
     assert 0 < kept < CASES
@@ -297,11 +300,11 @@ def test_results_that_cannot_be_written(tmp_path, complete, uninterrupted):
     """All cases are in the store, but what is made of them finds no place."""
     folder = Path(shutil.copytree(complete, tmp_path / "out"))
     (folder / "results.json").unlink()
-    (folder / "results.json").mkdir()
+    (folder / "results.json" / "in" / "the way").mkdir(parents=True)
     stopped = finished(command(folder, *NOISE))
-    assert stopped.returncode == 2
-    assert f"error: {folder / 'results.json'} cannot be written" in stopped.stderr
-    (folder / "results.json").rmdir()
+    assert stopped.returncode == 1
+    assert f"error: {folder / 'results.json'} cannot be replaced" in stopped.stderr
+    shutil.rmtree(folder / "results.json")
     assert resumed(folder)[1] == uninterrupted
 
 
@@ -313,7 +316,7 @@ def test_a_full_disk(tmp_path):
         pytest.skip("only root may mount a small file system")
     try:
         stopped = finished(command(mount / "out", *NOISE))
-        assert stopped.returncode == 2
+        assert stopped.returncode == 1
         assert "No space left" in stopped.stderr or "What is committed is kept" in stopped.stderr
     finally:
         subprocess.run(["umount", "-l", str(mount)], check=True)

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loops import PAPER, T_S, case, quiet, simulate_all
+from conftest import build_or_skip
+from hostile.fmus import NONE, Fault, hostile_fmu
 from stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
 
 from orchestrator.benchmark import protocol as protocols
@@ -198,3 +200,17 @@ def test_after_a_failure_the_next_simulation_is_healthy(probe_plant_file, feedth
     failing, healthy = quiet("0.01", {"fail_from": 0.005}), quiet("0.01", {})
     _, after = simulate_all(probe_plant_file, feedthrough_file, [failing, healthy])
     assert after.ending.status is Status.DONE and after.ending.message == ""
+
+
+def test_a_controller_that_does_not_want_to_end_costs_a_warning(probe_plant_file, tmp_path):
+    files = [build_or_skip(lambda fault=fault: hostile_fmu(tmp_path, fault)) for fault in (NONE, UNWILLING)]
+    (calm,), (unwilling,) = (simulate_all(probe_plant_file, file, [quiet("0.01", {})]) for file in files)
+    ending = unwilling.ending
+    assert (ending.status, ending.time, ending.failed_call) == (Status.DONE, 0.01, "")
+    assert ending.warnings == calm.ending.warnings + 1
+    assert "after its end:" in ending.message and "terminate failed" in ending.message
+    for one, two in zip(samples(calm), samples(unwilling), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+UNWILLING = Fault("status:3", "terminate", 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import json
 import re
 from dataclasses import replace
@@ -16,11 +17,15 @@ from closed_loops import PAPER
 from reports import RECORDINGS, evaluation, recording, stored
 from results import everything, result
 from rich.console import Console
+from scipy.io import loadmat
 
 from orchestrator.benchmark.scorecard import score
 from orchestrator.cosim.trajectory import Status
+from orchestrator.errors import BenchmarkError
 from orchestrator.report import pages
-from orchestrator.report.payload import script_json
+from orchestrator.report.figures import write_figures
+from orchestrator.report.mat import mat_bytes
+from orchestrator.report.payload import ROWS, report_payload, script_json
 from orchestrator.report.recording import MOTION_INTERVALS, TORQUE_INTERVALS
 from orchestrator.report.report_page import report_html
 from orchestrator.report.selection import shown
@@ -116,6 +121,50 @@ def test_a_page_stays_below_5_MB_however_lively_its_signals(run):
     assert len(report_html(replace(run, recordings=tuple(lively))).encode()) < 5e6
 
 
+def test_a_page_keeps_every_peak_however_lively_its_signals(run):
+    # The largest error is at neither coordinate's extremes.
+    offsets = np.array([[1, 0], [0.9, 0.9], [0, 1], [-1, 0], [0, -1]], np.float32)
+    noise = np.random.default_rng(0)
+    rows = 4 * MOTION_INTERVALS
+    motion = np.column_stack([np.arange(rows), np.tile(offsets, (rows, 1))[:rows], np.zeros((rows, 2))])
+    torque = noise.standard_normal((4 * TORQUE_INTERVALS, 3)).astype(np.float32)
+    lively = replace(recording(("B5",)), motion=motion.astype(np.float32), torque=torque)
+    shown = report_payload(replace(run, recordings=(lively,) * 30))["recordings"]
+    for entry in shown:
+        x, z = unpacked(entry["motion"])[:, 1:3].T
+        assert np.hypot(x, z).max() == lively.error.max()
+        np.testing.assert_array_equal(unpacked(entry["torque"])[:, 1:].max(axis=0), torque[:, 1:].max(axis=0))
+        np.testing.assert_array_equal(unpacked(entry["torque"])[:, 1:].min(axis=0), torque[:, 1:].min(axis=0))
+    assert sum(len(unpacked(entry["motion"])) for entry in shown) <= ROWS < 30 * rows
+    assert sum(len(unpacked(entry["torque"])) for entry in shown) <= ROWS < 30 * len(torque)
+
+
+def unpacked(columns: list[str]) -> np.ndarray:
+    """The columns of a recording in a page, shape (N, columns)."""
+    return np.column_stack([np.frombuffer(base64.b64decode(column), "<f4") for column in columns])
+
+
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_mat_holds_a_struct_array_of_one_row(run, count):
+    recordings = loadmat(io.BytesIO(mat_bytes(replace(run, recordings=RECORDINGS[:count]))))["recordings"]
+    assert recordings.shape == (1, count)
+    assert {"id", "roles", "window", "t", "x", "u_m2"} <= set(recordings.dtype.names)
+    for entry, original in zip(recordings[0], RECORDINGS, strict=False):
+        assert entry["id"].tolist() == [original.about.id]
+        assert entry["window"].ravel().tolist() == list(original.about.window)
+        np.testing.assert_array_equal(entry["t_torque"], original.torque[:, :1])
+
+
+def test_figures_that_cannot_be_written_are_told(run):
+    (run.folder / "figures").write_text("in the way")
+    with pytest.raises(BenchmarkError, match="figures cannot be written to"):
+        write_figures(run)
+    (run.folder / "figures").unlink()
+    (run.folder / "figures" / "figure_03_stiffness.pdf").mkdir(parents=True)
+    with pytest.raises(BenchmarkError, match="figure_03_stiffness.pdf cannot be written"):
+        write_figures(run)
+
+
 def test_embedded_scripts_do_not_end_early():
     for name in (pages.LIBRARY, *pages.REPORT, *pages.COMPARE):
         assert "</script" not in (pages.FILES / name).read_text(encoding="utf-8").lower()
@@ -207,6 +256,8 @@ class TestSelection:
         spread = [entry.case for entry in found if entry.roles == ("spread",)]
         assert len({case.system.name for case in spread}) == len(spread) == 20
         assert {case.configuration for case in spread} == {spread[0].configuration}
+        settled = spread[0].scenario.pulse.stop + next(c.target for c in PAPER.criteria if c.name == "B6")
+        assert {float(case.scenario.duration) - settled for case in spread} == {1.0}
 
     def test_a_requirement_that_fails_is_shown_on_its_axis(self):
         cycling = result(4, "slippery", "delay_2", {}, (2e-5, 1e-6))

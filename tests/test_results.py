@@ -19,10 +19,11 @@ from scipy.io import loadmat
 
 from orchestrator.cosim.trajectory import Status
 from orchestrator.errors import InputError
-from orchestrator.report import recording as recordings
+from orchestrator.report import files
 from orchestrator.report.__main__ import main
 from orchestrator.report.files import prepare_folder, write_text
 from orchestrator.report.mat import mat_bytes
+from orchestrator.report.outputs import remove_outdated
 from orchestrator.report.recording import thin
 from orchestrator.report.results import document
 from orchestrator.report.run import load_run
@@ -128,7 +129,7 @@ def test_a_folder_without_results_is_said_to_be_one(tmp_path, contents, message)
 
 @pytest.mark.parametrize("damage", [b"", b"no archive", b"PK\x03\x04"])
 def test_broken_recordings_are_an_input_error(run, damage):
-    (run.folder / recordings.FILE).write_bytes(damage)
+    (run.folder / files.TRAJECTORIES).write_bytes(damage)
     with pytest.raises(InputError, match="trajectories"):
         load_run(run.folder)
 
@@ -182,3 +183,22 @@ def test_a_trajectory_in_full_for_matlab(tmp_path):
     contents = loadmat(tmp_path / "trajectory.mat", squeeze_me=True)
     np.testing.assert_array_equal(contents["u_m_2"][:-1], signals.torque[:, 1])
     assert {"time", "q_a_1", "q_m_2", "u_c_1", "u_d_2", "F_x", "x", "tcp_error"} <= set(contents)
+
+
+# ---- Other results in the same folder ----
+
+
+def test_what_was_made_of_other_results_is_removed(run, plant_file, pid_file):
+    (run.folder / files.REPORT).write_text("the old one")
+    (run.folder / files.FIGURES).mkdir()
+    (run.folder / "cases.sqlite").write_text("stays")
+    same = document(evaluation(plant_file, pid_file))
+    same["timing"]["wall_time"] = 1.0
+    assert not remove_outdated(run.folder, same)
+    assert (run.folder / files.REPORT).exists()
+    assert remove_outdated(run.folder, {**same, "seed": 1})
+    assert [file.name for file in run.folder.iterdir()] == ["cases.sqlite"]
+
+
+def test_an_empty_folder_has_nothing_outdated(tmp_path, plant_file, pid_file):
+    assert not remove_outdated(tmp_path, document(evaluation(plant_file, pid_file)))

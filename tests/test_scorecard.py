@@ -176,3 +176,31 @@ def test_results_may_hold_a_part_of_the_configurations():
     card = scored(part)
     assert [entry.configuration.index for entry in card.configurations] == [3, 8]
     assert card.cost == pytest.approx(100.0) and not card.complete
+
+
+# ---- The worst case of a verdict ----
+
+
+def drifted(index, system, test, rest_error, cycle):
+    """A case that ends off its place [m], with a limit cycle of ``cycle`` [m]."""
+    measured = result(index, system, test, cycle=(cycle, 0.0), status=Status.UNSTABLE)
+    return replace(measured, measurement=replace(measured.measurement, rest_error=rest_error))
+
+
+def test_a_case_that_fails_is_worse_than_a_larger_limit_cycle_that_is_allowed():
+    results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=(5e-6, 0.0))
+    off = drifted(0, "slippery", "gain_1", 5e-3, 0.1e-6)
+    results = [off if entry.case.id == off.case.id else entry for entry in results]
+    (A1, *_) = scored(results).requirements
+    verdict = A1.axes["1"]
+    assert (verdict.passed, verdict.worst_case) == (False, "c00.slippery.gain_1")
+    assert (verdict.amplitude, verdict.rest_error) == (0.1e-6, 5e-3)
+    assert A1.axes["2"].passed and A1.axes["2"].rest_error is None
+
+
+def test_of_the_cases_that_fail_the_largest_limit_cycle_is_told():
+    results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=(50e-6, 0.0))
+    off = drifted(0, "slippery", "gain_1", 5e-3, 0.1e-6)
+    results = [off if entry.case.id == off.case.id else entry for entry in results]
+    verdict = scored(results).requirements[0].axes["1"]
+    assert (verdict.worst_case, verdict.amplitude, verdict.rest_error) == ("c02.slippery.gain_1", 50e-6, None)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-import pytest
+import functools
+from dataclasses import replace
 
+import pytest
+from descriptions import archive, description, variable
+from fmpy.model_description import BaseUnit, Unit
+
+from orchestrator import settings
 from orchestrator.errors import InputError
-from orchestrator.settings import read_mapping, read_parameters
+from orchestrator.settings import read_mapping
 
 SSM = """<?xml version="1.0" encoding="UTF-8"?>
 <ssm:ParameterMapping xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
@@ -25,6 +31,26 @@ SSV = """<?xml version="1.0" encoding="UTF-8"?>
   </ssv:Parameters>
 </ssv:ParameterSet>
 """
+
+
+CONTROLLER = replace(
+    archive(),
+    description=description(
+        [
+            variable("K_p[1]", "parameter", "N.m/rad"),
+            variable("alpha", "parameter", "deg"),
+            variable("n", "parameter"),
+            variable("odd", "parameter", "furlong"),
+            variable("T", "parameter", "degC"),
+        ],
+        [
+            Unit("N.m/rad", BaseUnit(kg=1, m=2, s=-2, rad=-1)),
+            Unit("degC", BaseUnit(K=1, offset=273.15)),
+            Unit("K", BaseUnit(K=1)),
+        ],
+    ),
+)
+read_parameters = functools.partial(settings.read_parameters, controller=CONTROLLER)
 
 
 @pytest.fixture
@@ -109,6 +135,53 @@ def test_ssv_parameters(file, major, real, integer):
 def test_nothing_in_an_ssv_is_dropped_silently(file, further, complaint):
     path = file("gains.ssv", SSV.format(major=1, real="Real", integer="Integer", further=further))
     assert complaint in told(read_parameters, path)
+
+
+UNITS = """<ssv:Units xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon">
+  <ssc:Unit name="mN.m/rad"><ssc:BaseUnit kg="1" m="2" s="-2" rad="-1" factor="0.001"/></ssc:Unit>
+  <ssc:Unit name="rev"/>
+</ssv:Units>
+"""
+
+
+def with_unit(name, unit, value="45000"):
+    """An SSV file that gives one more parameter in a unit."""
+    parameter = f'<ssv:Parameter name="{name}"><ssv:Real value="{value}" unit="{unit}"/></ssv:Parameter>'
+    text = SSV.format(major=1, real="Real", integer="Integer", further=parameter)
+    return text.replace("</ssv:Parameters>", f"</ssv:Parameters>{UNITS}")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "value"),
+    [
+        ("K_p[1]", "mN.m/rad", 45.0),
+        ("K_p[1]", "N.m/rad", 45e3),
+        ("K_p[1]", "N.m", 45e3),
+        ("alpha", "rad", 45e3 * 57.29577951308232),
+        ("odd", "furlong", 45e3),
+        ("T", "degC", 45e3),
+    ],
+)
+def test_units_in_an_ssv_are_converted_to_the_controllers(file, name, unit, value):
+    assert read_parameters(file("gains.ssv", with_unit(name, unit)))[name] == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "complaint"),
+    [
+        ("K_p[1]", "s", "the parameter K_p[1] is given in 's', which is no N.m/rad. Give it in N.m/rad"),
+        ("K_p[1]", "rev", "'rev', which cannot be compared to the FMU's unit for it, N.m/rad"),
+        ("n", "s", "cannot be compared to the FMU's unit for it, none"),
+        ("T", "K", "is given in 'K', which is no degC"),
+    ],
+)
+def test_units_in_an_ssv_that_do_not_fit_are_refused(file, name, unit, complaint):
+    assert complaint in told(read_parameters, file("gains.ssv", with_unit(name, unit)))
+
+
+def test_an_unknown_parameter_with_a_unit_is_answered_with_the_nearest(file):
+    with pytest.raises(InputError, match=r"x\.fmu has no parameter K_q\[1\]\. Nearest: K_p\[1\]"):
+        read_parameters(file("gains.ssv", with_unit("K_q[1]", "s")))
 
 
 @pytest.mark.parametrize(

@@ -159,9 +159,10 @@ measurements = st.builds(
     message=st.text(),
     measurement=st.none() | measurements,
     warnings=st.integers(0, 2**40),
+    kind=st.text(),
 )
-def test_a_record_gives_the_result_back_to_the_last_bit(cases, status, time, message, measurement, warnings):
-    result = CaseResult(cases[0], status, time, message, measurement, warnings, wall_time=1.25)
+def test_a_record_gives_the_result_back_to_the_last_bit(cases, status, time, message, measurement, warnings, kind):
+    result = CaseResult(cases[0], status, time, message, measurement, warnings, wall_time=1.25, kind=kind)
     record = json.loads(json.dumps(store.to_record(result)))
     assert store.from_record(cases[0], record) == result
 
@@ -187,6 +188,15 @@ def test_a_failure_counts_under_the_conditions_it_happened_in(status, opened, ow
     assert len(opened.load(keys, store.conditions(own))) == 2
     for other in (replace(own, timeout=100.0), replace(own, limits=Limits(memory=1)), replace(own, sandbox=True)):
         assert [result.case for result in opened.load(keys, store.conditions(other))] == [cases[1]]
+
+
+@pytest.mark.parametrize("status", [Status.TIMEOUT, Status.CRASHED, Status.ERROR])
+def test_failures_can_be_left_where_they_are(status, opened, own, cases):
+    keys = store.keys(PROTOCOL, cases, own)
+    for case, how in zip(cases, (Status.DONE, status, Status.UNSTABLE), strict=False):
+        opened.put(keys[case], CaseResult(case, how, 1.0))
+    assert [result.case for result in opened.load(keys)] == list(cases[:3])
+    assert [result.case for result in opened.load(keys, failures=False)] == [cases[0], cases[2]]
 
 
 def test_a_record_that_makes_no_sense_is_none(opened, own, cases, tmp_path):

@@ -24,7 +24,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not (sources and description.is_file()):
         print(f"error: {options.folder} needs the model's .c files and a modelDescription.xml", file=sys.stderr)
         return EXIT_BAD_INPUT
-    dialect = Dialect(options.fmi, "ModelExchange" if options.model_exchange else "CoSimulation", options.arrays)
+    try:
+        dialect = Dialect(options.fmi, "ModelExchange" if options.model_exchange else "CoSimulation", options.arrays)
+    except BuildError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     try:
         print(c_fmu(sources, description, options.fmu, dialect))
     except (BuildError, OSError) as error:

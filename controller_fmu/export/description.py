@@ -17,8 +17,11 @@ _INTERFACES = ("ModelExchange", "CoSimulation")
 
 
 def parse(xml: bytes) -> Element:
-    """Return the root of the model description ``xml``."""
-    return ElementTree.fromstring(xml)
+    """Return the root of the model description ``xml``; raises :class:`BuildError` where that is not XML."""
+    try:
+        return ElementTree.fromstring(xml)
+    except ElementTree.ParseError as problem:
+        raise BuildError(f"the model description is no well-formed XML: {problem}; mend it there") from None
 
 
 def to_bytes(root: Element) -> bytes:
@@ -68,7 +71,7 @@ def _set_units(root: Element, units: Mapping[str, str]) -> None:
         name = array_name(variable)
         if name not in units:
             raise BuildError(
-                f"{root.attrib['modelName']}: variable {variable.attrib['name']!r} has no unit; "
+                f"{root.get('modelName', 'the model')}: variable {variable.attrib['name']!r} has no unit; "
                 f"add {name!r} to the model's UNITS ('1' if it is dimensionless)"
             )
         real.set("unit", units[name])
@@ -88,7 +91,8 @@ def _define_units(root: Element) -> None:
 
 def _list_initial_unknowns(root: Element) -> None:
     structure = root.find("ModelStructure")
-    assert structure is not None, "pythonfmu writes it, and so do the descriptions of the C models"
+    if structure is None:
+        raise BuildError("the model description has no ModelStructure; add it, with the Outputs")
     for old in structure.findall("InitialUnknowns"):
         structure.remove(old)
     indices = [index for index, variable in enumerate(variables(root), start=1) if _is_initial_unknown(variable)]

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
+from controller_fmu.export.archive import BuildError
 from controller_fmu.export.description import array_name, variables
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """The kind of FMU a model is built for."""
+    """The kind of FMU a model is built for; raises :class:`BuildError` for one that does not exist."""
 
     version: Literal[1, 2, 3] = 2
     """FMI 1.0, 2.0 or 3.0; FMI 1.0 is for co-simulation only."""
@@ -21,6 +22,14 @@ class Dialect:
     """FMI 3.0: ``q_m`` with two elements instead of ``q_m[1]`` and ``q_m[2]``."""
     float_bits: Literal[32, 64] = 64
     """FMI 3.0: variables are Float64 or Float32; the model computes in double precision either way."""
+
+    def __post_init__(self) -> None:
+        if self.version == 1 and self.interface == "ModelExchange":
+            raise BuildError("FMI 1 is for co-simulation here; build for FMI 2 or 3 (--fmi 2), or no Model Exchange")
+        if self.version != 3 and self.arrays:
+            raise BuildError(f"FMI {self.version} has no arrays; build for FMI 3 (--fmi 3), or without arrays")
+        if self.version != 3 and self.float_bits != 64:
+            raise BuildError(f"FMI {self.version} has no Float{self.float_bits}; build for FMI 3 (--fmi 3)")
 
     @property
     def guid_attribute(self) -> str:
@@ -48,7 +57,9 @@ def _copy_attributes(source: Element, names: tuple[str, ...]) -> dict[str, str]:
 
 def _child(root: Element, path: str) -> Element:
     child = root.find(path)
-    assert child is not None, f"the description was completed, it has {path}"
+    if child is None:
+        whose = f"the variable {root.get('name')}" if root.tag == "ScalarVariable" else "the model description"
+        raise BuildError(f"{whose} has no {path}; add it")
     return child
 
 
@@ -96,8 +107,8 @@ def _fmi1(root: Element) -> Element:
     units = SubElement(translated, "UnitDefinitions")
     for unit in root.iterfind("UnitDefinitions/Unit"):
         SubElement(units, "BaseUnit", unit=unit.attrib["name"])
-    experiment = _child(root, "DefaultExperiment")
-    SubElement(translated, experiment.tag, _copy_attributes(experiment, ("startTime", "stopTime", "tolerance")))
+    for experiment in root.iterfind("DefaultExperiment"):
+        SubElement(translated, experiment.tag, _copy_attributes(experiment, ("startTime", "stopTime", "tolerance")))
     listed = SubElement(translated, "ModelVariables")
     listed.extend(_variable1(variable) for variable in variables(root))
     capabilities = ("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions")
@@ -108,7 +119,7 @@ def _fmi1(root: Element) -> Element:
 
 def _variable1(variable: Element) -> Element:
     attributes = _copy_attributes(variable, ("name", "valueReference", "description"))
-    causality, variability = variable.attrib["causality"], variable.attrib["variability"]
+    causality, variability = variable.get("causality", "local"), variable.get("variability", "continuous")
     attributes["causality"] = _CAUSALITY_1.get(causality, "internal")
     attributes["variability"] = _VARIABILITY_1.get(variability, variability)
     translated = Element(variable.tag, attributes)
@@ -128,7 +139,7 @@ def _fmi3(root: Element, dialect: Dialect) -> Element:
     kept = ("modelName", "description", "author", "version", "license", "variableNamingConvention")
     translated = Element(root.tag, {"fmiVersion": "3.0", **_copy_attributes(root, kept), "instantiationToken": ""})
     translated.append(_interface3(_child(root, "CoSimulation"), dialect))
-    translated.extend(_child(root, tag) for tag in _COMMON_3)
+    translated.extend(child for tag in _COMMON_3 for child in root.iterfind(tag))
     groups = _arrays(variables(root)) if dialect.arrays else [[variable] for variable in variables(root)]
     listed = SubElement(translated, "ModelVariables")
     listed.extend(_variable3(group, dialect) for group in groups)
@@ -136,7 +147,7 @@ def _fmi3(root: Element, dialect: Dialect) -> Element:
     time = {"valueReference": str(time_reference), "causality": "independent", "variability": "continuous"}
     SubElement(listed, dialect.float_type, {"name": "time", **time, "description": "Simulation time [s]"})
     structure = SubElement(translated, "ModelStructure")
-    outputs = [group[0].attrib["valueReference"] for group in groups if group[0].attrib["causality"] == "output"]
+    outputs = [group[0].attrib["valueReference"] for group in groups if group[0].get("causality") == "output"]
     for tag in ("Output", "InitialUnknown"):
         for reference in outputs:
             SubElement(structure, tag, valueReference=reference)

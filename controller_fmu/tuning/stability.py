@@ -2,13 +2,14 @@
 
 The loop is linearized at rest for the protocol's extreme systems, with the changes of the tests of A1 (gain) and A2
 (delay), and with an effective viscous friction anywhere between none and that of a motor that friction (8) holds,
-alpha f_c: a limit cycle chooses its friction by its amplitude, and a dither changes it for everybody.
+alpha f_c: a limit cycle chooses its friction by its amplitude, and a dither changes it for everybody. The search looks
+at the corners of that range and at one place inside; the tests look at a grid.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,10 @@ class LinearPlant:
     lag: tuple[int, int]
 
 
-def linear_plants(poses: Iterable[Configuration]) -> list[LinearPlant]:
-    """The linearized plants at ``poses``, for every system, friction and test of the module's lists."""
+def linear_plants(
+    poses: Iterable[Configuration], frictions: Sequence[tuple[float, float]] = FRICTIONS
+) -> list[LinearPlant]:
+    """The linearized plants at ``poses``, for every system and test of the module's lists, and all ``frictions``."""
     found = []
     for pose in poses:
         for system_name in SYSTEMS:
@@ -49,7 +52,7 @@ def linear_plants(poses: Iterable[Configuration]) -> list[LinearPlant]:
                 system = protocols.system(PAPER, NOMINAL, 0, pose.index, system_name, test)
                 at = experiment(protocols.case(PAPER, pose, system, test, 0))
                 T_s = float(at.case.scenario.sample_time)
-                for friction in FRICTIONS:
+                for friction in frictions:
                     A, B = model.discretize(*_linearized(at.course.memory, friction), T_s)
                     gain, lag = at.course.gain.tolist(), at.course.lag.tolist()
                     found.append(LinearPlant(at.q_m_ref, at.u_m0, A, B, (gain[0], gain[1]), (lag[0], lag[1])))

@@ -33,7 +33,8 @@ class CaseResult:
 
     The measurement is None where the simulation did not reach its end. ``warnings`` counts FMI calls that returned
     a warning, ``wall_time`` [s] what the simulation took. ``final`` is False where something from outside ended it, so
-    that it is worth another try.
+    that it is worth another try. ``kind`` is what went wrong without figures, the same for equal failures; empty where
+    nothing did.
     """
 
     case: Case
@@ -44,6 +45,7 @@ class CaseResult:
     warnings: int = 0
     wall_time: float = 0.0
     final: bool = True
+    kind: str = ""
 
 
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> dict[str, Any]:

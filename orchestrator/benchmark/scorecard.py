@@ -32,14 +32,17 @@ class CriterionScore:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a requirement holds; ``amplitude`` [m] is the largest limit cycle, ``worst_case`` where it was.
+    """Whether a requirement holds, and the ``worst_case`` with the ``amplitude`` [m] of its limit cycle.
 
-    ``passed`` is None where no case has been tried. A case without an amplitude (unstable, crashed) is the worst.
+    ``passed`` is None where no case has been tried. The worst is a case without an amplitude (left, crashed), else the
+    largest limit cycle of those that fail, else of all. ``rest_error`` is given where that case fails by it alone: its
+    TCP error at the end [m], which is too large for rest.
     """
 
     passed: bool | None
     amplitude: float | None
     worst_case: str | None
+    rest_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -156,20 +159,18 @@ def _configuration(
 
 def _verdict(candidates: Iterable[tuple[CaseResult, float | None]], limit: float) -> Verdict:
     """Over pairs of a case and its limit-cycle amplitude [m], None where there is no such amplitude to speak of."""
-    passed: bool | None = None
-    amplitude: float | None = None
-    worst: CaseResult | None = None
-    without: CaseResult | None = None
-    for result, value in candidates:
-        holds = result.status is Status.DONE and value is not None and value < limit
-        passed = holds if passed is None else passed and holds
-        if value is None:
-            without = without or result
-        elif amplitude is None or value > amplitude:
-            amplitude, worst = value, result
-    if without is not None:
-        return Verdict(passed, None, without.case.id)
-    return Verdict(passed, amplitude, worst.case.id if worst else None)
+    tried = [(value is None, not _holds(result, value, limit), value or 0.0, result) for result, value in candidates]
+    if not tried:
+        return Verdict(None, None, None)
+    without, fails, amplitude, worst = max(tried, key=lambda candidate: candidate[:3])
+    if without:
+        return Verdict(False, None, worst.case.id)
+    unrest = worst.measurement.rest_error if worst.measurement and fails and amplitude < limit else None
+    return Verdict(not fails, amplitude, worst.case.id, unrest)
+
+
+def _holds(result: CaseResult, amplitude: float | None, limit: float) -> bool:
+    return result.status is Status.DONE and amplitude is not None and amplitude < limit
 
 
 def _amplitudes(result: CaseResult) -> tuple[float | None, float | None]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +15,8 @@ from ..cosim.master import steady_state
 from ..cosim.port import exchange, exchange_often
 from ..cosim.probe import ERROR, LATE, Convention, probe, response
 from ..cosim.slaves import Slave, load
+from ..cosim.trace import CONTROLLER
+from ..errors import FmuError
 from .finding import Finding, Severity
 
 TIMED_STEPS = 2000
@@ -63,7 +66,7 @@ def timing(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction)
 
 
 def repeatability(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
-    """Two instances one after the other, and one reset in between, must answer alike."""
+    """Two instances one after the other must answer alike."""
     steady = _steady(plant)
     first, second = (response(controller, setup, steady, sample_time, LATE) for _ in range(2))
     if np.array_equal(first, second):
@@ -75,6 +78,12 @@ def repeatability(plant: Slave, controller: Slave, setup: Setup, sample_time: Fr
             f"two instances, one after the other, differ by up to {np.max(np.abs(first - second)):.3g} N.m",
             "Seed random numbers, and initialize all memory: results would not be reproducible.",
         )
+
+
+def reset(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """An instance that was initialized and reset must answer like a new one."""
+    steady = _steady(plant)
+    first = response(controller, setup, steady, sample_time, LATE)
     with controller.resetting():
         again = response(controller, setup, steady, sample_time, LATE)
     if np.array_equal(first, again):
@@ -97,7 +106,7 @@ def several_instances(plant: Slave, controller: Slave, setup: Setup, sample_time
         return
     steady = _steady(plant)
     alone = response(controller, setup, steady, sample_time, LATE)
-    other = load(controller.archive)
+    other = load(controller.archive, CONTROLLER)
     step = float(sample_time)
     moved = Steady((steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0), steady.u_m0, steady.q_a_ref)
     with prepared(other, setup, moved, sample_time, 1.0) as port:
@@ -128,8 +137,64 @@ def cost(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -
     yield Finding(Severity.OK, "cost", f"{spent * 1e6:.2f} µs a step")
 
 
-CHECKS = (timing, repeatability, several_instances, cost)
-"""Every check yields its findings, given the loaded plant and controller, the setup and the sample time."""
+def termination(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) -> Iterator[Finding]:
+    """The end of a simulation, after one step."""
+    step = float(sample_time)
+    with prepared(controller, setup, _steady(plant), sample_time, step) as port:
+        exchange(port, port.inputs.size, 0.0, step, True)
+        try:
+            controller.terminate()
+        except FmuError as problem:
+            yield Finding(
+                Severity.WARNING,
+                "termination",
+                str(problem),
+                "Mend what the FMU says itself. The results stand by then; every simulation will count this warning.",
+            )
+        else:
+            yield Finding(Severity.OK, "termination", "the simulation can be ended")
+
+
+Look = Callable[[Slave, Slave, Setup, Fraction], Iterator[Finding]]
+"""Yields its findings, given the loaded plant and controller, the setup and the sample time."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A look at the running controller; ``failure`` and ``loss`` are what it means where the look itself fails."""
+
+    look: Look
+    failure: Severity = Severity.ERROR
+    loss: str = ""
+
+    @property
+    def subject(self) -> str:
+        """What is looked at."""
+        return self.look.__name__.replace("_", " ")
+
+
+CHECKS = (
+    Check(timing),
+    Check(repeatability),
+    Check(
+        reset,
+        Severity.WARNING,
+        "The benchmark goes on without: it makes a new instance for every simulation. Importers that reset will fail.",
+    ),
+    Check(
+        several_instances,
+        Severity.WARNING,
+        "The benchmark goes on without: it has one controller a process. Importers with several at once will fail.",
+    ),
+    Check(termination),
+    Check(cost),
+)
+
+
+def run_check(plant: Slave, controller: Slave, task: tuple[int, Setup, Fraction]) -> list[Finding]:
+    """Findings of one of ``CHECKS``, by its number: the work of a child process."""
+    number, setup, sample_time = task
+    return list(CHECKS[number].look(plant, controller, setup, sample_time))
 
 
 def _steady(plant: Slave) -> Steady:

@@ -52,7 +52,7 @@ def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterat
         yield Finding(Severity.OK, connector.name, f"{names} ({bound.spelled})")
         for note in bound.notes:
             yield Finding(Severity.NOTE, connector.name, note, f"Declare the unit {connector.unit}.")
-    T_s = sample_time_parameter(archive)
+    T_s = sample_time_parameter(archive, setup)
     if T_s is not None:
         yield Finding(Severity.OK, "T_s", f"{_described(T_s)}; it is given the sample time")
     if setup.parameters:

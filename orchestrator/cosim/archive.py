@@ -30,7 +30,9 @@ MOST_BYTES = 2 * 1024**3
 MOST_RATIO = 200
 """Limit of the compression ratio of an archive larger than SMALL: beyond it is a zip bomb, not a model."""
 SMALL = 64 * 1024**2
-LARGEST_DESCRIPTION = 256 * 1024**2
+DESCRIPTIONS = ("modelDescription.xml", "sources/buildDescription.xml")
+"""What is read into the memory of this process; elements of XML take some twenty times as much there."""
+LARGEST_DESCRIPTION = 32 * 1024**2
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,11 @@ def _check_contents(file: Path) -> None:
             raise InputError(f"{file.name} is refused: its entry {member.filename!r} is a link.")
         if member.flag_bits & 1:
             raise InputError(f"{file.name} is refused: its entry {member.filename!r} is encrypted.")
+        if member.filename in DESCRIPTIONS and member.file_size > LARGEST_DESCRIPTION:
+            raise InputError(
+                f"{file.name} is refused: its {member.filename} has {member.file_size / 1e6:.0f} MB, more than the "
+                f"{LARGEST_DESCRIPTION / 1e6:.0f} MB that are read. Export it with fewer variables."
+            )
     if names.count("modelDescription.xml") > 1:
         raise InputError(f"{file.name} is refused: it has more than one modelDescription.xml.")
     if len(members) > MOST_FILES or size > MOST_BYTES or (size > SMALL and size > MOST_RATIO * max(packed, 1)):

@@ -96,13 +96,16 @@ def bind(
 
     ``mapping`` gives the FMU's variable for a component ("q_m[1]") or, for an array, a connector ("q_m"); ``what``
     ("The controller x.fmu") begins messages. Raises :class:`InputError` where a required connector is missing, two
-    candidates spell the same, or a variable has another causality, type, size or kind of unit.
+    candidates spell the same, or a variable has another causality, type, size or kind of unit. What is mapped to one
+    connector is not looked at for others.
     """
     known = variables(description)
     mapping = _checked(mapping or {}, connectors, known, what)
+    free = {name: variable for name, variable in known.items() if name not in mapping.values()}
     binding: dict[str, Bound] = {}
     for connector in connectors:
-        found, spelled = _find(connector, known, mapping, what)
+        mapped = _mapped(connector, known, mapping)
+        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, what)
         if found:
             binding[connector.name] = _bound(description, connector, found, spelled, what)
         elif connector.required:
@@ -175,20 +178,26 @@ def _checked(
             raise InputError(
                 f"{what} has no variable {source}, to which {target} is mapped. Nearest: {_nearest(source, known)}."
             )
+        other = next(name for name, variable in mapping.items() if variable == source)
+        if other != target:
+            raise InputError(
+                f"The mapping has {source} for both {other} and {target}. Map each to a variable of its own."
+            )
     return mapping
 
 
-def _find(
-    connector: Connector, known: Mapping[str, Variable], mapping: Mapping[str, str], what: str
-) -> tuple[list[Variable], str]:
+def _mapped(connector: Connector, known: Mapping[str, Variable], mapping: Mapping[str, str]) -> list[Variable]:
     components = connector.components()
     if connector.name in mapping:
-        return [known[mapping[connector.name]]], "mapped"
-    mapped = [name in mapping for name in components]
-    if all(mapped):
-        return [known[mapping[name]] for name in components], "mapped"
-    if any(mapped):
+        return [known[mapping[connector.name]]]
+    mapped = [known[mapping[name]] for name in components if name in mapping]
+    if len(mapped) == 1:
         raise InputError(f"The mapping has only one of {components[0]} and {components[1]}. Give both.")
+    return mapped
+
+
+def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
+    components = connector.components()
     for pair in (components, zero_based(connector.name)):
         if all(name in known for name in pair):
             every = (f"{connector.name}[{index}]" for index in range(10))

@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from ..errors import InputError
 from .archive import Archive
 from .connectors import SAMPLE_TIME, Binding, bind_controller, find_parameters
 from .names import canonical
@@ -42,13 +43,25 @@ def controller_binding(controller: Archive, setup: Setup) -> Binding:
     return bind_controller(controller.description, f"The controller {controller.name}", setup.mapping)
 
 
-def sample_time_parameter(controller: Archive) -> Variable | None:
-    """The controller's parameter T_s, where it has one."""
-    scalars = (v for v in variables(controller.description).values() if v.is_real and v.size == 1)
-    for variable in scalars:
-        if variable.causality == "parameter" and canonical(variable.name.split(".")[-1]) == canonical(SAMPLE_TIME):
-            return variable
-    return None
+def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
+    """The controller's parameter T_s, where it has one that ``setup`` leaves to the benchmark.
+
+    The exact name goes above others that spell the same, as at connectors; raises
+    :class:`~orchestrator.errors.InputError` where there are several of these.
+    """
+    scalars = [v for v in variables(controller.description).values() if v.is_real and v.size == 1]
+    parameters = [v for v in scalars if v.causality == "parameter"]
+    alike = [v for v in parameters if canonical(v.name.split(".")[-1]) == canonical(SAMPLE_TIME)]
+    candidates = [v for v in alike if v.name == SAMPLE_TIME] or alike
+    if any(v.name in setup.parameters for v in candidates):
+        return None
+    if len(candidates) > 1:
+        names = ", ".join(v.name for v in candidates)
+        raise InputError(
+            f"The controller {controller.name} has more than one candidate for its sample time {SAMPLE_TIME}: {names}. "
+            f"Set it yourself, such as --set {candidates[0].name}=0.00025, or rename it to {SAMPLE_TIME}."
+        )
+    return candidates[0] if candidates else None
 
 
 @contextmanager
@@ -64,8 +77,8 @@ def prepared(
     binding = controller_binding(slave.archive, setup)
     what = f"The controller {slave.archive.name}"
     before = find_parameters(slave.archive.description, setup.parameters, what)
-    T_s = sample_time_parameter(slave.archive)
-    if T_s is not None and T_s.name not in setup.parameters:
+    T_s = sample_time_parameter(slave.archive, setup)
+    if T_s is not None:
         unit = conversion(slave.archive.description, T_s.unit, "s", f"{what}: {T_s.name}")
         before[T_s] = [float(sample_time) / unit.factor]
     seen = steady.q_m_ref if first is None else first

@@ -12,6 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from ..errors import InputError
 from ..folders import cache_folder, source_hash
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -20,8 +21,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 @functools.cache
 def _cache_of_these_sources() -> str:
     """A folder named by the hash of this package's sources. Numba itself looks only at the file of the function
-    it compiles and would run stale machine code after a change in a helper from another module."""
-    return str(cache_folder() / "numba" / source_hash([Path(__file__).parent])[:16])
+    it compiles and would run stale machine code after a change in a helper from another module.
+
+    Empty where there is no cache folder: this runs while modules are imported, and who needs files will tell."""
+    try:
+        return str(cache_folder() / "numba" / source_hash([Path(__file__).parent])[:16])
+    except InputError:
+        return ""
 
 
 def compiled(function: F) -> F:
@@ -39,10 +45,10 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, **options: bool) -> F:
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _cache_of_these_sources()
+    before, folder = numba.config.CACHE_DIR, _cache_of_these_sources()
+    numba.config.CACHE_DIR = folder
     try:
-        return numba.njit(cache=True, error_model="numpy", _nrt=False, **options)(function)
+        return numba.njit(cache=bool(folder), error_model="numpy", _nrt=False, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

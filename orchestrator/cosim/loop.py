@@ -134,4 +134,5 @@ def run(plant, controller, loop, record):
         dx, dz = plant.output_values[2] - x_0, plant.output_values[3] - z_0
         if not dx * dx + dz * dz <= reach:
             return Ending(DIVERGED, k + 1, 0, 0, warnings)
+    controller.trace[SAMPLE] = loop.samples
     return Ending(FINISHED, loop.samples, 0, 0, warnings)

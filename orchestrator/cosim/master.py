@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ..errors import FmuError
 from . import loop, port, signals, trace
 from .connectors import PLANT, Binding, bind, find_outputs, find_parameters
 from .controller import Setup, Steady, prepared
@@ -55,8 +57,7 @@ def simulate(
             raw = loop.Ending(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
             ending = _ending(raw, scenario, plant, controller)
             if not ending.failed_call:
-                controller.terminate()
-                plant.terminate()
+                ending = _terminated(ending, controller, plant)
     return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
 
 
@@ -115,15 +116,32 @@ def _ending(raw: loop.Ending, scenario: Scenario, plant: Slave, controller: Slav
         message = f"{controller.archive.name} asked for a torque that is no number or beyond {loop.ABSURD:g} N.m"
         return Ending(Status.ERROR, time, message, raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
-    call = slave.calls[("set", "step", "get")[raw.call]]
-    if raw.status in STEPPING_WORDS:
-        told = f"{slave.archive.name} {STEPPING_WORDS[raw.status]}"
-    elif raw.status < len(STATUS_WORDS):
-        told = f"{slave.archive.name}: {call} returned {STATUS_WORDS[raw.status]}"
+    failure = exchange_failure(slave, raw.call, raw.status)
+    return Ending(Status.ERROR, time, str(failure), raw.warnings, failure.call)
+
+
+def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
+    """What :func:`~orchestrator.cosim.port.exchange` ended with, a status above WARNING, in words."""
+    name = slave.calls[("set", "step", "get")[call]]
+    if status in STEPPING_WORDS:
+        told = f"{slave.archive.name} {STEPPING_WORDS[status]}"
+    elif status < len(STATUS_WORDS):
+        told = f"{slave.archive.name}: {name} returned {STATUS_WORDS[status]}"
     else:
-        signed = raw.status - (1 << 32 if raw.status >= 1 << 31 else 0)
-        told = f"{slave.archive.name}: {call} returned the illegal status {signed}"
-    return Ending(Status.ERROR, time, "\n  ".join((told, *log.lines())), raw.warnings, call)
+        signed = status - (1 << 32 if status >= 1 << 31 else 0)
+        told = f"{slave.archive.name}: {name} returned the illegal status {signed}"
+    return FmuError(told, name, log.lines())
+
+
+def _terminated(ending: Ending, *slaves: Slave) -> Ending:
+    """The simulation is over for ``slaves``, too; what they say to that is worth a warning and changes no result."""
+    for slave in slaves:
+        try:
+            slave.terminate()
+        except FmuError as problem:
+            message = "\n  ".join(filter(None, (ending.message, f"after its end: {problem}")))
+            ending = replace(ending, message=message, warnings=ending.warnings + 1)
+    return ending
 
 
 def _trajectory(

@@ -1,7 +1,7 @@
 """Native access to an instantiated slave from the compiled loop: one exchange of values around one step.
 
-FMI 1, 2 and 3 co-simulation differ in how a step is called; Model Exchange controllers without continuous states
-are stepped here too, from one time event to the next.
+FMI 1, 2 and 3 co-simulation differ in how a step is called. Model Exchange controllers are stepped here too, from event
+to event: every sample is one, since inputs jump there, and between two the solver integrates where there is one.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
 the step, or goes on asking for another event iteration. No status an FMU can return is as large."""
 
 CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3 = range(4)
-"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, time events of FMI 2 and FMI 3."""
+"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange."""
 
 SET_TIME, ENTER_EVENTS, UPDATE, ENTER_CONTINUOUS, COMPLETED = range(5)
 """Functions of Model Exchange in ``Port.functions``."""
 
-NEXT_EVENT, IN_EVENT_MODE = range(2)
-"""Entries of ``Port.clock``: time of the next event [s], and 1 while the FMU is in event mode."""
+NEXT_EVENT, IN_EVENT_MODE, REACHED, STATE_EVENT = range(4)
+"""Entries of ``Port.clock``: time of the next time event [s], 1 while the FMU is in event mode; and what a solver
+reports: the time it has reached [s], 1 where a state event stopped it there."""
 
 MOST_ITERATIONS = 1000
 
@@ -50,11 +51,12 @@ class Port(NamedTuple):
     instance: int
     set_values: int
     do_step: int
+    """doStep, or in Model Exchange the solver, of the same arguments as FMI 2's; 0 where there is nothing to solve."""
     get_values: int
     functions: np.ndarray
     """int64 addresses, shape (5,); 0 where a function is not to be called."""
     clock: np.ndarray
-    """float64, shape (2,)."""
+    """float64, shape (4,)."""
     info: np.ndarray
     """float64, shape (4,): memory for what an FMU reports through pointers."""
     inputs: np.ndarray
@@ -155,49 +157,75 @@ def _do_step_3(port, time, step):
 
 @compiled
 def _exchange_events(port, count, time, step, read):
-    """Model Exchange without continuous states: the event due at ``time`` sees the inputs written now."""
+    """Model Exchange: an event at ``time``, in which inputs are written and what is due happens, then on from there."""
     tolerance = 1e-6 * step
     port.trace[CALL] = 1 + STEP
-    status = call_status(port.functions[SET_TIME], (port.instance, time))
+    # An FMU may miss its own event where the time is a rounding error early.
+    due = port.clock[NEXT_EVENT] <= time + tolerance
+    now = max(time, port.clock[NEXT_EVENT]) if due else time
+    status = call_status(port.functions[SET_TIME], (port.instance, now))
+    if status <= WARNING and port.clock[IN_EVENT_MODE] == 0.0:
+        status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
     if status > WARNING:
         return STEP, status
-    due = port.clock[IN_EVENT_MODE] > 0.0 or port.clock[NEXT_EVENT] <= time + tolerance
-    if due and port.clock[IN_EVENT_MODE] == 0.0:
-        status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
-        if status > WARNING:
-            return STEP, status
-        port.clock[IN_EVENT_MODE] = 1.0
     written = _write(port, count) if count > 0 else 0
     if written > WARNING:
         return SET, written
     port.trace[CALL] = 1 + STEP
-    if due:
-        status = _handle_event(port)
-        if status > WARNING:
-            return STEP, status
-    while port.clock[NEXT_EVENT] < time + step - tolerance:
-        status = call_status(port.functions[SET_TIME], (port.instance, port.clock[NEXT_EVENT]))
-        if status <= WARNING:
-            status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
-        if status <= WARNING:
-            status = _handle_event(port)
-        if status > WARNING:
-            return STEP, status
-    if port.functions[COMPLETED] != 0:
-        at = port.info.ctypes.data
-        if port.stepping == EVENTS:
-            status = call_status(port.functions[COMPLETED], (port.instance, np.int32(1), at, at + 8))
-        else:
-            status = call_status(port.functions[COMPLETED], (port.instance, np.uint8(1), at, at + 8))
-        if status > WARNING:
-            return STEP, status
+    stepped = _handle_event(port)
+    if stepped <= WARNING:
+        stepped = max(stepped, _advance(port, time, time + step, tolerance))
+    if stepped > WARNING:
+        return STEP, stepped
     got = _read(port) if read else 0
-    return GET, max(written, got)
+    return GET, max(written, stepped, got)
+
+
+@compiled
+def _advance(port, time, end, tolerance):
+    """From event to event; one at ``end`` is left to the next sample, whose inputs it is to see."""
+    worst = 0
+    while time < end - tolerance:
+        status, time, event = _integrate(port, time, min(end, port.clock[NEXT_EVENT]), tolerance)
+        if status <= WARNING and (event or time < end - tolerance):
+            status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
+            if status <= WARNING:
+                status = _handle_event(port)
+        if status > WARNING:
+            return status
+        worst = max(worst, status)
+    return worst
+
+
+@compiled
+def _integrate(port, time, goal, tolerance):
+    """Continuous time up to ``goal`` or a state event: the status, the time reached, and whether an event is wanted."""
+    event = False
+    if port.do_step != 0 and goal > time + tolerance:
+        status = call_status(port.do_step, (port.instance, time, goal - time, np.int32(1)))
+        if status > WARNING:
+            return status, time, False
+        goal, event = port.clock[REACHED], port.clock[STATE_EVENT] > 0.0
+    status = call_status(port.functions[SET_TIME], (port.instance, goal))
+    if status > WARNING or port.functions[COMPLETED] == 0:
+        return status, goal, event
+    flags = port.info.view(np.int32)
+    flags[:2] = 0
+    at = port.info.ctypes.data
+    if port.stepping == EVENTS:
+        status = call_status(port.functions[COMPLETED], (port.instance, np.int32(1), at, at + 4))
+        wanted, terminate = flags[0] != 0, flags[1] != 0
+    else:
+        bits = port.info.view(np.uint8)
+        status = call_status(port.functions[COMPLETED], (port.instance, np.uint8(1), at, at + 1))
+        wanted, terminate = bits[0] != 0, bits[1] != 0
+    return TERMINATED if status <= WARNING and terminate else status, goal, event or wanted
 
 
 @compiled
 def _handle_event(port):
     """Event iteration until the FMU is content; leaves event mode and notes the time of the next event."""
+    worst = 0
     for _ in range(MOST_ITERATIONS):
         if port.stepping == EVENTS:
             # struct fmi2EventInfo: five 4-byte flags, padding, nextEventTime
@@ -215,8 +243,9 @@ def _handle_event(port):
             return status
         if terminate:
             return TERMINATED
+        worst = max(worst, status)
         if not again:
             port.clock[NEXT_EVENT] = port.info[3] if defined else np.inf
             port.clock[IN_EVENT_MODE] = 0.0
-            return call_status(port.functions[ENTER_CONTINUOUS], (port.instance,))
+            return max(worst, call_status(port.functions[ENTER_CONTINUOUS], (port.instance,)))
     return ENDLESS_EVENTS

@@ -18,8 +18,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..errors import FmuError
 from .controller import Setup, Steady, prepared
+from .master import exchange_failure
 from .port import WARNING, exchange
 from .slaves import Slave
 
@@ -89,7 +89,8 @@ def response(
 ) -> np.ndarray:
     """Torques [N.m], shape (SAMPLES, 2), while the measured angles fall by ERROR at sample ``begin``.
 
-    With ``initially`` they are there already during initialization. Raises :class:`FmuError` where a call fails.
+    With ``initially`` they are there already during initialization. Raises
+    :class:`~orchestrator.errors.FmuError` where a call fails.
     """
     q_m_ref = np.array(steady.q_m_ref)
     first = tuple(q_m_ref - ERROR) if initially else steady.q_m_ref
@@ -101,8 +102,6 @@ def response(
             port.input_values[:] = port.scale * (measured - port.offset)
             call, status = exchange(port, port.inputs.size, float(k * sample_time), step, True)
             if status > WARNING:
-                raise FmuError(
-                    f"{slave.archive.name}: {slave.calls[('set', 'step', 'get')[call]]} returned status {status}"
-                )
+                raise exchange_failure(slave, call, status)
             torques[k] = port.output_scale * port.output_values
     return torques

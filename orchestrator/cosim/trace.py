@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-SIZE = 256
-"""Bytes of a trace: four int64 words, then the name of the FMI call as text."""
+SIZE = 512
+"""Bytes of a trace: three int64 words, then three texts."""
 
 SAMPLE, SIDE, CALL = range(3)
-"""Words: the sample, whose call it is, and which one of the loop's calls (0 where the text says it)."""
+"""Words: the sample, whose call it is, and which one of the loop's calls (0 where it is another)."""
 
 NOBODY, PLANT, CONTROLLER = range(3)
-LOOP_CALLS = ("", "set", "step", "get")
+"""Sides. Each has a text: the FMI names of the loop's calls, in their order, and nobody's is that of another call."""
 
-_TEXT = 32
+_WORDS, _TEXT = 32, 160
 
 
 class Trace:
@@ -23,14 +24,16 @@ class Trace:
 
     def __init__(self, buffer: bytearray | memoryview | None = None) -> None:
         self._bytes = np.frombuffer(buffer if buffer is not None else bytearray(SIZE), dtype=np.uint8)
-        self.words = self._bytes[:_TEXT].view(np.int64)
+        self.words = self._bytes[:_WORDS].view(np.int64)
 
     def note(self, side: int, call: str) -> None:
         """An FMI call outside the loop begins."""
-        text = call.encode()[: SIZE - _TEXT - 1]
-        self._bytes[_TEXT:] = 0
-        self._bytes[_TEXT : _TEXT + len(text)] = np.frombuffer(text, dtype=np.uint8)
+        self._write(NOBODY, call)
         self.words[SIDE], self.words[CALL] = side, 0
+
+    def expect(self, side: int, calls: Sequence[str]) -> None:
+        """The loop is about to make these ``calls``: what its numbers, from 1 on, stand for."""
+        self._write(side, " ".join(calls))
 
     def reset(self) -> None:
         """A new simulation begins."""
@@ -38,10 +41,20 @@ class Trace:
 
     def read(self) -> Place:
         """Where the simulation is."""
-        text = self._bytes[_TEXT:].tobytes().split(b"\0")[0].decode(errors="replace")
-        call = int(self.words[CALL])
-        in_loop = 0 < call < len(LOOP_CALLS)
-        return Place(int(self.words[SAMPLE]), int(self.words[SIDE]), LOOP_CALLS[call] if in_loop else text)
+        side, call = int(self.words[SIDE]), int(self.words[CALL])
+        names = self._text(side).split()
+        known = 0 < call <= len(names)
+        return Place(int(self.words[SAMPLE]), side, names[call - 1] if known else self._text(NOBODY))
+
+    def _write(self, side: int, text: str) -> None:
+        encoded = text.encode()[: _TEXT - 1].ljust(_TEXT, b"\0")
+        self._place(side)[:] = np.frombuffer(encoded, dtype=np.uint8)
+
+    def _text(self, side: int) -> str:
+        return self._place(side).tobytes().split(b"\0")[0].decode(errors="replace")
+
+    def _place(self, side: int) -> np.ndarray:
+        return self._bytes[_WORDS + side * _TEXT :][:_TEXT]
 
 
 @dataclass(frozen=True)

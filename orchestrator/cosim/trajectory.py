@@ -23,7 +23,8 @@ class Status(str, Enum):
 
 @dataclass(frozen=True)
 class Ending:
-    """``status``, the simulated ``time`` [s] it came at, and for anything but DONE a sentence why.
+    """``status``, the simulated ``time`` [s] it came at, and for anything but DONE a sentence why (for DONE
+    perhaps a warning).
 
     ``warnings`` counts FMI calls that returned a warning; ``failed_call`` names the one that returned worse.
     """

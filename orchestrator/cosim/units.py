@@ -1,11 +1,12 @@
-"""Units at a connection: the factor from an FMU's declared unit to the connector's, checked by base units."""
+"""Units: the factor from an FMU's declared unit to a connector's, from a given one to the FMU's, by base units."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from fmpy.model_description import BaseUnit, ModelDescription
+from fmpy.model_description import ModelDescription, Unit
 
 from ..errors import InputError
 
@@ -14,10 +15,14 @@ EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 @dataclass(frozen=True)
 class Dimension:
-    """A unit as ``factor`` times a product of base units; ``exponents`` in the order of ``EXPONENTS``."""
+    """A unit as ``factor`` times a product of base units; ``exponents`` in the order of ``EXPONENTS``.
+
+    ``offset`` is where its zero is, in base units.
+    """
 
     factor: float
     exponents: tuple[int, ...]
+    offset: float = 0.0
 
 
 def _of(factor: float = 1.0, **exponents: int) -> Dimension:
@@ -54,13 +59,10 @@ def conversion(description: ModelDescription, unit: str | None, wanted: str, whe
     """
     if unit is None:
         return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
-    definition = next((known for known in description.unitDefinitions if known.name == unit), None)
-    base = definition.baseUnit if definition is not None else None
-    found = _dimension(base) if base is not None else KNOWN.get(unit)
-    target = KNOWN[wanted]
-    if base is not None and base.offset:
+    found, target = _dimension(unit, description.unitDefinitions), KNOWN[wanted]
+    if found is not None and found.offset:
         raise InputError(
-            f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {base.offset:g}). "
+            f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g}). "
             f"Declare it in {wanted}."
         )
     if found is None:
@@ -77,8 +79,35 @@ def conversion(description: ModelDescription, unit: str | None, wanted: str, whe
     return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
 
 
-def _dimension(base: BaseUnit) -> Dimension:
-    return Dimension(float(base.factor), tuple(int(getattr(base, name)) for name in EXPONENTS))
+def factor_to_own(
+    description: ModelDescription, own: str | None, given: str, definitions: Iterable[Unit], where: str
+) -> float:
+    """The factor from a value in the unit ``given`` to one in an FMU's ``own`` unit.
+
+    ``definitions`` come with the value and go above the FMU's for ``given``. Raises :class:`InputError` where the two
+    cannot be compared or are of different kind.
+    """
+    found = _dimension(given, [*definitions, *description.unitDefinitions])
+    target = _dimension(own, description.unitDefinitions) if own is not None else None
+    if found is None or target is None:
+        if given == own:
+            return 1.0
+        raise InputError(
+            f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
+            "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it."
+        )
+    if found.offset != target.offset or not _differ_in_radians_only(found, target):
+        raise InputError(f"{where} is given in {given!r}, which is no {own}. Give it in {own}.")
+    return found.factor / target.factor
+
+
+def _dimension(unit: str, definitions: Iterable[Unit]) -> Dimension | None:
+    """What ``unit`` is made of, by its definition or else by its name; None where neither says it."""
+    base = next((known.baseUnit for known in definitions if known.name == unit), None)
+    if base is None:
+        return KNOWN.get(unit)
+    exponents = tuple(int(getattr(base, name)) for name in EXPONENTS)
+    return Dimension(float(base.factor), exponents, float(base.offset))
 
 
 def _differ_in_radians_only(first: Dimension, second: Dimension) -> bool:

@@ -30,7 +30,7 @@ PATIENCE = 10.0
 def main(job: Job, outcomes: Connection, output: Connection, shared: Any) -> None:
     """Run ``job``; outcomes go through the one pipe, whatever the FMUs print or log through the other.
 
-    ``shared`` is the :class:`~orchestrator.execution.launch.SharedTrace` that the parent reads after a crash.
+    ``shared`` is the :class:`~orchestrator.execution.shared_trace.SharedTrace` that the parent reads after a crash.
     """
     bind_to_parent()
     if os.name == "posix":

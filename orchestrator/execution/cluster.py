@@ -100,4 +100,4 @@ def _open(archive: Archive, content: bytes) -> Archive:
 
 
 def _lost(index: int, problem: Any) -> Died:
-    return Died(index, False, f"its worker died repeatedly: {problem}", 0.0, Place(0, 0, ""), outside=True)
+    return Died(index, False, f"its worker died repeatedly: {problem}", "", 0.0, Place(0, 0, ""), outside=True)

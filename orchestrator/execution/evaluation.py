@@ -26,7 +26,7 @@ from .isolation import run_isolated
 from .job import Died, Failed, Finished, Job, Limits, Outcome
 
 GROUP_SIZE = 9
-"""Cases a child process runs before it is replaced: enough that its start (some 0.1 s) does not count, few enough
+"""Cases a child process runs before it is replaced: enough that its start does not count, few enough
 that leaks of FMPy and of FMUs do not either."""
 
 STRIKES = 3
@@ -39,7 +39,7 @@ START_TIME = 5.0
 """Wall time [s] for instantiation and initialization, on top of the share."""
 
 FIRST_START_TIME = 30.0
-"""The same where compiled code may be missing from the cache."""
+"""The same where compiled code may be missing from the cache, at the least."""
 
 Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
 """Runs jobs somewhere; yields (number of the job, outcome) as they come."""
@@ -79,18 +79,22 @@ def evaluate(
     execute: Execute,
     failures: Sequence[CaseResult] = (),
     keep_going: bool = False,
+    at_once: CaseResult | None = None,
 ) -> Generator[CaseResult, None, None]:
     """Results of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone.
 
     After STRIKES failures of one kind, those of earlier ``failures`` counted, the remaining cases are skipped unless
-    ``keep_going``.
+    ``keep_going``. A failure ``at_once``, which the rehearsal has found, is enough alone.
     """
-    strikes = Counter(_kind(result) for result in failures)
+    strikes = Counter((result.status, result.kind) for result in failures)
     groups = [cases[first : first + GROUP_SIZE] for first in range(0, len(cases), GROUP_SIZE)]
     work = functools.partial(_judged, protocol, bench.setup)
     jobs = [bench.job(group, [case.scenario for case in group], work, START_TIME) for group in groups]
     waiting = dict.fromkeys(cases)
-    reason = _reason(strikes, keep_going)
+    reason = _reason(strikes, at_once, keep_going)
+    if at_once is not None and at_once.case in waiting and not keep_going:
+        del waiting[at_once.case]
+        yield at_once
     if not reason:
         with contextlib.closing(execute(jobs)) as outcomes:
             for number, outcome in outcomes:
@@ -100,30 +104,42 @@ def evaluate(
                 del waiting[case]
                 result = case_result(case, outcome)
                 yield result
-                strikes[_kind(result)] += 1
-                reason = _reason(strikes, keep_going)
+                strikes[result.status, result.kind] += 1
+                reason = _reason(strikes, at_once, keep_going)
                 if reason:
                     break
     for case in waiting:
         yield CaseResult(case, Status.SKIPPED, 0.0, reason)
 
 
-def rehearse(case: Case, bench: Bench) -> Timing | None:
-    """Simulate the first sample of ``case`` and probe the controller's timing.
+@dataclass(frozen=True)
+class Rehearsal:
+    """What the first sample has shown: the controller's ``timing``, None where it cannot be probed, and the result of
+    the case where its process has not come through the first sample: no case can then be expected to."""
+
+    timing: Timing | None = None
+    failure: CaseResult | None = None
+
+
+def rehearse(case: Case, bench: Bench) -> Rehearsal:
+    """Simulate the first sample of ``case``, then probe the controller's timing.
 
     What is wrong with the input shows here, before anything else runs: raises
     :class:`~orchestrator.errors.BenchmarkError` where the FMUs cannot be connected or initialized or refuse the first
     step. It also leaves the compiled code of both in the cache, before several processes would compile it at once.
-    Returns None where the controller crashes, which has a place in the results.
     """
     scenario = replace(case.scenario, duration=case.scenario.sample_time)
-    job = bench.job([scenario], [scenario], functools.partial(_rehearsed, bench.setup), FIRST_START_TIME)
-    for outcome in run_isolated(job):
+    start = max(FIRST_START_TIME, 0.5 * bench.timeout)  # who gives cases more time has a controller that needs it
+    work = functools.partial(_rehearsed, bench.setup)
+    timing = None
+    for outcome in run_isolated(bench.job([(scenario, False), (scenario, True)], [scenario] * 2, work, start)):
         if isinstance(outcome, Failed):
             raise outcome.error
         if isinstance(outcome, Finished):
-            return outcome.value
-    return None
+            timing = outcome.value
+        elif outcome.index == 0 and outcome.place.sample == 0 and not outcome.outside:
+            return Rehearsal(failure=case_result(case, outcome))
+    return Rehearsal(timing)
 
 
 def simulate_isolated(scenario: Scenario, bench: Bench, observe: Sequence[str] = ()) -> Trajectory:
@@ -144,20 +160,30 @@ def simulate_isolated(scenario: Scenario, bench: Bench, observe: Sequence[str] =
 def case_result(case: Case, outcome: Outcome) -> CaseResult:
     """The result of a case from what its process had to say, or left behind."""
     if isinstance(outcome, Finished):
-        return CaseResult(case, wall_time=outcome.wall_time, **outcome.value)
+        kind = _first_line(outcome.value["message"]) if outcome.value["status"] is Status.ERROR else ""
+        return CaseResult(case, wall_time=outcome.wall_time, kind=kind, **outcome.value)
+    wall_time = outcome.wall_time
     if isinstance(outcome, Failed):
-        return CaseResult(case, Status.ERROR, 0.0, str(outcome.error), wall_time=outcome.wall_time)
+        message, call = str(outcome.error), getattr(outcome.error, "call", "")
+        kind = f"{call} failed" if call else _first_line(message)
+        # Errors are raised before the first sample; a trajectory tells those that come later.
+        return CaseResult(case, Status.ERROR, 0.0, message, wall_time=wall_time, kind=kind)
     status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
     time = float(outcome.place.sample * case.scenario.sample_time)
-    message = _told(outcome, case.scenario)
-    return CaseResult(case, status, time, message, wall_time=outcome.wall_time, final=not outcome.outside)
+    message, final = _told(outcome, case.scenario), not outcome.outside
+    return CaseResult(case, status, time, message, wall_time=wall_time, final=final, kind=outcome.kind)
 
 
-def _rehearsed(setup: Setup, plant: Slave, controller: Slave, scenario: Scenario) -> Timing | None:
+def _rehearsed(setup: Setup, plant: Slave, controller: Slave, task: tuple[Scenario, bool]) -> Timing | None:
+    """One sample, and where the task says so the timing. These are two tasks, since a crash of the probe, which takes
+    further instances, is no verdict on the controller."""
+    scenario, with_timing = task
     trajectory = simulate(plant, controller, scenario, setup, ("q_a[1]", "q_a[2]"))
     ending = trajectory.ending
     if ending.status is Status.ERROR and ending.failed_call:
         raise FmuError(f"The first sample fails: {ending.message}", ending.failed_call)
+    if not with_timing:
+        return None
     pose = (float(trajectory.extra["q_a[1]"][0]), float(trajectory.extra["q_a[2]"][0]))
     with contextlib.suppress(FmuError):  # a controller that cannot be probed may still be simulated
         return probe(controller, setup, Steady(trajectory.q_m_ref, trajectory.u_m0, pose), scenario.sample_time)
@@ -184,17 +210,18 @@ def _whereabouts(place: Place, scenario: Scenario) -> str:
     return f"in the call '{place.call}' of {who} at t = {float(place.sample * scenario.sample_time):g} s"
 
 
-def _kind(result: CaseResult) -> tuple[str, str] | None:
-    """Status and first words of a failure; None for a result that is none."""
-    if result.status in (Status.DONE, Status.UNSTABLE, Status.SKIPPED):
-        return None
-    return result.status.value, result.message.split("\n")[0].split(" at t = ")[0]
+def _first_line(message: str) -> str:
+    return message.split("\n")[0]
 
 
-def _reason(strikes: Counter[tuple[str, str] | None], keep_going: bool) -> str:
+def _reason(strikes: Counter[tuple[Status, str]], at_once: CaseResult | None, keep_going: bool) -> str:
+    """Why no more cases are run; empty while they are."""
     if keep_going:
         return ""
-    for kind, count in strikes.items():
-        if kind is not None and count >= STRIKES:
-            return f"skipped after {count} failures of one kind ({kind[0]}: {kind[1]}); --keep-going runs all"
+    way_out = "--keep-going runs all, those that failed again"
+    if at_once is not None:
+        return f"skipped after a failure in the first sample ({at_once.status.value}: {at_once.kind}); {way_out}"
+    for (status, kind), count in strikes.items():
+        if kind and count >= STRIKES:
+            return f"skipped after {count} failures of one kind ({status.value}: {kind}); {way_out}"
     return ""

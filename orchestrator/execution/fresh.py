@@ -10,7 +10,7 @@ import sys
 from multiprocessing.connection import Connection
 
 from . import child
-from .launch import SharedTrace
+from .shared_trace import SharedTrace
 
 if __name__ == "__main__":
     outcomes, output, trace = (int(word) for word in sys.argv[1:])

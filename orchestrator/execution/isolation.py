@@ -61,7 +61,12 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
 def _deserves_another_chance(outcome: Outcome) -> bool:
     if isinstance(outcome, Finished):
         return False
-    return outcome.index > 0 or (isinstance(outcome, Died) and outcome.outside)
+    if isinstance(outcome, Died):
+        if outcome.outside:
+            return True
+        if outcome.timeout and outcome.place.sample > 0:
+            return False  # what ran before may keep an FMU from starting; a hang on the way costs a whole time limit
+    return outcome.index > 0
 
 
 def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
@@ -72,10 +77,10 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     sources = [child.outcomes, child.output]
     grace = SANDBOX_GRACE if job.sandbox else GRACE
 
-    def died(message: str, timeout: bool = False, outside: bool = False) -> Died:
+    def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
-        words = _lines(tail + _rest(child))
-        return Died(index, timeout, message, time.perf_counter() - begin, child.trace.read(), words, outside)
+        words, taken = _lines(tail + _rest(child)), time.perf_counter() - begin
+        return Died(index, timeout, message, kind or message, taken, child.trace.read(), words, outside)
 
     while not stop.is_set():
         ready = connection.wait(sources, timeout=LOOK)
@@ -85,7 +90,8 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if not piece:
                 sources.remove(child.output)
             if printed > job.limits.output:
-                yield died(f"it printed or logged more than {job.limits.output / 1e6:.0f} MB")
+                message = f"it printed or logged more than {job.limits.output / 1e6:.0f} MB"
+                yield died(message, kind="it printed or logged too much")
                 return
         if child.outcomes in ready:
             closed = not inbox.receive()
@@ -100,7 +106,8 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if index == len(job.tasks):
                         return
             except Garbage as problem:
-                yield died(f"it wrote into a pipe that is not its own ({problem})")
+                message = "it wrote into a pipe that is not its own"
+                yield died(f"{message} ({problem})", kind=message)
                 return
             if closed:
                 yield died(*_cause(child.process.exit_code(LAST_WORDS), job.sandbox))
@@ -110,7 +117,8 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             looked = now
             used = child.process.family.memory()
             if used > job.limits.memory:
-                yield died(f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB")
+                message = f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB"
+                yield died(message, kind="it used too much memory")
                 return
             if now - begin > job.time_limits[index] + grace:
                 yield died(TIMED_OUT, timeout=True)

@@ -58,13 +58,15 @@ class Failed:
 class Died:
     """The process ended in task ``index`` at ``place`` in its simulation.
 
-    ``timeout`` tells whether at its time limit, ``message`` how, and ``output`` holds the last lines that the process
-    printed, the FMUs' own messages among them.
+    ``timeout`` tells whether at its time limit, ``message`` how, ``kind`` the same without what was measured, so that
+    equal failures have equal ones, and ``output`` holds the last lines that the process printed, the FMUs' own messages
+    among them. A ``kind`` that is empty is nothing to count.
     """
 
     index: int
     timeout: bool
     message: str
+    kind: str
     wall_time: float
     place: Place
     output: tuple[str, ...] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import mmap
 import multiprocessing
 import os
 import pickle
@@ -12,24 +11,22 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection, reduction, resource_tracker
+from multiprocessing import connection, resource_tracker
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol
 
-from ..cosim.trace import SIZE, Place, Trace
 from ..errors import InputError
 from ..folders import cache_folder
 from . import child
 from .family import Family
 from .job import Job
-
-if sys.platform == "linux":
-    import fcntl
-
+from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
 
@@ -62,49 +59,12 @@ class Child:
     trace: SharedTrace
 
 
-class SharedTrace:
-    """A trace in an unlinked file that parent and child both map: no name is left behind, whoever is killed."""
-
-    def __init__(self, file: int | None = None) -> None:
-        if file is None:
-            file = _unnamed_file()
-        self.file = file
-        self.buffer = memoryview(mmap.mmap(file, SIZE))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _attach, (reduction.DupFd(self.file),)
-
-    def read(self) -> Place:
-        """Where the simulation is, or was when the child ended."""
-        return Trace(self.buffer).read()
-
-    def close(self) -> None:
-        """Give the file back."""
-        os.close(self.file)
-
-
-def _unnamed_file() -> int:
-    """Descriptor of a file of SIZE bytes. On Linux it cannot be cut, which would end whoever reads its memory."""
-    if sys.platform == "linux":
-        file = os.memfd_create("trace", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-        os.ftruncate(file, SIZE)
-        fcntl.fcntl(file, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)
-        return file
-    with tempfile.TemporaryFile() as fresh:
-        fresh.truncate(SIZE)
-        return os.dup(fresh.fileno())
-
-
-def _attach(duplicate: Any) -> SharedTrace:
-    return SharedTrace(duplicate.detach())
-
-
 @contextmanager
 def started(job: Job) -> Iterator[Child]:
     """A child process that runs ``job``; when the block ends, so does the child.
 
-    It comes from a fork server that has the whole stack loaded (0.04 s); in a sandbox, or where there is no fork
-    server, it starts from nothing.
+    It comes from a fork server that has the whole stack loaded (0.02 s until its FMUs are loaded, too); in a sandbox,
+    or where there is no fork server, it starts from nothing.
     """
     with ExitStack() as stack:
         outcomes, outcomes_end = multiprocessing.Pipe(duplex=False)
@@ -135,13 +95,18 @@ class _ServedProcess:
         for attempt in range(ATTEMPTS):
             self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
             try:
-                with _interrupts_held():
+                with _interrupts_held(), _own_main_hidden():
                     self._process.start()
                 break
-            except (EOFError, OSError):  # the fork server has been killed; the next start starts another
+            except (EOFError, ConnectionError):  # the fork server has been killed; the next start starts another
                 if attempt + 1 == ATTEMPTS:
                     raise
                 time.sleep(0.1 * (attempt + 1))
+            except OSError as problem:
+                raise InputError(
+                    f"No child process can be started: {problem}. It needs a socket in {tempfile.gettempdir()}: set "
+                    "TMPDIR to a folder that can be written and whose path has less than 70 characters."
+                ) from problem
         self.family = Family(self._process.pid)
 
     def exit_code(self, patience: float) -> int | None:
@@ -166,6 +131,25 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_hiding = threading.Lock()
+
+
+@contextmanager
+def _own_main_hidden() -> Iterator[None]:
+    """Keep children from importing the main module, which they do in case their work is defined there, where it is one
+    of this package's commands: no work is defined there, and the imports take 0.1 s. A user's own script is imported
+    in every child, and what is expensive in it belongs below ``if __name__ == "__main__"``."""
+    with _hiding:  # several threads start children
+        main = sys.modules["__main__"]
+        spec = getattr(main, "__spec__", None)
+        if spec is not None and spec.name.split(".")[0] == __name__.split(".")[0]:
+            sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 class _FreshProcess:

@@ -45,15 +45,16 @@ class Store:
     def __init__(self, connection: sqlite3.Connection, file: Path) -> None:
         self._connection, self._file = connection, file
 
-    def load(self, keys: Mapping[Case, str], conditions: str = "") -> list[CaseResult]:
-        """The stored results of the cases in ``keys``, but failures under other ``conditions``."""
+    def load(self, keys: Mapping[Case, str], conditions: str = "", failures: bool = True) -> list[CaseResult]:
+        """The stored results of the cases in ``keys``: those that last, and ``failures`` under these ``conditions``."""
         with self._told():
             rows = dict(self._connection.execute("SELECT key, record FROM results"))
         found = []
         for case, key in keys.items():
             with contextlib.suppress(ValueError, KeyError, TypeError):  # a record that makes no sense is none
                 record = json.loads(rows[key])
-                if Status(record["status"]) in LASTING or record.get("conditions", "") == conditions:
+                failure = Status(record["status"]) not in LASTING
+                if not failure or (failures and record.get("conditions", "") == conditions):
                     found.append(from_record(case, record))
         return found
 
@@ -157,6 +158,7 @@ def to_record(result: CaseResult) -> dict[str, Any]:
         "measurement": asdict(result.measurement) if result.measurement else None,
         "warnings": result.warnings,
         "wall_time": result.wall_time,
+        "kind": result.kind,
     }
 
 
@@ -175,4 +177,5 @@ def from_record(case: Case, record: Mapping[str, Any]) -> CaseResult:
         measurement=measurement,
         warnings=record["warnings"],
         wall_time=record["wall_time"],
+        kind=record["kind"],
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .run import Run
+from .tables import Document
 from .wording import requirement_rows
 
 CONDITIONS = {
@@ -36,8 +37,9 @@ class Entry:
 
 @dataclass(frozen=True)
 class Group:
-    """Runs under equal conditions, best first; ``unranked`` pairs runs with the reason why they have no rank.
+    """Runs under equal conditions, best first (see :func:`standing`).
 
+    ``unranked`` pairs the runs that have no rank with the reason.
     ``difference`` says what sets the group apart from the first one; empty for the first.
     """
 
@@ -70,7 +72,7 @@ def conditions(run: Run) -> dict[str, Any]:
         "protocol": document["protocol"],
         "sample_time": document["sample_time"]["seconds"] * 1e3,
         "seed": document["seed"],
-        "plant_parameters": document["plant"]["parameters"],
+        "plant_parameters": dict(sorted(document["plant"]["parameters"].items())),
     }
 
 
@@ -103,10 +105,16 @@ def _group(entries: Sequence[Entry], first: dict[str, Any]) -> Group:
     ranked = [entry for entry in entries if entry.cost is not None]
     return Group(
         own,
-        tuple(sorted(ranked, key=lambda entry: entry.cost or 0.0)),
+        tuple(sorted(ranked, key=lambda entry: standing(entry.run.document))),
         tuple((entry, _reason(entry.run)) for entry in entries if entry.cost is None),
         "; ".join(different),
     )
+
+
+def standing(document: Document) -> tuple[bool, float]:
+    """What the order goes by: those that hold all requirements first, then V."""
+    holds = all(entry["passed"] for entry in document["stability"].values())
+    return not holds, document["cost"]
 
 
 def _reason(run: Run) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,10 +13,11 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from .files import FIGURES as FOLDER
+from .files import prepare_folder, write_bytes
 from .recording import EXAMPLE, SPREAD, Recording
 from .run import Run
 
-FOLDER = "figures"
 FORMATS: Mapping[str, Mapping[str, Any]] = {
     "pdf": {"metadata": {"CreationDate": None}},
     "svg": {"metadata": {"Date": None}},
@@ -42,7 +44,7 @@ COLOURS = ("#0072b2", "#d55e00")
 def write_figures(run: Run) -> list[str]:
     """Write all figures there is data for into the run's folder; returns their names, without endings."""
     folder = run.folder / FOLDER
-    folder.mkdir(exist_ok=True)
+    prepare_folder(folder)
     with rc_context(STYLE):
         made = {name: draw(run) for name, draw in FIGURES.items()}
         for name, figure in made.items():
@@ -150,4 +152,6 @@ def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
 
 def _save(figure: Figure, file: Path) -> None:
     for ending, options in FORMATS.items():
-        figure.savefig(file.with_suffix(f".{ending}"), **options)
+        stream = io.BytesIO()
+        figure.savefig(stream, format=ending, **options)
+        write_bytes(file.with_suffix(f".{ending}"), stream.getvalue())

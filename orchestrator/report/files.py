@@ -9,6 +9,12 @@ from pathlib import Path
 
 from ..errors import BenchmarkError, InputError
 
+RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
+"""What an evaluation writes into its run's folder."""
+
+REPORT, PARQUET, MAT, FIGURES = "report.html", "cases.parquet", "trajectories.mat", "figures"
+"""What is made of these; FIGURES is a folder."""
+
 
 def prepare_folder(folder: Path) -> None:
     """Create ``folder``; raises :class:`InputError` where it cannot be written to."""
@@ -19,6 +25,18 @@ def prepare_folder(folder: Path) -> None:
     except OSError as problem:
         raise InputError(
             f"The output folder {folder} cannot be written to: {problem.strerror}. Choose another with --output-dir."
+        ) from problem
+
+
+def remove(file: Path) -> None:
+    """Remove a file or a folder of files, if there is one; raises :class:`BenchmarkError` where that fails."""
+    try:
+        for inner in file.iterdir() if file.is_dir() else ():
+            inner.unlink()
+        file.rmdir() if file.is_dir() else file.unlink(missing_ok=True)
+    except OSError as problem:
+        raise BenchmarkError(
+            f"{file} cannot be replaced: {problem.strerror}. Mend the folder, and run the command again."
         ) from problem
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
 from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import InputError
-from . import report_page
-from .files import write_bytes, write_text
+from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, remove, write_bytes, write_text
+from .report_page import report_html
 from .run import load_run
-from .tables import parquet_bytes
+from .tables import Document, parquet_bytes
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -33,24 +34,45 @@ def need_recordings(options: argparse.Namespace) -> bool:
     return not options.no_report or options.figures or options.mat
 
 
+def remove_outdated(folder: Path, document: Document) -> bool:
+    """Before the results ``document`` are written into ``folder``: remove what was made of other ones that are there.
+
+    Returns whether there were any. What is kept belongs to ``document``, whenever the process is interrupted.
+    """
+    try:
+        if _essence(load_run(folder).document) == _essence(json.loads(json.dumps(document))):
+            return False
+    except InputError:  # none there, or none that can be read
+        if not (folder / RESULTS).exists():
+            return False
+    for name in (RESULTS, CASES, TRAJECTORIES, REPORT, PARQUET, MAT, FIGURES):
+        remove(folder / name)
+    return True
+
+
+def _essence(document: Document) -> Document:
+    """The results without when and where they were computed."""
+    return {name: value for name, value in document.items() if name not in ("timing", "environment")}
+
+
 def write_outputs(folder: Path, options: argparse.Namespace) -> list[str]:
     """Make what ``options`` ask for of the run in ``folder``; returns the names of the files written."""
     check_options(options)
     run = load_run(folder)
     written = []
     if options.parquet:
-        write_bytes(run.folder / "cases.parquet", parquet_bytes(run.document))
-        written.append("cases.parquet")
+        write_bytes(run.folder / PARQUET, parquet_bytes(run.document))
+        written.append(PARQUET)
     if options.mat:
         from .mat import mat_bytes
 
-        write_bytes(run.folder / "trajectories.mat", mat_bytes(run))
-        written.append("trajectories.mat")
+        write_bytes(run.folder / MAT, mat_bytes(run))
+        written.append(MAT)
     if options.figures:
         from .figures import write_figures
 
         written += write_figures(run)
     if not options.no_report:
-        write_text(run.folder / report_page.FILE, report_page.report_html(run))
-        written.append(report_page.FILE)
+        write_text(run.folder / REPORT, report_html(run))
+        written.append(REPORT)
     return written

@@ -16,7 +16,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .payload import script_json
-from .wording import number
+from .wording import amplitude, number
 
 FILES = resources.files(__package__) / "templates"
 
@@ -48,7 +48,7 @@ def _environment() -> Environment:
     environment = Environment(
         loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["number"] = number
+    environment.filters.update(number=number, amplitude=amplitude)
     return environment
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from .recording import MOTION_INTERVALS, SPREAD, TORQUE_INTERVALS, Recording, thin
+from .recording import SPREAD, Recording, thin
 from .run import Run
 from .wording import SHOWN
 
@@ -79,23 +79,29 @@ def _packed(column: Iterable[float]) -> str:
 
 
 def _affordable(run: Run) -> list[Recording]:
-    """The recordings but the spread; where they are too many or too lively for a page, thinned out further."""
+    """The recordings but the spread; where they are too many or too lively for a page, thinned out further, by the
+    same signals as :func:`.recording.record` does."""
     kept = [entry for entry in run.recordings if SPREAD not in entry.about.roles]
-    motion = min(1.0, ROWS / max(1, sum(len(entry.motion) for entry in kept)))
-    torque = min(1.0, ROWS / max(1, sum(len(entry.torque) for entry in kept)))
+    motions = _thinned([entry.motion for entry in kept], [_tcp(entry) for entry in kept])
+    torques = _thinned([entry.torque for entry in kept], [entry.torque[:, 1:] for entry in kept])
     return [
-        replace(
-            entry,
-            motion=entry.motion if motion == 1 else _thinned(entry.motion, int(motion * MOTION_INTERVALS)),
-            torque=entry.torque if torque == 1 else _thinned(entry.torque, int(torque * TORQUE_INTERVALS)),
-        )
-        for entry in kept
+        replace(entry, motion=motion, torque=torque)
+        for entry, motion, torque in zip(kept, motions, torques, strict=True)
     ]
 
 
-def _thinned(columns: np.ndarray, intervals: int) -> np.ndarray:
-    """``columns`` thinned out by the first two after the time."""
-    return columns[thin(columns[:, 1:3], intervals)]
+def _tcp(entry: Recording) -> np.ndarray:
+    """TCP offset x, z and error [m], shape (N, 3)."""
+    return np.column_stack([entry.motion[:, 1:3], entry.error])
+
+
+def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """``tables`` with at most ``ROWS`` rows together, where need be thinned out by ``signals``, each (N, signals)."""
+    if sum(map(len, tables)) <= ROWS:
+        return list(tables)
+    # An interval keeps two rows a signal, and a recording its first and last row.
+    intervals = (ROWS // len(tables) - 2) // (2 * signals[0].shape[1])
+    return [table[thin(values, intervals)] for table, values in zip(tables, signals, strict=True)]
 
 
 def _stability(run: Run) -> list[dict[str, Any]]:

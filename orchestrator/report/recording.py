@@ -19,9 +19,7 @@ import numpy as np
 from ..benchmark.case import Case
 from ..cosim.trajectory import Trajectory
 from ..errors import InputError
-from .files import write_bytes
-
-FILE = "trajectories.npz"
+from .files import TRAJECTORIES, write_bytes
 
 MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
 """Intervals that the signals are thinned out to."""
@@ -120,12 +118,12 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
         arrays[f"torque_{number}"] = recording.torque
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, **arrays)
-    write_bytes(folder / FILE, stream.getvalue())
+    write_bytes(folder / TRAJECTORIES, stream.getvalue())
 
 
 def load(folder: Path) -> tuple[Recording, ...]:
     """The recordings of a run; none where it was made without. Raises :class:`InputError` for a broken file."""
-    file = folder / FILE
+    file = folder / TRAJECTORIES
     if not file.exists():
         return ()
     try:

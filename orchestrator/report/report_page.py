@@ -10,9 +10,7 @@ from . import pages
 from .payload import criteria, report_payload
 from .run import Run
 from .tables import Document
-from .wording import loop_delay, number, remarks, requirement_rows
-
-FILE = "report.html"
+from .wording import connectors, loop_delay, number, remarks, requirement_rows
 
 SCALE_END = 1.15
 """End of the cost's scale, relative to the largest value on it."""
@@ -71,6 +69,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     return [
         ("Controller", controller["file"]),
         ("Parameters set", _assignments(controller["parameters"]) or "none"),
+        ("Connectors", connectors(document)),
         ("FMI version", str(controller["fmi_version"])),
         ("Made by", controller["generation_tool"] or "not stated"),
         ("SHA-256", controller["sha256"]),

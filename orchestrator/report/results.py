@@ -17,13 +17,12 @@ from ..benchmark.metrics import CaseResult
 from ..benchmark.protocol import Protocol
 from ..benchmark.scorecard import CriterionScore, Requirement, Scorecard, Verdict
 from ..cosim.archive import Archive
-from ..cosim.controller import Setup
+from ..cosim.connectors import CONTROLLER
+from ..cosim.controller import Setup, controller_binding
 from ..cosim.probe import Timing as ControllerTiming
 from ..cosim.scenario import seconds
-from .files import prepare_folder, write_text
+from .files import CASES, RESULTS, write_text
 from .tables import csv_text
-
-__all__ = ["Evaluation", "Timing", "document", "loop_delay", "prepare_folder", "write", "write_text"]
 
 SCHEMA = "flexible-manipulator-results/1"
 
@@ -85,7 +84,12 @@ def document(evaluation: Evaluation) -> dict[str, Any]:
             for score in card.configurations
         ],
         "cases": [_case(result) for result in evaluation.results],
-        "controller": {**_fmu(evaluation.controller), "parameters": dict(evaluation.setup.parameters)},
+        "controller": {
+            **_fmu(evaluation.controller),
+            "parameters": dict(evaluation.setup.parameters),
+            "mapping": dict(evaluation.setup.mapping),
+            "connectors": _connectors(evaluation.controller, evaluation.setup),
+        },
         "plant": {
             **_fmu(evaluation.plant),
             "parameters": dict(evaluation.plant_parameters),
@@ -160,11 +164,10 @@ def rules(protocol: Protocol) -> dict[str, Any]:
     }
 
 
-def write(evaluation: Evaluation, folder: Path) -> None:
+def write(contents: Mapping[str, Any], folder: Path) -> None:
     """Write ``cases.csv`` and ``results.json`` into ``folder``, each in one go, the summary last."""
-    contents = document(evaluation)
-    write_text(folder / "cases.csv", csv_text(contents))
-    write_text(folder / "results.json", json.dumps(contents, indent=1, allow_nan=False) + "\n")
+    write_text(folder / CASES, csv_text(contents))
+    write_text(folder / RESULTS, json.dumps(contents, indent=1, allow_nan=False) + "\n")
 
 
 def _criterion(score: CriterionScore, results: Sequence[CaseResult], reference: float) -> dict[str, Any]:
@@ -196,7 +199,12 @@ def _requirement(requirement: Requirement) -> dict[str, Any]:
 
 
 def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {"passed": verdict.passed, "limit_cycle": verdict.amplitude, "worst_case": verdict.worst_case}
+    return {
+        "passed": verdict.passed,
+        "limit_cycle": verdict.amplitude,
+        "rest_error": verdict.rest_error,
+        "worst_case": verdict.worst_case,
+    }
 
 
 def _case(result: CaseResult) -> dict[str, Any]:
@@ -223,6 +231,22 @@ def _case(result: CaseResult) -> dict[str, Any]:
         "time": result.time,
         "message": result.message,
         "warnings": result.warnings,
+    }
+
+
+def _connectors(controller: Archive, setup: Setup) -> dict[str, Any]:
+    """Which variables each connector is bound to, how they were found, and what could not be checked; None where an
+    optional one is absent."""
+    binding = controller_binding(controller, setup)
+    return {
+        connector.name: None
+        if (bound := binding.get(connector.name)) is None
+        else {
+            "variables": [variable.name for variable in bound.variables],
+            "found": bound.spelled,
+            "notes": list(bound.notes),
+        }
+        for connector in CONTROLLER
     }
 
 

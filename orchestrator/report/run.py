@@ -9,11 +9,10 @@ from typing import Any
 
 from ..errors import InputError
 from . import recording
+from .files import RESULTS
 from .recording import Recording
 from .results import SCHEMA
 from .tables import Document
-
-FILE = "results.json"
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Run:
 
 def load_run(path: Path) -> Run:
     """The run in the folder ``path`` (or of that results file); raises :class:`InputError` where there is none."""
-    file = path / FILE if path.is_dir() else path
+    file = path / RESULTS if path.is_dir() else path
     try:
         document: Any = json.loads(file.read_text(encoding="utf-8"))
     except OSError as problem:

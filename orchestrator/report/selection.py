@@ -21,8 +21,8 @@ POSE = (math.radians(18.0), math.radians(-50.0))
 SPREAD_SYSTEMS = 20
 """Uncertain systems in Figures 11 and 12 of the paper."""
 
-AFTERWARDS = 3.0
-"""Seconds shown of the spread after the force has ended: the wanted settling time."""
+AFTERWARDS = 4.0
+"""Seconds shown of the spread after the force has ended: the wanted settling time, and a second of what follows."""
 
 
 @dataclass(frozen=True)

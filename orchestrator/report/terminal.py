@@ -10,19 +10,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .results import Evaluation, document
 from .tables import Document
-from .wording import SHOWN, loop_delay, number, remarks, requirement_rows
+from .wording import SHOWN, amplitude, connectors, loop_delay, number, remarks, requirement_rows
 
 COLOURS = {"holds": "green", "fails": "red"}
 
 MESSAGES = 3
 """Failed cases that are named; the others are counted."""
-
-
-def show(evaluation: Evaluation, console: Console) -> None:
-    """Print the scorecard of an evaluation."""
-    show_document(document(evaluation), console)
 
 
 def show_document(results: Document, console: Console) -> None:
@@ -31,6 +25,7 @@ def show_document(results: Document, console: Console) -> None:
         f"[bold]{results['benchmark']}[/bold]  protocol {results['protocol']}  "
         f"controller [bold]{escape(results['controller']['file'])}[/bold]\n"
         f"seed {results['seed']}  {loop_delay(results['loop_delay'])}\n"
+        f"connectors {connectors(results)}\n"
     )
     console.print(_criteria(results))
     console.print(_requirements(results))
@@ -83,7 +78,7 @@ def _requirements(results: Document) -> Table:
     for row in requirement_rows(results):
         colour = COLOURS.get(row["verdict"])
         word = f"[{colour}]{row['verdict']}[/{colour}]" if colour else row["verdict"]
-        grid.add_row(row["name"], row["title"], word, *_amplitude(row))
+        grid.add_row(row["name"], row["title"], word, amplitude(row), row["worst_case"] or "-")
     return grid
 
 
@@ -104,11 +99,3 @@ def _coloured(entry: Mapping[str, Any], factor: float) -> str:
         return "[red]-[/red]"
     colour = "green" if entry["value"] <= entry["target"] else "red"
     return f"[{colour}]{number(entry['value'] * factor)}[/{colour}]"
-
-
-def _amplitude(row: Mapping[str, Any]) -> tuple[str, str]:
-    if row["worst_case"] is None:
-        return "-", "-"
-    if row["limit_cycle"] is None:
-        return "no value", row["worst_case"]
-    return f"{row['limit_cycle'] * 1e6:.3g} µm", row["worst_case"]

@@ -26,12 +26,31 @@ def verdict(passed: bool | None) -> str:
     return "not tested" if passed is None else "holds" if passed else "fails"
 
 
+def amplitude(row: Mapping[str, Any]) -> str:
+    """What the worst case of a requirement did: its limit cycle, or why there is none to speak of."""
+    if row["worst_case"] is None:
+        return "-"
+    if row["limit_cycle"] is None:
+        return "no value"
+    if row["rest_error"] is not None:
+        return f"no rest: {number(row['rest_error'] * 1e3)} mm"
+    return f"{number(row['limit_cycle'] * 1e6)} µm"
+
+
 def loop_delay(delay: Mapping[str, Any]) -> str:
     """The loop delay of ``results.json`` as a sentence."""
     if delay["seconds"] is None:
         return f"loop delay not measured: the controller {delay['convention'] or 'could not be probed'}"
     text = f"loop delay {delay['seconds'] * 1e3:.3f} ms = {delay['samples']:g} sample{'s' * (delay['samples'] != 1)}"
     return text + (f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else "")
+
+
+def connectors(document: Mapping[str, Any]) -> str:
+    """What of the controller is connected, and which of the optional connectors it does not have."""
+    entries = document["controller"]["connectors"]
+    absent = [name for name, entry in entries.items() if entry is None and name != "e"]
+    text = ", ".join(name for name, entry in entries.items() if entry is not None)
+    return text + (f" (without {', '.join(absent)})" if absent else "")
 
 
 def requirement_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -63,6 +82,8 @@ def remarks(document: Mapping[str, Any]) -> list[str]:
         found.append(f"Sample time {milliseconds:g} ms, not the benchmark's: not comparable.")
     if document["protocol"] != "paper":
         found.append(f"Protocol {document['protocol']}: not comparable to the paper nor to other protocols.")
+    for entry in document["controller"]["connectors"].values():
+        found += [f"{note}." for note in (entry or {}).get("notes", ())]
     if document["plant"]["parameters"]:
         changes = ", ".join(f"{name} = {value:g}" for name, value in document["plant"]["parameters"].items())
         found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")

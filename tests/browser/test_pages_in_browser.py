@@ -7,14 +7,14 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from reports import TABLE_2, evaluation, stored
+from reports import TABLE_2, evaluation, recording, stored
 from results import everything
 
 from browser.conftest import DESKTOP, PHONE
 from orchestrator import compare, evaluate
 from orchestrator.cosim.controller import Setup
 from orchestrator.report.compare_page import FILE as COMPARE_PAGE
-from orchestrator.report.report_page import FILE as REPORT_PAGE
+from orchestrator.report.files import REPORT as REPORT_PAGE
 from orchestrator.report.report_page import report_html
 
 pytestmark = pytest.mark.slow
@@ -35,14 +35,17 @@ def report(chromium, tmp_path_factory, pid_c_file):
 
 @pytest.fixture(scope="module")
 def comparison(tmp_path_factory, plant_file, pid_file):
-    """The comparison of three runs made by hand, with a hostile name; one must not be ranked with the others."""
+    """The comparison of eight runs made by hand, with a hostile name; one must not be ranked with the others."""
     folder = tmp_path_factory.mktemp("comparison")
     controller = shutil.copy(pid_file, folder / NAME)
     folders = []
-    for name, gain, seed in (("first", 1.0, 0), ("second", 2.0, 0), ("third", 1.0, 1)):
-        setup = Setup({"K": gain})
+    for number in range(8):
+        gain = 0.6 + 0.2 * number
+        setup = Setup({"proportional_gain_of_axis_1": gain})
         made = evaluation(plant_file, controller, everything({k: gain * v for k, v in TABLE_2.items()}), setup=setup)
-        folders.append(str(stored(folder / name, replace(made, seed=seed)).folder))
+        recordings = tuple(recording((name,), size=gain * 8e-3) for name in ("B5", "B6", "B7"))
+        run = stored(folder / f"run_{number}", replace(made, seed=int(number == 7)), recordings)
+        folders.append(str(run.folder))
     assert compare.main([*folders, "--output-dir", str(folder)]) == 0
     return folder / COMPARE_PAGE
 
@@ -77,27 +80,116 @@ def test_every_view_of_the_report(report, open_page, screenshot, size, device, s
 
 
 @pytest.mark.parametrize(("size", "device"), [(DESKTOP, "desk"), (PHONE, "phone")])
-def test_every_view_of_the_comparison(comparison, open_page, screenshot, size, device):
-    page = open_page(comparison, size)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_view_of_the_comparison(comparison, open_page, screenshot, size, device, scheme):
+    page = open_page(comparison, size, scheme)
     for name in COMPARE_VIEWS:
         view(page, name)
         check_charts(page)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
-        screenshot(page, f"compare-{name}-{device}")
+        screenshot(page, f"compare-{name}-{device}-{scheme}")
     view(page, "overlay")
-    for criterion in ("B5", "B6", "B7"):
+    for criterion, target in (("B5", 7), ("B6", 0.1), ("B7", 0.5)):
         page.locator("#which").select_option(criterion)
         assert f"worst case of {criterion}" in page.locator("#overlay-chart-text").inner_text()
+        assert dashes(page, "overlay-chart", target) > 5, criterion
+        screenshot(page, f"compare-overlay-{criterion}-{device}-{scheme}")
+
+
+def test_runs_are_told_apart_in_the_figures_of_the_comparison(comparison, open_page):
+    """By their labels where names are cut, and by colour and dashes."""
+    page = open_page(comparison)
+    view(page, "bars")
+    names = page.evaluate("runs.map((run) => run.label)")
+    assert [name.split(" ")[0] for name in names] == [f"{rank}." for rank in range(1, 8)]
+    view(page, "overlay")
+    option = "echarts.getInstanceByDom($('#overlay-chart')).getOption()"
+    lines = page.evaluate(f"{option}.series.slice(0, 7).map((line, row) => [{option}.color[row], line.lineStyle.type])")
+    assert len({tuple(line) for line in lines}) == len(lines) == 7
+    peaks = page.evaluate(f"{option}.series.slice(0, 7).map((line) => Math.max(...line.data.map((point) => point[1])))")
+    assert peaks == sorted(set(peaks)) and len(peaks) == 7
+
+
+def check_accessibility(page):
+    """Axe finds nothing."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    found = axe.Axe().run(page).response["violations"]
+    assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
 
 
 @pytest.mark.parametrize("name", [*VIEWS])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_report_is_accessible(report, open_page, name, scheme):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     page = open_page(report, scheme=scheme)
     view(page, name)
-    found = axe.Axe().run(page).response["violations"]
-    assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
+    check_accessibility(page)
+
+
+@pytest.mark.parametrize("name", [*COMPARE_VIEWS])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_comparison_is_accessible(comparison, open_page, name, scheme):
+    page = open_page(comparison, scheme=scheme)
+    view(page, name)
+    check_accessibility(page)
+
+
+# How many separate dashes of the limits' colour a chart has within 2 pixels of `level`, from the left to the right.
+DASHES = """([id, level]) => {
+  const place = document.getElementById(id);
+  const chart = echarts.getInstanceByDom(place);
+  const canvas = place.querySelector("canvas");
+  const scale = canvas.width / place.clientWidth;
+  const row = Math.round(scale * chart.convertToPixel({ yAxisIndex: 0 }, level));
+  const copy = document.createElement("canvas");  // to read the chart's own often slows it down, says Chromium
+  [copy.width, copy.height] = [canvas.width, 5];
+  const context = copy.getContext("2d", { willReadFrequently: true });
+  context.drawImage(canvas, 0, 2 - row);
+  const pixels = context.getImageData(0, 0, canvas.width, 5).data;
+  const wanted = colour("limit").match(/[0-9]+/g).map(Number);
+  const alike = (at) => wanted.every((value, channel) => Math.abs(pixels[at + channel] - value) < 60);
+  const painted = (x) => [0, 1, 2, 3, 4].some((y) => alike(4 * (y * canvas.width + x)));
+  return Array.from({ length: canvas.width - 1 }, (_, x) => painted(x + 1) && !painted(x)).filter(Boolean).length;
+}"""
+
+
+def dashes(page, chart: str, level: float) -> int:
+    """How many dashes of a target line at ``level`` are painted in a chart; letters on the line would count too."""
+    return page.evaluate(DASHES, [chart, level])
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_targets_are_in_sight_in_every_section_of_a_case(report, open_page, size, scheme):
+    page = open_page(report, size, scheme)
+    view(page, "case")
+    assert dashes(page, "error-chart", 7) > 5, "the worst B5 as it is shown first"
+    assert dashes(page, "error-chart", 6.3) < 5, "what is counted are no lines of the chart"
+    for section, targets in {"Chirp": [0.5], "Force": [7], "Settling": [0.1], "Last": [0.1], "Whole": [7]}.items():
+        page.locator("#windows").get_by_role("button", name=section).click()
+        assert [dashes(page, "error-chart", target) > 4 for target in targets] == [True] * len(targets), section
+    page.evaluate("zoomTo(echarts.getInstanceByDom($('#error-chart')), 11, 12)")
+    assert dashes(page, "error-chart", 7) > 5, "both ends outside"
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+def test_targets_are_in_sight_in_the_spread(report, open_page, size):
+    page = open_page(report, size)
+    view(page, "spread")
+    assert dashes(page, "spread-force", 7) > 5
+    assert dashes(page, "spread-chirp", 0.5) > 5
+    page.evaluate("zoomTo(echarts.getInstanceByDom($('#spread-force')), 13, 14.5, 0.5)")
+    assert dashes(page, "spread-force", 0.1) > 4, "a second of the settled band"
+
+
+def test_lines_are_not_broken_where_they_leave_the_chart(report, open_page):
+    """A view that ends below the peak still holds every sample in its times."""
+    page = open_page(report)
+    view(page, "case")
+    count = "echarts.getInstanceByDom($('#error-chart')).getModel().getSeriesByIndex(0).getData().count()"
+    page.evaluate("zoomTo(echarts.getInstanceByDom($('#error-chart')), 10, 11)")
+    whole = page.evaluate(count)
+    page.evaluate("zoomTo(echarts.getInstanceByDom($('#error-chart')), 10, 11, 0.5)")
+    assert page.evaluate(count) == whole > 50
 
 
 def test_a_click_on_a_criterion_shows_its_worst_case(report, open_page):

@@ -102,10 +102,12 @@ class Slave(ABC):
                 self._instantiate(stop_time)
             except Exception as problem:
                 raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
-            if self._reset_first:
-                self._initialize({})
-                self._reset(stop_time)
         try:
+            if self._reset_first:
+                with self._modules.in_place():
+                    self._initialize({})
+                    with self._reported("reset"):
+                        self._reset(stop_time)
             yield self
         finally:
             trace.current.note(self.side, "freeing the instance")
@@ -138,6 +140,7 @@ class Slave(ABC):
         size_in, size_out = (sum(variable.size for variable in side) for side in (inputs, outputs))
         single = tuple(any(variable.type == "Float32" for variable in side) for side in (inputs, outputs))
         set_values, get_values = (self._accessor(kind, narrow) for kind, narrow in zip("sg", single, strict=True))
+        trace.current.expect(self.side, (set_values, self.calls["step"], get_values))
         return Port(
             stepping=self.stepping,
             with_sizes=self.with_sizes,
@@ -146,7 +149,7 @@ class Slave(ABC):
             do_step=self._step_address(),
             get_values=self.address(get_values),
             functions=self._functions(),
-            clock=np.array([np.inf, 1.0]),
+            clock=np.array([np.inf, 1.0, 0.0, 0.0]),
             info=np.zeros(4),
             inputs=np.array([variable.reference for variable in inputs], dtype=np.uint32),
             input_values=np.zeros(size_in),

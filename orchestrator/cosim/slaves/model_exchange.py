@@ -1,14 +1,13 @@
 """Model Exchange controllers of FMI 2.0 and 3.0.
 
-Without continuous states and event indicators (a sampled controller with time events) the compiled loop steps them by
-itself. Any other is stepped by CVode, through callbacks into Python: 20 to 30 times slower, but it is the solver's
-work.
+The compiled loop takes them from event to event, see :mod:`orchestrator.cosim.port`. Where there are continuous states
+or event indicators, CVode works in between, through callbacks into Python: 20 to 30 times slower than a controller that
+is only sampled, but it is the solver's work.
 """
 
 from __future__ import annotations
 
 import ctypes
-import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -40,82 +39,63 @@ class _NoInput:
         """Do nothing."""
 
 
-class Stepper:
-    """Steps a Model Exchange FMU with continuous states or event indicators by CVode."""
+class Solver:
+    """CVode for a Model Exchange FMU with continuous states or event indicators, called from the compiled loop."""
 
-    def __init__(self, fmu: Any, states: int, indicators: int, derivatives: Callable[..., Any]) -> None:
-        self._fmu = fmu
-        self._next_event = math.inf
-        self._handle_event(initial=True)
-        self._solver = CVodeSolver(
-            nx=states,
-            nz=indicators,
-            get_x=fmu.getContinuousStates,
-            set_x=fmu.setContinuousStates,
-            get_dx=derivatives,
-            get_z=fmu.getEventIndicators,
-            get_nominals=fmu.getNominalsOfContinuousStates,
-            set_time=fmu.setTime,
-            input=_NoInput(),
-            startTime=0.0,
-            relativeTolerance=RELATIVE_TOLERANCE,
-        )
-        self.callback = STEP_CALLBACK(self._guarded)
+    def __init__(self, fmu: Any, clock: np.ndarray, make: Callable[[float], CVodeSolver]) -> None:
+        """``clock`` is the port's; ``make`` makes the solver, given its start time, once the FMU has its states."""
+        self._fmu, self._clock, self._make = fmu, clock, make
+        self._solver: CVodeSolver | None = None
+        self._callback = STEP_CALLBACK(self._guarded)
+
+    @property
+    def address(self) -> int:
+        """Of a C function with the arguments of fmi2DoStep."""
+        return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def _guarded(self, _instance: int, time: float, step: float, _flag: int) -> int:
         # An exception that leaves a callback becomes 0 = OK for its caller in C.
         try:
-            self._advance(time, time + step, 1e-6 * step)
+            self._integrate(time, time + step)
         except Exception as problem:
-            log.note(self._fmu.instanceName.encode(), ERROR, f"stepping by CVode failed: {problem}".encode())
+            log.note(self._fmu.instanceName.encode(), ERROR, f"solving by CVode failed: {problem}".encode())
             return ERROR
         return 0
 
-    def _advance(self, time: float, end: float, tolerance: float) -> None:
-        if self._next_event <= time + tolerance:
-            self._fmu.setTime(time)
-            self._handle_event()
-        self._solver.reset(time)  # the inputs have jumped
-        while time < end - tolerance:
-            goal = min(end, self._next_event)
-            state_event, _, time = self._solver.step(time, goal)
-            self._fmu.setTime(time)
-            wanted, terminate = self._fmu.completedIntegratorStep()
-            if terminate:
-                raise RuntimeError(f"the FMU ended the simulation at t = {time:g} s")
-            if state_event or wanted or (self._next_event <= time + tolerance and time < end - tolerance):
-                self._handle_event()
-                self._solver.reset(time)
-
-    def _handle_event(self, initial: bool = False) -> None:
-        if not initial:
-            self._fmu.enterEventMode()
-        update = (
-            self._fmu.newDiscreteStates if hasattr(self._fmu, "newDiscreteStates") else self._fmu.updateDiscreteStates
-        )
-        for _ in range(ports.MOST_ITERATIONS):
-            again, terminate, _, _, defined, next_event = update()
-            if terminate:
-                raise RuntimeError("the FMU ended the simulation in an event")
-            if not again:
-                self._next_event = next_event if defined else math.inf
-                self._fmu.enterContinuousTimeMode()
-                return
-        raise RuntimeError(f"event iteration has not ended after {ports.MOST_ITERATIONS} rounds")
+    def _integrate(self, time: float, goal: float) -> None:
+        """Up to ``goal`` [s] or a state event. It always begins after an event, where states may have jumped."""
+        if self._solver is None:
+            self._solver = self._make(time)
+        self._solver.reset(time)
+        event, _, reached = self._solver.step(time, goal)
+        self._clock[ports.REACHED], self._clock[ports.STATE_EVENT] = reached, event
 
 
 class _ModelExchange(Slave):
-    """Chooses between the compiled loop's own stepping and the solver."""
+    """Steps from event to event; between them it is solved where there is something to solve."""
 
-    _stepper: Stepper | None = None
+    _solver: Solver | None = None
+    """Kept alive while compiled code has its address."""
 
     def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
+        port = super().port(inputs, outputs)
         states, indicators = self._sizes()
-        if states or indicators:
-            with self._reported("the first event iteration"):
-                self._stepper = Stepper(self._fmu, states, indicators, self._derivatives())
-            return super().port(inputs, outputs)._replace(stepping=ports.CO_SIMULATION)
-        return super().port(inputs, outputs)
+        if not (states or indicators):
+            return port
+        arguments = {
+            "nx": states,
+            "nz": indicators,
+            "get_x": self._fmu.getContinuousStates,
+            "set_x": self._fmu.setContinuousStates,
+            "get_dx": self._derivatives(),
+            "get_z": self._fmu.getEventIndicators,
+            "get_nominals": self._fmu.getNominalsOfContinuousStates,
+            "set_time": self._fmu.setTime,
+            "input": _NoInput(),
+            "relativeTolerance": RELATIVE_TOLERANCE,
+        }
+        self._solver = Solver(self._fmu, port.clock, lambda start: CVodeSolver(startTime=start, **arguments))
+        return port._replace(do_step=self._solver.address)
 
     @abstractmethod
     def _sizes(self) -> tuple[int, int]:
@@ -126,9 +106,7 @@ class _ModelExchange(Slave):
         """The FMPy method that gets the derivatives of the states."""
 
     def _step_address(self) -> int:
-        if self._stepper is None:
-            return 0
-        return ctypes.cast(self._stepper.callback, ctypes.c_void_p).value or 0
+        return 0
 
     def _addresses(self, prefix: str, names: tuple[str, ...], completed: bool) -> np.ndarray:
         addresses = [self.address(f"{prefix}{name}") for name in names]

@@ -14,8 +14,6 @@ function signals(recording) {
   return recording.unpacked;
 }
 
-const criterion = (name) => data.criteria.find((entry) => entry.name === name);
-
 /** What a recording is shown for, in words. */
 function roleText(role) {
   if (role === "example") return "example, nominal system (Figures 9 and 10)";
@@ -28,21 +26,14 @@ const poseText = (recording) => `${recording.q_a.map(degrees).join(" / ")}, ${re
 
 const pulsed = (recording) => Math.hypot(...recording.force) > 0;
 
-/** Sections of a case worth a look, as [name, from, to] [s]. */
+/** Sections of a case worth a look, as [name, from, to] [s], and the largest error shown [mm] where it is not all. */
 function windows(recording) {
   const [begin, end] = recording.window;
   const whole = [["Whole", 0, recording.time]];
   if (!pulsed(recording)) return whole;
   const settled = end + criterion("B6").target;
   return [...whole, ["Chirp (Fig. 10)", recording.chirp[0], recording.chirp[1] + 0.5], ["Force (Fig. 9)", begin - 0.2, end + 1.5],
-    ["Settling", end - 0.1, settled + 1], ["Last 3 s", recording.duration - 3, recording.duration]].filter((entry) => entry[2] <= recording.time + 1e-6);
-}
-
-/** The largest error [mm] and its time [s] between two times. */
-function peak({ t, error }, from, to) {
-  let [best, at] = [0, from];
-  for (let row = 0; row < t.length; row += 1) if (t[row] >= from && t[row] <= to && error[row] > best) [best, at] = [error[row], t[row]];
-  return [best, at];
+    ["Settling", end, settled + 1, settlingTop(peak(signals(recording), settled, Infinity)[0])], ["Last 3 s", recording.duration - 3, recording.duration]].filter((entry) => entry[2] <= recording.time + 1e-6);
 }
 
 function choose(index) {
@@ -56,21 +47,20 @@ function drawCase() {
   const found = signals(recording);
   const sections = windows(recording);
   const wanted = recording.roles.includes("B7") ? "Chirp" : recording.roles.includes("B5") ? "Force" : recording.roles.includes("B6") ? "Settling" : "Whole";
-  const [, from, to] = sections.find((entry) => entry[0].startsWith(wanted)) || sections[0];
+  const [, from, to, top] = sections.find((entry) => entry[0].startsWith(wanted)) || sections[0];
   const ending = recording.status === "done" ? "" : ` Ended ${recording.status} at ${figures(recording.time)} s: ${recording.message}`;
   $("#case-text").textContent = `${recording.id}: ${recording.roles.map(roleText).join("; ")}.${ending}`;
 
-  const error = drawError(recording, found, from, to);
+  const error = drawError(recording, found, from, to, top);
   const torque = drawTorque(recording, found, from, to);
   echarts.connect([error, torque]);
   drawPath(recording, found);
-  $("#windows").replaceChildren(...sections.map(([name, start, stop]) =>
-    element("button", { type: "button", onclick: () => zoomTo(error, start, stop) }, name)));
+  $("#windows").replaceChildren(...sections.map(([name, ...section]) =>
+    element("button", { type: "button", onclick: () => zoomTo(error, ...section) }, name)));
 }
 
-function drawError(recording, found, from, to) {
+function drawError(recording, found, from, to, top) {
   const [begin, end] = recording.window;
-  const settled = data.rules.settling_error * 1e3;
   const spans = pulsed(recording)
     ? [{ name: "chirp", from: recording.chirp[0], to: recording.chirp[1] }, { name: "force", from: begin, to: end }]
     : [];
@@ -82,16 +72,11 @@ function drawError(recording, found, from, to) {
     lines: [{ name: "TCP error", t: found.t, y: found.error, colour: colour("one") }],
     unit: "mm",
     label: "TCP position error",
-    levels: pulsed(recording)
-      ? [
-          levelWithin(criterion("B7").target * 1e3, "B7 target", recording.chirp[0], begin),
-          levelWithin(criterion("B5").target * 1e3, "B5 target", begin, recording.duration),
-          levelWithin(settled, "settled", end + criterion("B6").target, recording.duration),
-        ]
-      : [],
+    targets: pulsed(recording) ? errorTargets(recording) : [],
     spans,
     from,
     to,
+    top,
     text: `TCP error of ${poseText(recording)}: at most ${parts}; the largest at ${at.toFixed(2)} s. Wheel with Ctrl, slider or buttons zoom.`,
   });
 }
@@ -100,7 +85,7 @@ function drawTorque(recording, found, from, to) {
   const [t, ...torques] = found.torque;
   const limits = data.rules.torque_limit;
   const most = torques.map((values) => values.reduce((best, value) => Math.max(best, Math.abs(value)), 0));
-  const reached = limits.flatMap((limit, index) => [limit, -limit].map((value) => ({ ...level(value, `limit ${index + 1}`), lineStyle: { type: "dashed", color: colour(["one", "two"][index]) } })));
+  const reached = limits.flatMap((limit, index) => [limit, -limit].map((value) => level(value, `limit ${index + 1}`, ["one", "two"][index])));
   return overTime("torque-chart", {
     lines: torques.map((y, index) => ({ name: `u_m${index + 1}`, t, y, colour: colour(["one", "two"][index]), width: 1 })),
     unit: "Nm",

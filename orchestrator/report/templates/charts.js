@@ -8,8 +8,8 @@ function chart(id, option, text) {
     {
       animation: false,
       textStyle: { fontFamily: getComputedStyle(document.body).fontFamily },
-      aria: { enabled: true, label: { description: text } },
       ...option,
+      aria: { enabled: true, label: { description: text }, ...option.aria },
     },
     { notMerge: true }
   );
@@ -55,47 +55,88 @@ const legend = (more = {}) => ({
   left: 12,
   right: 12,
   itemWidth: 16,
-  itemHeight: 10,
+  itemHeight: 15, // as high as the text, which is cut to it
   textStyle: { color: colour("ink") },
   inactiveColor: colour("line"),
   pageTextStyle: { color: colour("soft") },
   ...more,
 });
 
+/** Tools of a chart. Filtering by the vertical axis would break lines where they leave the chart. */
 function toolbox(zoom) {
   const iconStyle = { borderColor: colour("soft") };
-  const all = { restore: { title: "Whole" }, saveAsImage: { title: "Save as PNG", backgroundColor: colour("card") } };
-  return { right: 12, top: 2, iconStyle, feature: zoom ? { dataZoom: { title: { zoom: "Zoom to a box", back: "Back" } }, ...all } : all };
+  const all = { restore: { title: "As at first" }, saveAsImage: { title: "Save as PNG", backgroundColor: colour("card") } };
+  return { right: 12, top: 2, iconStyle, feature: zoom ? { dataZoom: { filterMode: "none", title: { zoom: "Zoom to a box", back: "Back" } }, ...all } : all };
 }
 
-const marked = (name) => ({
+/** A rim around text that stands on lines or bars. */
+const halo = () => ({ textBorderColor: colour("card"), textBorderWidth: 4 });
+
+const marked = (name, hue = "limit") => ({
   name,
-  lineStyle: { color: colour("limit"), type: "dashed", width: 1.5 },
-  label: { formatter: name, color: colour("limit"), position: "insideEndTop" },
+  lineStyle: { color: colour(hue), type: "dashed", width: 1.5 },
+  label: { formatter: name, color: colour(hue), ...halo(), position: "insideEndTop" },
 });
 
-/** A level drawn across a chart: a target or a limit. */
-const level = (value, name) => ({ yAxis: value, ...marked(name) });
+/** A level drawn across a chart whose axis reaches it: a target or a limit. */
+const level = (value, name, hue) => ({ yAxis: value, ...marked(name, hue) });
 
-/** A level that holds from one time [s] to another. */
-const levelWithin = (value, name, from, to) => [{ coord: [from, value], ...marked(name) }, { coord: [to, value] }];
+const TARGET_STEP = 0.005; // s
+const CHARACTER = 6.4; // pixels, of a label
+
+/**
+ * A level that holds from one time [s] to another, named at its end, as a line of the chart `id`. It has many points:
+ * what is outside the times in sight is left out by the point, a mark by both ends as soon as one is outside.
+ */
+function targetLine(id, { value, name, from, to }) {
+  const count = Math.max(1, Math.ceil((to - from) / TARGET_STEP));
+  const words = `${name} ${figures(value)} mm`;
+  const fits = ([time, height]) => {
+    const made = echarts.getInstanceByDom($(`#${id}`));
+    const pixel = [made.convertToPixel({ xAxisIndex: 0 }, time) - CHARACTER * words.length, made.convertToPixel({ yAxisIndex: 0 }, height)];
+    return made.containPixel({ gridIndex: 0 }, pixel);
+  };
+  return {
+    type: "line",
+    name: words,
+    data: Array.from({ length: count + 1 }, (_, step) => [from + ((to - from) * step) / count, value]),
+    silent: true,
+    tooltip: { show: false },
+    showSymbol: false,
+    lineStyle: { color: colour("limit"), type: "dashed", width: 1.5 },
+    endLabel: {
+      show: true,
+      formatter: (point) => (fits(point.value) ? words : ""),
+      color: colour("limit"),
+      ...halo(),
+      align: "right",
+      verticalAlign: "bottom",
+      distance: 0,
+      padding: [0, 4, 3, 0],
+    },
+    z: 6,
+  };
+}
 
 /**
  * Lines over time [s]. `lines` hold name, t, y, colour, and width or opacity where they differ; `levels` are drawn
- * across, `spans` (from, to, name) shaded. The vertical axis fits what is in sight, or ends at +- `bound`.
+ * across, `targets` (value, name, from, to) from one time to another, `spans` (from, to, name) shaded. The vertical
+ * axis fits what is in sight, or ends at `top` or at +- `bound`; `legend` stands for the usual one.
  */
-function overTime(id, { lines, unit, label, levels = [], spans = [], from, to, bound, text }) {
+function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [], from, to, top, bound, text, legend: names }) {
+  const ends = bound ? { min: -bound, max: bound, axisLabel: { color: colour("soft"), showMinLabel: false, showMaxLabel: false } } : { max: top, boundaryGap: [0, "12%"] };
   const shaded = {
     silent: true,
     itemStyle: { color: colour("area") },
     label: { color: colour("soft"), position: "insideTop" },
-    data: spans.map((span) => [{ xAxis: span.from, name: span.name }, { xAxis: span.to }]),
+    // Shorter by a little: a span that ends where the times in sight begin would show its name without an area.
+    data: spans.map((span) => [{ xAxis: span.from, name: span.name }, { xAxis: span.to - 1e-6 }]),
   };
   return chart(
     id,
     {
       color: lines.map((line) => line.colour),
-      legend: legend({ show: lines.length > 1, icon: "roundRect" }),
+      legend: { ...(names || legend({ icon: "roundRect", data: lines.map((line) => line.name) })), show: lines.length > 1 },
       toolbox: toolbox(true),
       tooltip: tooltip({
         trigger: "axis",
@@ -103,27 +144,54 @@ function overTime(id, { lines, unit, label, levels = [], spans = [], from, to, b
         valueFormatter: (value) => (value === undefined || value === null ? "-" : `${Number(value).toPrecision(4)} ${unit}`),
       }),
       grid: { left: 62, right: 24, top: lines.length > 1 ? 66 : 40, bottom: 84 },
-      xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisPointer: { label: { precision: 4 } } }),
-      yAxis: axis(`${label} [${unit}]`, { nameGap: 44, ...(bound ? { min: -bound, max: bound, axisLabel: { color: colour("soft"), showMinLabel: false, showMaxLabel: false } } : {}) }),
+      xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisLabel: { color: colour("soft"), hideOverlap: true, formatter: (value) => String(Number(value.toFixed(3))) }, axisPointer: { label: { precision: 4 } } }),
+      yAxis: axis(`${label} [${unit}]`, { nameGap: 44, ...ends }),
       dataZoom: [
         { type: "inside", zoomOnMouseWheel: "ctrl", moveOnMouseWheel: false, startValue: from, endValue: to },
         { type: "slider", bottom: 10, height: 22, startValue: from, endValue: to, brushSelect: false, labelPrecision: 2, textStyle: { color: colour("soft") } },
       ],
-      series: lines.map((line, index) => ({
-        type: "line",
-        name: line.name,
-        data: Array.from(line.t, (t, row) => [t, line.y[row]]),
-        showSymbol: false,
-        lineStyle: { width: line.width || 1.4, opacity: line.opacity || 1 },
-        z: line.z || 2,
-        emphasis: { disabled: true },
-        ...(index === 0 ? { markLine: { silent: true, symbol: "none", data: levels }, markArea: shaded } : {}),
-      })),
+      series: [
+        ...lines.map((line, index) => ({
+          type: "line",
+          name: line.name,
+          data: Array.from(line.t, (t, row) => [t, line.y[row]]),
+          showSymbol: false,
+          lineStyle: { width: line.width || 1.4, opacity: line.opacity || 1, type: line.dash || "solid" },
+          z: line.z || 2,
+          emphasis: { disabled: true },
+          ...(index === 0 ? { markLine: { silent: true, symbol: "none", data: levels }, markArea: shaded } : {}),
+        })),
+        ...targets.map((target) => targetLine(id, target)),
+      ],
     },
     text
   );
 }
 
-/** Show the times from `from` to `to` [s] in a chart over time. */
-const zoomTo = (made, from, to) =>
+const criterion = (name) => data.criteria.find((entry) => entry.name === name);
+
+/** The largest error [mm] and its time [s] between two times. */
+function peak({ t, error }, from, to) {
+  let [best, at] = [0, from];
+  for (let row = 0; row < t.length; row += 1) if (t[row] >= from && t[row] <= to && error[row] > best) [best, at] = [error[row], t[row]];
+  return [best, at];
+}
+
+/** What the TCP error [mm] is to stay below in a case, and when [s]: chirp, force, and when it is to have settled. */
+function errorTargets({ window: [begin, end], chirp, time }) {
+  const due = end + criterion("B6").target;
+  return [
+    { value: criterion("B7").target * 1e3, name: "B7 target", from: chirp[0], to: Math.min(begin, time) },
+    { value: criterion("B5").target * 1e3, name: "B5 target", from: begin, to: Math.min(due, time) },
+    { value: data.rules.settling_error * 1e3, name: "settled", from: due, to: time },
+  ].filter((target) => target.from < target.to);
+}
+
+/** The largest error [mm] to show of an error that settles to `largest`: the band of the settled TCP is to be seen. */
+const settlingTop = (largest) => Math.max(5 * data.rules.settling_error * 1e3, Number((1.2 * largest).toPrecision(2)));
+
+/** Show the times from `from` to `to` [s] in a chart over time, up to `top` or to what is in sight. */
+function zoomTo(made, from, to, top) {
+  made.setOption({ yAxis: { max: top ?? null } });
   made.dispatchAction({ type: "dataZoom", batch: [0, 1].map((dataZoomIndex) => ({ dataZoomIndex, startValue: from, endValue: to })) });
+}

@@ -1,8 +1,28 @@
 // Several runs under equal conditions: bars, difference maps, worst cases laid over each other.
 
-const HUES = ["one", "two", "three", "four", "limit", "soft"];
+const HUES = ["one", "two", "three", "four", "five", "soft"];
+const DASHES = ["solid", "dashed", "dotted"];
+const FILLS = [
+  { symbol: "none" },
+  { dashArrayX: [1, 0], dashArrayY: [3, 4], rotation: Math.PI / 4 },
+  { symbol: "circle", dashArrayX: [[6, 6], [0, 6, 6, 0]], dashArrayY: [6, 0] },
+];
+
+// Colours repeat after six runs, then with other dashes and fills.
 const hue = (index) => colour(HUES[index % HUES.length]);
-const runs = data.runs;
+const turned = (looks, index) => looks[Math.floor(index / HUES.length) % looks.length];
+
+// Runs stand in the order of the first leaderboard; by their rank there they are told apart where names are cut.
+const runs = data.runs.map((run, row) => {
+  const rank = $("#leaderboard tbody").rows[row].cells[0].textContent;
+  return { ...run, label: `${rank === "-" ? `(${row + 1})` : `${rank}.`} ${run.name}` };
+});
+
+/** A legend of runs, with names as long as there is room for. */
+function runLegend(id) {
+  const most = Math.floor(($(`#${id}`).clientWidth - 100) / 8);
+  return legend({ icon: "roundRect", data: runs.map((run) => run.label), formatter: (name) => (name.length > most ? `${name.slice(0, most - 1)}…` : name) });
+}
 
 function options(id, entries, draw, chosen = 0) {
   const select = $(`#${id}`);
@@ -16,7 +36,6 @@ function options(id, entries, draw, chosen = 0) {
 function drawBars() {
   const ratio = (run, criterion) => (run.criteria[criterion.name].value === null ? null : run.criteria[criterion.name].value / criterion.target);
   const common = {
-    legend: legend({ icon: "roundRect" }),
     toolbox: toolbox(false),
     tooltip: tooltip({ trigger: "axis", axisPointer: { type: "shadow" }, valueFormatter: figures }),
   };
@@ -24,26 +43,31 @@ function drawBars() {
     "bars-chart",
     {
       ...common,
+      aria: { decal: { show: runs.length > HUES.length, decals: runs.map((_, index) => ({ color: colour("card"), ...turned(FILLS, index) })) } },
+      legend: runLegend("bars-chart"),
       grid: { left: 62, right: 24, top: 66, bottom: 40 },
       xAxis: axis("", { type: "category", data: data.criteria.map((criterion) => criterion.name) }),
-      yAxis: axis("Value / target", { nameGap: 40 }),
+      yAxis: axis("Value / target", { nameGap: 40, max: reaching(1) }),
       series: runs.map((run, index) => ({
-        type: "bar", name: run.name, itemStyle: { color: hue(index) }, data: data.criteria.map((criterion) => ratio(run, criterion)),
+        type: "bar", name: run.label, itemStyle: { color: hue(index) }, data: data.criteria.map((criterion) => ratio(run, criterion)),
         ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [level(1, "target")] } }),
       })),
     },
-    `B1 to B7 relative to their targets. ${runs.map((run) => `${run.name}: ${data.criteria.map((criterion) => figures(ratio(run, criterion))).join(", ")}`).join(". ")}.`
+    `B1 to B7 relative to their targets. ${runs.map((run) => `${run.label}: ${data.criteria.map((criterion) => figures(ratio(run, criterion))).join(", ")}`).join(". ")}.`
   );
-  const names = runs.map((run) => run.name).reverse();
+  const wide = Math.min(260, $("#stack-chart").clientWidth / 3);
+  const heights = runs.map((run) => Math.max(36, 18 * Math.ceil((8 * run.label.length) / wide)));
+  $("#stack-chart").style.height = `${130 + runs.length * Math.max(...heights)}px`;
   chart(
     "stack-chart",
     {
       ...common,
+      legend: legend({ icon: "roundRect" }),
       grid: { left: 12, right: 40, top: 66, bottom: 40, containLabel: true },
-      xAxis: axis("V", {}),
-      yAxis: axis("", { type: "category", data: names, axisLabel: { color: colour("ink"), width: 150, overflow: "truncate" } }),
+      xAxis: axis("V", { max: reaching(data.rules.cost.target) }),
+      yAxis: axis("", { type: "category", data: runs.map((run) => run.label).reverse(), axisLabel: { color: colour("ink"), width: wide, lineHeight: 16, overflow: "break", interval: 0 } }),
       series: data.criteria.map((criterion, index) => ({
-        type: "bar", stack: "V", name: criterion.name, itemStyle: { color: VIRIDIS[index + 1], borderColor: colour("card"), borderWidth: 1 },
+        type: "bar", stack: "V", name: criterion.name, itemStyle: { color: colour(`b${index + 1}`), borderColor: colour("card"), borderWidth: 0.5 },
         data: runs.map((run) => run.criteria[criterion.name].share).reverse(),
         ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: data.rules.cost.target, ...marked("target") }] } }),
       })),
@@ -52,9 +76,12 @@ function drawBars() {
   );
 }
 
+/** The end of an axis that shows `value` even where all bars are shorter. */
+const reaching = (value) => ({ max }) => (max < value ? Number((1.2 * value).toPrecision(2)) : null);
+
 function drawDifference() {
   if (runs.length < 2) return;
-  const choices = runs.map((run, index) => [index, run.name]);
+  const choices = runs.map((run, index) => [index, run.label]);
   const a = runs[options("minuend", choices, drawDifference, 1).value];
   const b = runs[options("subtrahend", choices, drawDifference, 0).value];
   const name = options("quantity", [["", "V_k"], ...data.criteria.map((entry, index) => [entry.name, `b${index + 1}: ${entry.title}`])], drawDifference).value;
@@ -74,11 +101,11 @@ function drawDifference() {
     range: [-largest, largest],
     colours: PUOR,
     name: `Difference of ${name || "V_k"}`,
-    low: `${figures(-largest)}: ${a.name} is better`,
-    high: `${figures(largest)}: ${b.name} is better`,
+    low: `${figures(-largest)}: ${a.label} is better`,
+    high: `${figures(largest)}: ${b.label} is better`,
     chosen: (configuration) => {
       arm.pose(configuration.q_a1, configuration.q_a2);
-      const told = [a, b].map((run) => `${run.name} ${figures(value(run.configurations.find((entry) => entry.index === configuration.index) || { relative: {} }))}`);
+      const told = [a, b].map((run) => `${run.label} ${figures(value(run.configurations.find((entry) => entry.index === configuration.index) || { relative: {} }))}`);
       $("#arm-text").textContent = `Configuration ${configuration.index}: q_a1 ${degrees(configuration.q_a1)}, q_a2 ${degrees(configuration.q_a2)}; ${name || "V_k"}: ${told.join(", ")}.`;
     },
   });
@@ -94,20 +121,23 @@ function drawOverlay() {
   const shown = runs.map((run, index) => [run, index]).filter(([run]) => run.worst[name]);
   const lines = shown.map(([run, index]) => {
     const [t, error] = run.worst[name].curve.map(unpack);
-    return { name: run.name, t, y: error.map((metre) => 1e3 * metre), colour: hue(index) };
+    return { name: run.label, t, y: error.map((metre) => 1e3 * metre), colour: hue(index), dash: turned(DASHES, index) };
   });
-  const { window: [begin, end], chirp } = shown[0][0].worst[name];
-  const [from, to] = { B5: [begin - 0.2, end + 1], B6: [end - 0.1, end + 5], B7: [0, chirp[1] + 0.5] }[name];
-  const criterion = data.criteria.find((entry) => entry.name === name);
+  const about = shown.map(([run]) => run.worst[name]).reduce((best, entry) => (entry.time > best.time ? entry : best));
+  const { window: [begin, end], chirp } = about;
+  const [from, to] = { B5: [begin - 0.2, end + 1], B6: [end, end + 5], B7: [0, chirp[1] + 0.5] }[name];
+  const settled = lines.map((line) => peak({ t: line.t, error: line.y }, end + criterion("B6").target, Infinity)[0]);
   overTime("overlay-chart", {
     lines,
     unit: "mm",
     label: "TCP position error",
-    levels: [level(name === "B6" ? data.rules.settling_error * 1e3 : criterion.target * 1e3, name === "B6" ? "settled" : "target")],
+    targets: errorTargets(about),
     spans: [{ name: "force", from: begin, to: end }],
     from,
     to,
-    text: `TCP error of each run's own worst case of ${name}: ${shown.map(([run]) => `${run.name} in ${run.worst[name].id}`).join(", ")}.`,
+    top: name === "B6" ? settlingTop(Math.max(...settled)) : undefined,
+    legend: runLegend("overlay-chart"),
+    text: `TCP error of each run's own worst case of ${name}: ${shown.map(([run]) => `${run.label} in ${run.worst[name].id}`).join(", ")}.`,
   });
 }
 
