@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hostile.fmus import Fault, hostile_fmu
 
 import build_fmus
 
@@ -79,3 +81,9 @@ def build_or_skip(build):
         return build()
     except build_fmus.NoCompilerError as problem:
         pytest.skip(str(problem))
+
+
+@pytest.fixture(scope="session")
+def faulty(fmu_folder: Path) -> Callable[[Fault], Path]:
+    """A function that builds the hostile controller with a fault."""
+    return lambda fault: build_or_skip(lambda: hostile_fmu(fmu_folder, fault))
