@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,9 @@ def pytest_configure(config: pytest.Config) -> None:
         digest.update(source.read_bytes())
     os.environ.setdefault("FLEXIBLE_MANIPULATOR_CACHE", str(folder))
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba-plant" / digest.hexdigest()[:16]))
+    # A session started in the background by a script ignores Ctrl-C, and so would the commands it starts to interrupt.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
