@@ -10,8 +10,15 @@ from pathlib import Path
 
 import pytest
 from hostile.fmus import Fault, hostile_fmu
+from hypothesis import settings
 
 import build_fmus
+
+# A test run is repeatable: the same examples every time. New ones are searched with --hypothesis-profile=search.
+# No deadlines: compilation and a busy machine are no faults.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("search", deadline=None, print_blob=True)
+settings.load_profile("repeatable")
 
 PLANT_SOURCES = Path(build_fmus.__file__).parent / "plant_fmu"
 

@@ -51,7 +51,6 @@ def near_rest(samples: int, size: float, seed: int = 3) -> Signals:
 
 
 @given(workspace)
-@settings(deadline=None)  # the first call compiles
 def test_pose_is_recovered_from_the_steady_state(q_a):
     arm, joints = constants(table())
     rest = equilibrium.solve(arm, joints, q_a)
@@ -64,7 +63,7 @@ def test_pose_is_recovered_from_the_steady_state(q_a):
 
 
 @given(uncertain_tables(swapped_stiffness=False), workspace)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_pose_of_an_uncertain_manipulator_is_found_to_milliradians(values, q_a):
     rest = equilibrium.solve(*constants(values), q_a)
     assert_allclose(lqg.pose(rest.q_m, rest.u_m).q_a, q_a, rtol=0, atol=1.5e-3)

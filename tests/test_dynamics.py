@@ -13,7 +13,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from manipulators import CORNERS, at_rest, constants, table, uncertain_tables, workspace
 from scipy.integrate import solve_ivp
@@ -75,7 +75,6 @@ def evaluated(values, q, w):
     return [np.array(item, dtype=float) for item in links()([values[name] for name in LINK_SYMBOLS], (*q, *w))]
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), q=workspace, w=st.tuples(speeds, speeds))
 def test_inertia_coriolis_and_gravity_follow_from_the_energies(values, q, w):
     M, C, G, *_ = evaluated(values, q, w)
@@ -97,7 +96,6 @@ def stiffness(values, axis, delta):
     return k_low + (k_high - k_low) * min(abs(delta) / psi, 1.0) ** 2
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), delta=deflections)
 def test_spring_is_the_integral_of_its_stiffness(values, axis, delta):
     joint = constants(values)[1][axis - 1]
@@ -108,7 +106,6 @@ def test_spring_is_the_integral_of_its_stiffness(values, axis, delta):
     assert dynamics.spring(joint, delta) == pytest.approx(torque, rel=20 * EPS, abs=1e-300)
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), delta=deflections)
 def test_spring_is_odd_and_rises(values, axis, delta):
     joint = constants(values)[1][axis - 1]
@@ -138,7 +135,6 @@ def test_spring_has_the_shape_of_figure_3(axis):
     assert dynamics.spring(joint, math.nextafter(psi, 1.0)) == pytest.approx(dynamics.spring(joint, psi), rel=4 * EPS)
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), v=motor_speeds)
 def test_friction_is_equation_8(values, axis, v):
     f_d, f_c, mu_k, beta, alpha = (
@@ -152,7 +148,6 @@ def test_friction_is_equation_8(values, axis, v):
     assert error <= 8 * EPS * (float(f_c) + abs(float(f_d) * v))
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), v=motor_speeds)
 def test_friction_is_odd_and_dissipates(values, axis, v):
     joint = constants(values)[1][axis - 1]
@@ -218,7 +213,6 @@ def lagrange_accelerations(values, x, tau, F):
     return accelerations, np.concatenate([np.abs(inverse).sum(axis=1) * rounding, motor_rounding / of["j_m"]])
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
 def test_accelerations_solve_lagranges_equations(values, x, tau, F):
     expected, rounding = lagrange_accelerations(values, x, np.array(tau), np.array(F))
@@ -242,7 +236,6 @@ def energy(values, x):
     return total
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
 def test_power_in_is_energy_gained_and_heat(values, x, tau, F):
     """dE/dt = tau . v + F . dX/dt - heat, at any state: nothing in eq. (2) makes or loses energy but what may."""

@@ -15,7 +15,6 @@ from plant_fmu.flexible_manipulator import dynamics, equilibrium, integrator
 EPS = float(np.finfo(float).eps)
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), q_a=workspace)
 def test_steady_state_has_no_acceleration(values, q_a):
     arm, joints = constants(values)
@@ -32,7 +31,6 @@ def test_steady_state_has_no_acceleration(values, q_a):
     assert max(a[2:]) <= torque / 200.0 / 0.001
 
 
-@settings(deadline=None)
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), torque=st.floats(-3000.0, 3000.0))
 def test_deflection_inverts_the_spring(values, axis, torque):
     joint = constants(values)[1][axis - 1]
@@ -71,7 +69,7 @@ def test_without_gravity_nothing_is_bent():
     assert rest.u_m == (0.0, 0.0)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(values=uncertain_tables(), q_a=workspace | st.sampled_from(CORNERS))
 def test_it_stays_at_rest(values, q_a):
     """With the published torque held, the tool stays within a nanometre for two seconds."""

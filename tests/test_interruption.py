@@ -81,7 +81,7 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     return Finished(index, {"status": Status(kind), "time": 26.0, "message": "", "measurement": figures}, 1.0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     stops=st.lists(st.integers(0, 24), max_size=4),
     seed=st.integers(0, 2**32 - 1),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pid_fmus import GAINS, OUTPUTS, T_S, in_child, law, random_signals, slave
@@ -73,7 +73,6 @@ gain = st.floats(0.01, 100.0)
 error_sequences = arrays(float, st.integers(1, 60), elements=st.floats(-1.0, 1.0, allow_subnormal=False))
 
 
-@settings(deadline=None)
 @given(errors=error_sequences, K_p=gain, K_i=gain, K_d=gain, z_p=st.floats(0.0, 0.99))
 def test_law_is_equation_13(pid_module, errors, K_p, K_i, K_d, z_p):
     expected = response_of_equation_13(errors, K_p, K_i, K_d, z_p)
@@ -82,7 +81,6 @@ def test_law_is_equation_13(pid_module, errors, K_p, K_i, K_d, z_p):
     np.testing.assert_allclose(torques, expected, rtol=0.0, atol=1e-10 * scale)
 
 
-@settings(deadline=None)
 @given(errors=error_sequences, u_m0=st.floats(-50.0, 50.0))
 def test_start_torque_is_an_offset(pid_module, errors, u_m0):
     gains = pid_module.Gains(45.0, 30.0, 1.5, 0.95, T_S)

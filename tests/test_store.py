@@ -152,7 +152,7 @@ measurements = st.builds(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     status=st.sampled_from(list(Status)),
     time=numbers,
