@@ -1,7 +1,7 @@
 """Find the weights of the LQG design together with its dither: friction_weights.json.
 
-python -m controller_fmu.friction.tune              search, then the verdict by the whole protocol (15 minutes)
-python -m controller_fmu.friction.tune --verdict    only the verdict on the weights there are (20 seconds)
+python -m controller_fmu.friction.tune              search, then the verdict by the whole protocol (2 to 3 minutes)
+python -m controller_fmu.friction.tune --verdict    only the verdict on the weights there are (about 20 seconds)
 """
 
 from __future__ import annotations

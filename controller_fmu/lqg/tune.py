@@ -1,6 +1,6 @@
 """Find the weights of the LQG design: lqg_weights.json.
 
-python -m controller_fmu.lqg.tune              search, then the verdict by the whole protocol (about 15 minutes)
+python -m controller_fmu.lqg.tune              search, then the verdict by the whole protocol (2 to 3 minutes)
 python -m controller_fmu.lqg.tune --verdict    only the verdict on the weights there are (about 20 seconds)
 """
 

@@ -1,6 +1,6 @@
 """Find gains of the PID, eq. (13): tuned_pid_gains.json.
 
-python -m controller_fmu.pid_tuned.tune              search, then the verdict by the whole protocol (about 15 minutes)
+python -m controller_fmu.pid_tuned.tune              search, then the verdict by the whole protocol (2 to 3 minutes)
 python -m controller_fmu.pid_tuned.tune --verdict    only the verdict on the gains there are (about 20 seconds)
 """
 

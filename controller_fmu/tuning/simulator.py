@@ -53,7 +53,8 @@ class Course(NamedTuple):
     pulse: PulseSignal
 
 
-@numba.njit(nogil=True, error_model="numpy", fastmath=True)
+# No fast-math: the bits of a result, and with them the path of a search, would depend on the optimiser's choices.
+@numba.njit(nogil=True, error_model="numpy")
 def simulate(course, law, T_s, substeps, abort_distance, X, torque):
     """Fill ``X`` (samples + 1, 2) with TCP positions [m] and ``torque`` (samples, 2) [N.m].
 

@@ -47,8 +47,10 @@ def inlined(function: F) -> F:
 def _compiled(function: F, **options: bool) -> F:
     before, folder = numba.config.CACHE_DIR, _cache_of_these_sources()
     numba.config.CACHE_DIR = folder
+    # Said aloud, as Numba hands a caller's fast-math on to what it calls, and to the cache of that.
+    ieee = {"fastmath": False, "error_model": "numpy", "_nrt": False}
     try:
-        return numba.njit(cache=bool(folder), error_model="numpy", _nrt=False, **options)(function)
+        return numba.njit(cache=bool(folder), **ieee, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

@@ -21,7 +21,8 @@ def compiled(function: F) -> F:
     """
     if numba is None:
         return function
-    options = {"error_model": "numpy", "_nrt": False}
+    # Fast-math is refused aloud, as Numba hands a caller's on to what it calls, and to the cache of that.
+    options = {"fastmath": False, "error_model": "numpy", "_nrt": False}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to write the cache to: compile for this process alone
