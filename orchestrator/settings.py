@@ -11,7 +11,7 @@ from fmpy.model_description import BaseUnit, Unit
 from lxml import etree
 
 from .cosim.archive import Archive
-from .cosim.connectors import find_parameters
+from .cosim.lookup import find_parameters
 from .cosim.units import EXPONENTS, factor_to_own
 from .errors import InputError
 

@@ -5,15 +5,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_loops import case, simulate_all
 from fmpy import read_model_description, simulate_fmu
 from hypothesis import given, settings
 from manipulators import CORNERS, constants, table, uncertain_tables, workspace
@@ -275,50 +270,3 @@ def test_wrong_steps_and_sample_times_are_refused_in_words(fmu):
     text = " ".join(in_child(refusals, fmu))
     assert "must equal the sample time T_s = 0.00025 s" in text
     assert "T_s = 0.0 s: the sample time must be positive" in text
-
-
-# --- the simulator of the tuning ---
-
-
-def test_simulator_is_the_benchmarks_loop(plant_file, fmu_folder):
-    chosen = case(4, "compliant", "delay_2")
-    scenario = chosen.scenario.__class__(**{**chosen.scenario.__dict__, "duration": chosen.scenario.duration / 13})
-    chosen = chosen.__class__(chosen.configuration, chosen.system, chosen.test, scenario)
-    (expected,) = simulate_all(plant_file, build_fmus.build("DitheredLQG", fmu_folder), [scenario])
-    at = problem.experiment(chosen)
-    law = plain.law_of(lqg.read_weights(friction.WEIGHTS), friction.read_dither(friction.WEIGHTS))
-    X, torque = problem.trajectory(at, law(at.q_m_ref, at.u_m0))
-    assert_allclose(torque, expected.torque, atol=0.03)
-    assert_allclose(X, expected.X, atol=1e-6)
-    assert math.isclose(np.max(np.abs(torque)), np.max(np.abs(expected.torque)), abs_tol=0.03)
-
-
-FINGERPRINT = """
-import hashlib
-from controller_fmu.friction import tune
-from controller_fmu.lqg import flexible_manipulator_lqg as lqg
-from controller_fmu.lqg.tune import law_of
-from controller_fmu.tuning import problem
-
-poses, tests = problem.scattered_poses(1, 3), ["disturbance"]
-(at,) = problem.experiments(poses, tests, {"performance": ["compliant"]}, 3, shortened=True)
-law = law_of(lqg.read_weights(tune.WEIGHTS), tune.read_dither(tune.WEIGHTS))(at.q_m_ref, at.u_m0)
-print(hashlib.sha256(problem.trajectory(at, law)[0].tobytes()).hexdigest())
-"""
-
-
-def test_simulator_gives_the_same_bits_compiled_and_from_the_cache(tmp_path):
-    """One bit moves a quantized, dithered loop, and with it the result of a search."""
-    caches = {"FLEXIBLE_MANIPULATOR_CACHE": str(tmp_path / "ours"), "NUMBA_CACHE_DIR": str(tmp_path / "plant")}
-    first, second = (
-        subprocess.run(
-            [sys.executable, "-c", FINGERPRINT],
-            cwd=Path(build_fmus.__file__).parent,
-            env={**os.environ, **caches},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for _ in range(2)
-    )
-    assert len(first.strip()) == 64 and first == second

@@ -102,7 +102,7 @@ def _shortened(case: Case) -> Case:
     return replace(case, scenario=replace(scenario, pulse=pulse, duration=Fraction(str(end)) + 4))
 
 
-def whole_protocol(seed: int) -> list[Experiment]:
+def whole_protocol(seed: int = 0) -> list[Experiment]:
     """Every case of the protocol ``paper``."""
     return [experiment(case) for case in protocols.cases(PAPER, NOMINAL, seed)]
 

@@ -9,8 +9,9 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..cosim.connectors import PLANT, bind, find_parameters
+from ..cosim.connectors import PLANT, bind
 from ..cosim.controller import Setup, Steady, prepared
+from ..cosim.lookup import find_parameters
 from ..cosim.master import steady_state
 from ..cosim.port import exchange, exchange_often
 from ..cosim.probe import ERROR, LATE, Convention, probe, response

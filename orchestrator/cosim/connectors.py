@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
+from .lookup import nearest
 from .names import ARRAY, canonical, spelling, zero_based
 from .units import conversion
 from .variables import Variable, variables
@@ -128,55 +128,16 @@ def bind_controller(description: ModelDescription, what: str, mapping: Mapping[s
     return binding
 
 
-def find_parameters(
-    description: ModelDescription, given: Mapping[str, float], what: str
-) -> dict[Variable, list[float]]:
-    """Values of parameters given by name, scalars or single elements ``K_p[1]`` of arrays.
-
-    Raises :class:`InputError` with the nearest names where a name is unknown or cannot be set.
-    """
-    known = variables(description)
-    settable = {name: v for name, v in known.items() if v.is_real and v.causality == "parameter"}
-    found: dict[Variable, list[float]] = {}
-    for name, value in given.items():
-        base, _, index = name.rstrip("]").partition("[")
-        if name in settable and settable[name].size == 1:
-            found[settable[name]] = [value]
-        elif base in settable and index.isdigit() and 1 <= int(index) <= settable[base].size:
-            array = settable[base]
-            found.setdefault(array, list(array.start) or [0.0] * array.size)[int(index) - 1] = value
-        elif name in known:
-            kind = f"{known[name].type} {known[name].causality}"
-            hint = f" of {known[name].size} elements: give {name}[1]={value:g}" if known[name].size > 1 else ""
-            raise InputError(f"{what}: {name} is a {kind}{hint}, not a scalar real parameter, and cannot be set.")
-        else:
-            raise InputError(f"{what} has no parameter {name}. Nearest: {_nearest(name, settable)}.")
-    return found
-
-
-def find_outputs(description: ModelDescription, names: Iterable[str], what: str) -> list[Variable]:
-    """The scalar real outputs called ``names``; raises :class:`InputError` with the nearest where one is unknown."""
-    known = {
-        name: v for name, v in variables(description).items() if v.is_real and v.size == 1 and v.causality == "output"
-    }
-    for name in names:
-        if name not in known:
-            raise InputError(f"{what} has no output {name}. Nearest: {_nearest(name, known)}.")
-    return [known[name] for name in names]
-
-
 def _checked(
     mapping: Mapping[str, str], connectors: tuple[Connector, ...], known: Mapping[str, Variable], what: str
 ) -> Mapping[str, str]:
     allowed = [name for connector in connectors for name in (connector.name, *connector.components())]
     for target, source in mapping.items():
         if target not in allowed:
-            raise InputError(
-                f"The mapping names {target}, which is no connector. Nearest: {_nearest(target, allowed)}."
-            )
+            raise InputError(f"The mapping names {target}, which is no connector. Nearest: {nearest(target, allowed)}.")
         if source not in known:
             raise InputError(
-                f"{what} has no variable {source}, to which {target} is mapped. Nearest: {_nearest(source, known)}."
+                f"{what} has no variable {source}, to which {target} is mapped. Nearest: {nearest(source, known)}."
             )
         other = next(name for name, variable in mapping.items() if variable == source)
         if other != target:
@@ -262,12 +223,6 @@ def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> 
     wanted = " or ".join(connector.causalities)
     return (
         f"{what} has no {wanted} {first}, {second} [{connector.unit}] ({connector.meaning}). "
-        f"Nearest: {_nearest(first, candidates)}. "
+        f"Nearest: {nearest(first, candidates)}. "
         f"Rename it, or say which variable it is: --map {first}=NAME --map {second}=NAME."
     )
-
-
-def _nearest(name: str, names: Iterable[str]) -> str:
-    pool = list(names)
-    near = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
-    return ", ".join(near) or "none"

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..errors import InputError
 from .archive import Archive
-from .connectors import SAMPLE_TIME, Binding, bind_controller, find_parameters
+from .connectors import SAMPLE_TIME, Binding, bind_controller
+from .lookup import find_parameters
 from .names import canonical
 from .port import Port
 from .scenario import Pair

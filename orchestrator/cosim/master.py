@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import FmuError
 from . import loop, port, signals, trace
-from .connectors import PLANT, Binding, bind, find_outputs, find_parameters
+from .connectors import PLANT, Binding, bind
 from .controller import Setup, Steady, prepared
+from .lookup import find_outputs, find_parameters
 from .plan import make_plan
 from .scenario import Pair, Scenario
 from .slaves import Slave, log
