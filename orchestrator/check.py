@@ -72,9 +72,13 @@ def _dynamic(bench: Bench, sample_time: Fraction) -> Iterator[Finding]:
     tasks = tuple((number, bench.setup, sample_time) for number in range(len(CHECKS)))
     limits = (bench.timeout,) * len(tasks)
     job = Job(bench.plant, bench.controller, tasks, run_check, limits, bench.limits, bench.sandbox)
+    told = ""
     for outcome in run_isolated(job):
         check = CHECKS[outcome.index]
         if isinstance(outcome, Failed):
+            if str(outcome.error) == told:  # it fails before any look begins: once is enough
+                continue
+            told = str(outcome.error)
             remedy = check.loss or "Mend what the FMU says itself, and export it again."
             yield Finding(check.failure, check.subject, str(outcome.error), remedy)
         elif isinstance(outcome, Died):
@@ -86,7 +90,7 @@ def _dynamic(bench: Bench, sample_time: Fraction) -> Iterator[Finding]:
 
 
 def _show(name: str, findings: Sequence[Finding], console: Console) -> None:
-    table = Table(title=name, title_justify="left", box=None, pad_edge=False)
+    table = Table(title=escape(name), title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     table.add_column("subject", no_wrap=True)
     table.add_column("finding")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -33,7 +34,12 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
     An FMU's own refusal (:class:`FmuError`) comes this far only before the first sample: it is bad input.
     """
     try:
-        return command(arguments)
+        code = command(arguments)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # who reads has read enough, as in a pipe to head; nothing more can be said there
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_INCOMPLETE
     except BenchmarkError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
@@ -138,6 +144,10 @@ def setup(options: argparse.Namespace, controller: Archive) -> Setup:
     files = [read_parameters(file, controller) for file in options.parameter_files]
     parameters = {name: value for values in files for name, value in values.items()}
     mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
+    given = [name for name, _ in options.connections]
+    for name in given:
+        if given.count(name) > 1:
+            raise InputError(f"--map gives {name} more than once. Map it to one variable.")
     parameters.update(options.controller_parameters)
     for name, value in parameters.items():
         if not math.isfinite(value):

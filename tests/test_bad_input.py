@@ -166,7 +166,9 @@ def test_a_controller_of_another_sample_time_runs_at_its_own(controllers, tmp_pa
     ("arguments", "told"),
     [
         (("--set", "K_q[1]=45"), ["has no parameter K_q[1]. Nearest:", "K_p[1]"]),
-        (("--set", "q_m[1]=0"), ["q_m[1] is a Real input", "cannot be set"]),
+        (("--set", "q_m[1]=0"), ["q_m[1] is a Real input and cannot be set", "Nearest: "]),
+        (("--set", "u_m0[1]=3"), ["u_m0[1] is the connector u_m0, which the benchmark gives its value"]),
+        (("--map", "q_m[1]=a", "--map", "q_m[1]=b"), ["--map gives q_m[1] more than once"]),
         (("--set", "z_p[1]=1.5"), ["z_p[1] = 1.5", "0 <= z_p < 1"]),
         (("--map", "q_n[1]=x"), ["The mapping names q_n[1], which is no connector"]),
         (("--mapping", "absent.toml"), ["absent.toml cannot be read"]),

@@ -120,6 +120,18 @@ def test_an_array_and_scalars_are_two_candidates():
     assert "--map q_m=P.q_m" in refusal(shown)
 
 
+def test_an_array_and_scalars_of_the_exact_name_are_two_candidates():
+    shown = usual(variable("q_m", kind="Float64", size=2))
+    assert "more than one candidate for q_m: q_m, q_m[1], q_m[2]. Say which, such as --map q_m=q_m" in refusal(shown)
+    assert bound(shown, {"q_m": "q_m"})["q_m"] == (["q_m"], "mapped")
+
+
+@pytest.mark.parametrize("name", ["q_m_ref[2]", "qmref1", "u_m0[1]", "q_a_ref_0"])
+def test_half_an_optional_connector_is_no_absent_one(name):
+    message = refusal(usual(variable(name)))
+    assert f"has {name}, but not the other component" in message and "--map" in message
+
+
 def test_two_candidates_of_an_optional_connector_are_refused_too():
     assert "q_m_ref" in refusal(usual(*pair(["a.q_m_ref_1", "a.q_m_ref_2", "b.q_m_ref_1", "b.q_m_ref_2"])))
 

@@ -107,7 +107,7 @@ def test_unknown_controller_parameter_is_answered_with_the_nearest(plant_file, p
 
 
 def test_an_input_is_no_parameter(plant_file, pid_file):
-    with pytest.raises(InputError, match=r"u_m\[1\] is a Real input, not a scalar real parameter"):
+    with pytest.raises(InputError, match=r"u_m\[1\] is a Real input and cannot be set: .* Nearest: "):
         simulate_all(plant_file, pid_file, [quiet("0.01", {"u_m[1]": 1.0})])
 
 

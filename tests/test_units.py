@@ -98,8 +98,9 @@ def test_an_angle_without_dimension_is_a_note(unit, definitions, factor):
     assert found.factor == factor and "counts radians as dimensionless" in found.note
 
 
-def test_a_torque_per_radian_differs_by_radians_only():
-    assert "counts radians" in convert("N.m/rad", "N.m", Unit("N.m/rad", BaseUnit(**TORQUE, rad=-1))).note
+@pytest.mark.parametrize("factor", [0.0, -1.0, math.nan, math.inf])
+def test_a_factor_that_is_no_positive_number_is_refused(factor):
+    assert "Give its BaseUnit a positive factor" in refusal("mine", "rad", Unit("mine", BaseUnit(rad=1, factor=factor)))
 
 
 @pytest.mark.parametrize(
@@ -109,6 +110,7 @@ def test_a_torque_per_radian_differs_by_radians_only():
         ("rad", "N.m", ()),
         ("N", "N.m", ()),
         ("1", "N.m", ()),
+        ("N.m/deg", "N.m", (Unit("N.m/deg", BaseUnit(**TORQUE, rad=-1, factor=180 / math.pi)),)),
         ("V", "N.m", (Unit("V", BaseUnit(kg=1, m=2, s=-3, A=-1)),)),
         ("rad/s", "rad", (Unit("rad/s", BaseUnit(rad=1, s=-1)),)),
     ],
@@ -137,7 +139,7 @@ powers = st.one_of(
 @given(powers, st.floats(1e-6, 1e6), st.sampled_from(WANTED))
 def test_only_units_of_the_same_kind_convert(powers, factor, wanted):
     definition = Unit("x", BaseUnit(**dict(zip(EXPONENTS, powers, strict=True)), factor=factor))
-    if powers[:-1] == KNOWN[wanted].exponents[:-1]:  # radians are dimensionless in SI
+    if powers == KNOWN[wanted].exponents or (wanted == "rad" and not any(powers)):  # an angle is dimensionless in SI
         assert convert("x", wanted, definition).factor == factor
     else:
         assert "which is no" in refusal("x", wanted, definition)

@@ -22,6 +22,19 @@ from .finding import Finding, Severity
 
 TIMED_STEPS = 2000
 
+_AGREE = "Nothing to mend: every case begins at rest, where the conventions agree."
+
+TIMING = {
+    Convention.INITIALIZATION: (Severity.NOTE, _AGREE),
+    Convention.TWICE: (Severity.NOTE, _AGREE),
+    Convention.UNKNOWN: (
+        Severity.WARNING,
+        "Look for noise, for laws that depend on time, and for a start-up phase, and switch them off to see the "
+        "latency. The evaluation goes on.",
+    ),
+}
+"""What a timing convention other than a sample at the start of each step is worth, and its remedy."""
+
 TOLERANCE = 1e-6
 """Difference [N.m] between the first torque at rest and u_m0 that is worth a word."""
 
@@ -30,6 +43,14 @@ def timing(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction)
     """Latency, timing convention, and the first output against u_m0."""
     steady = _steady(plant)
     found = probe(controller, setup, steady, sample_time)
+    if not np.all(np.isfinite(found.first_torque)):
+        yield Finding(
+            Severity.ERROR,
+            "initial output",
+            f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest",
+            "Look for a division by zero or memory without a start value: every case would end at its first sample.",
+        )
+        return
     if found.convention is Convention.SILENT:
         yield Finding(
             Severity.ERROR,
@@ -49,10 +70,8 @@ def timing(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction)
         else "An extra sample of delay costs stability margin; look for a unit delay or memory "
         "block at the output, or an export option that delays outputs by a step.",
     )
-    severity = Severity.WARNING if found.convention is Convention.UNKNOWN else Severity.OK
-    if found.convention in (Convention.INITIALIZATION, Convention.TWICE):
-        severity = Severity.NOTE
-    yield Finding(severity, "timing", found.convention.value)
+    severity, remedy = TIMING.get(found.convention, (Severity.OK, ""))
+    yield Finding(severity, "timing", found.convention.value, remedy)
     difference = np.abs(np.array(found.first_torque) - np.array(steady.u_m0))
     if np.all(difference < TOLERANCE):
         yield Finding(Severity.OK, "initial output", "u_m0 at rest")
@@ -70,7 +89,7 @@ def repeatability(plant: Slave, controller: Slave, setup: Setup, sample_time: Fr
     """Two instances one after the other must answer alike."""
     steady = _steady(plant)
     first, second = (response(controller, setup, steady, sample_time, LATE) for _ in range(2))
-    if np.array_equal(first, second):
+    if np.array_equal(first, second, equal_nan=True):
         yield Finding(Severity.OK, "determinism", "two instances, one after the other, give equal torques")
     else:
         yield Finding(
@@ -87,7 +106,7 @@ def reset(plant: Slave, controller: Slave, setup: Setup, sample_time: Fraction) 
     first = response(controller, setup, steady, sample_time, LATE)
     with controller.resetting():
         again = response(controller, setup, steady, sample_time, LATE)
-    if np.array_equal(first, again):
+    if np.array_equal(first, again, equal_nan=True):
         yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
     else:
         yield Finding(
@@ -103,7 +122,8 @@ def several_instances(plant: Slave, controller: Slave, setup: Setup, sample_time
     description = controller.archive.description
     interface = description.coSimulation or description.modelExchange
     if str(interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
-        yield Finding(Severity.NOTE, "instances", "only one per process, as declared; that is enough")
+        text, remedy = "only one per process, as declared", "Nothing to mend: the benchmark has one a process."
+        yield Finding(Severity.NOTE, "instances", text, remedy)
         return
     steady = _steady(plant)
     alone = response(controller, setup, steady, sample_time, LATE)
@@ -114,7 +134,7 @@ def several_instances(plant: Slave, controller: Slave, setup: Setup, sample_time
         exchange(port, port.inputs.size, 0.0, step, True)
         beside = response(controller, setup, steady, sample_time, LATE)
         exchange(port, port.inputs.size, step, step, True)
-    if np.array_equal(alone, beside):
+    if np.array_equal(alone, beside, equal_nan=True):
         yield Finding(Severity.OK, "instances", "two at once do not disturb each other")
     else:
         yield Finding(

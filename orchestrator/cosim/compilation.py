@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
-import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -12,12 +10,10 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import ModelDescription
 
+from controller_fmu.export.c_fmu import COMPILERS, FMI_HEADERS, find_compiler
+
 from ..errors import InputError
 
-HEADERS = Path(fmpy.__file__).parent / "c-code"
-"""The FMI standard's headers, which source FMUs expect the importer to have."""
-
-COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 TIME_LIMIT = 300.0
 
@@ -27,8 +23,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
 
     Raises :class:`InputError` where there is no compiler or the sources do not compile.
     """
-    wanted = shlex.split(os.environ.get("CC", ""))
-    compiler = next((c for c in ([wanted] if wanted else [[c] for c in COMPILERS]) if shutil.which(c[0])), None)
+    compiler = find_compiler()
     if compiler is None:
         raise InputError(
             f"{name} comes as source code only, and there is no C compiler here ({', '.join(COMPILERS)}). "
@@ -46,7 +41,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *compiler,
             *FLAGS,
             *definitions,
-            *(f"-I{path}" for path in (folder / "sources", HEADERS)),
+            *(f"-I{path}" for path in (folder / "sources", FMI_HEADERS)),
             *(str(folder / "sources" / source) for source in sources),
             *("-o", str(output), "-lm"),
         ]

@@ -95,9 +95,9 @@ def bind(
     """Find the variables of all ``connectors`` in an FMU: as mapped, else by exact name, else by spelling.
 
     ``mapping`` gives the FMU's variable for a component ("q_m[1]") or, for an array, a connector ("q_m"); ``what``
-    ("The controller x.fmu") begins messages. Raises :class:`InputError` where a required connector is missing, two
-    candidates spell the same, or a variable has another causality, type, size or kind of unit. What is mapped to one
-    connector is not looked at for others.
+    ("The controller x.fmu") begins messages. Raises :class:`InputError` where a required connector is missing, one
+    component of an optional one is there without the other, two candidates spell the same, or a variable has another
+    causality, type, size or kind of unit. What is mapped to one connector is not looked at for others.
     """
     known = variables(description)
     mapping = _checked(mapping or {}, connectors, known, what)
@@ -158,14 +158,16 @@ def _mapped(connector: Connector, known: Mapping[str, Variable], mapping: Mappin
 
 
 def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
-    components = connector.components()
-    for pair in (components, zero_based(connector.name)):
+    own = known.get(connector.name)
+    arrays = [own] if own is not None and own.size > 1 else []
+    for pair in (connector.components(), zero_based(connector.name)):
         if all(name in known for name in pair):
             every = (f"{connector.name}[{index}]" for index in range(10))
-            return [known[name] for name in every if name in known], "exact"
-    if connector.name in known and known[connector.name].size > 1:
-        return [known[connector.name]], "exact"
-    return _by_spelling(connector, known, what), "by spelling"
+            scalars = [known[name] for name in every if name in known]
+            if arrays:
+                raise InputError(_ambiguous(connector, arrays, scalars, what))
+            return scalars, "exact"
+    return (arrays, "exact") if arrays else (_by_spelling(connector, known, what), "by spelling")
 
 
 def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
@@ -178,15 +180,25 @@ def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str)
     arrays = candidates.pop(ARRAY, [])
     scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
     if len(arrays) + max(map(len, candidates.values()), default=0) > 1:
-        names = ", ".join(variable.name for variable in (*arrays, *scalars))
-        example = (*arrays, *scalars)[0].name
-        raise InputError(
-            f"{what} has more than one candidate for {connector.name}: {names}. "
-            f"Say which, such as --map {connector.name if arrays else connector.components()[0]}={example}."
-        )
+        raise InputError(_ambiguous(connector, arrays, scalars, what))
     if arrays:
         return arrays
-    return scalars if set(candidates) >= {1, 2} or set(candidates) == {0, 1} else []
+    if set(candidates) >= {1, 2} or set(candidates) == {0, 1}:
+        return scalars
+    if set(candidates) in ({0}, {1}, {2}) and not connector.required:
+        raise InputError(
+            f"{what} has {scalars[0].name}, but not the other component of {connector.name}. Rename the other one, or "
+            f"say which variable it is: --map {connector.components()[0]}=NAME --map {connector.components()[1]}=NAME."
+        )
+    return []
+
+
+def _ambiguous(connector: Connector, arrays: list[Variable], scalars: list[Variable], what: str) -> str:
+    candidates = [variable.name for variable in (*arrays, *scalars)]
+    return (
+        f"{what} has more than one candidate for {connector.name}: {', '.join(candidates)}. "
+        f"Say which, such as --map {connector.name if arrays else connector.components()[0]}={candidates[0]}."
+    )
 
 
 def _bound(

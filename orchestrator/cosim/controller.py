@@ -40,8 +40,20 @@ class Steady:
 
 
 def controller_binding(controller: Archive, setup: Setup) -> Binding:
-    """The controller's connectors; raises :class:`~orchestrator.errors.InputError` where they do not fit."""
-    return bind_controller(controller.description, f"The controller {controller.name}", setup.mapping)
+    """The controller's connectors.
+
+    Raises :class:`~orchestrator.errors.InputError` where they do not fit, or ``setup`` gives a value to one of them.
+    """
+    binding = bind_controller(controller.description, f"The controller {controller.name}", setup.mapping)
+    connected = {variable.name: name for name, bound in binding.items() for variable in bound.variables}
+    for name in setup.parameters:
+        connector = connected.get(name) or connected.get(name.partition("[")[0])
+        if connector is not None and binding[connector].is_parameter:
+            raise InputError(
+                f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark gives its "
+                "value in every case. Leave it out of --set and of parameter files."
+            )
+    return binding
 
 
 def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:

@@ -28,10 +28,15 @@ def find_parameters(
         elif base in settable and index.isdigit() and 1 <= int(index) <= settable[base].size:
             array = settable[base]
             found.setdefault(array, list(array.start) or [0.0] * array.size)[int(index) - 1] = value
+        elif name in settable:
+            elements = f"{settable[name].size} elements: give {name}[1]={value:g} and so on"
+            raise InputError(f"{what}: {name} is a parameter of {elements}.")
         elif name in known:
             kind = f"{known[name].type} {known[name].causality}"
-            hint = f" of {known[name].size} elements: give {name}[1]={value:g}" if known[name].size > 1 else ""
-            raise InputError(f"{what}: {name} is a {kind}{hint}, not a scalar real parameter, and cannot be set.")
+            raise InputError(
+                f"{what}: {name} is a {kind} and cannot be set: only real parameters can. "
+                f"Nearest: {nearest(name, settable)}."
+            )
         else:
             raise InputError(f"{what} has no parameter {name}. Nearest: {nearest(name, settable)}.")
     return found

@@ -61,7 +61,8 @@ def probe(slave: Slave, setup: Setup, steady: Steady, sample_time: Fraction) -> 
 
     rest, late, early, from_initialization = respond(SAMPLES), respond(LATE), respond(0), respond(0, True)
     torque = (float(rest[0, 0]), float(rest[0, 1]))
-    answered = np.flatnonzero(np.any(late != rest, axis=1))
+    different = (late != rest) & ~(np.isnan(late) & np.isnan(rest))
+    answered = np.flatnonzero(np.any(different, axis=1))
     if answered.size == 0:
         return Timing(None, Convention.SILENT, torque)
     latency = int(answered[0]) - LATE

@@ -55,11 +55,12 @@ class Conversion:
 def conversion(description: ModelDescription, unit: str | None, wanted: str, where: str) -> Conversion:
     """The conversion from ``unit``, as declared in an FMU, to the unit ``wanted`` of a connector.
 
-    Raises :class:`InputError` where the two are of different kind or the declared one cannot be understood.
+    Raises :class:`InputError` where the two are of different kind or the declared one cannot be understood. An angle
+    may also be declared dimensionless, as in SI.
     """
     if unit is None:
         return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
-    found, target = _dimension(unit, description.unitDefinitions), KNOWN[wanted]
+    found, target = _dimension(unit, description.unitDefinitions, where), KNOWN[wanted]
     if found is not None and found.offset:
         raise InputError(
             f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g}). "
@@ -73,7 +74,7 @@ def conversion(description: ModelDescription, unit: str | None, wanted: str, whe
             f"Declare it in {wanted}, or give its definition a BaseUnit."
         )
     if found.exponents != target.exponents:
-        if not _differ_in_radians_only(found, target):
+        if any(found.exponents) or target != KNOWN["rad"]:
             raise InputError(f"{where} has the unit {unit!r}, which is no {wanted}. Connect it to another variable.")
         return Conversion(found.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
     return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
@@ -87,8 +88,8 @@ def factor_to_own(
     ``definitions`` come with the value and go above the FMU's for ``given``. Raises :class:`InputError` where the two
     cannot be compared or are of different kind.
     """
-    found = _dimension(given, [*definitions, *description.unitDefinitions])
-    target = _dimension(own, description.unitDefinitions) if own is not None else None
+    found = _dimension(given, [*definitions, *description.unitDefinitions], where)
+    target = _dimension(own, description.unitDefinitions, where) if own is not None else None
     if found is None or target is None:
         if given == own:
             return 1.0
@@ -96,19 +97,20 @@ def factor_to_own(
             f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
             "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it."
         )
-    if found.offset != target.offset or not _differ_in_radians_only(found, target):
+    if found.offset != target.offset or found.exponents[:-1] != target.exponents[:-1]:  # gains may leave out radians
         raise InputError(f"{where} is given in {given!r}, which is no {own}. Give it in {own}.")
     return found.factor / target.factor
 
 
-def _dimension(unit: str, definitions: Iterable[Unit]) -> Dimension | None:
+def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension | None:
     """What ``unit`` is made of, by its definition or else by its name; None where neither says it."""
     base = next((known.baseUnit for known in definitions if known.name == unit), None)
     if base is None:
         return KNOWN.get(unit)
-    exponents = tuple(int(getattr(base, name)) for name in EXPONENTS)
-    return Dimension(float(base.factor), exponents, float(base.offset))
-
-
-def _differ_in_radians_only(first: Dimension, second: Dimension) -> bool:
-    return first.exponents[:-1] == second.exponents[:-1]
+    factor, offset = float(base.factor), float(base.offset)
+    if not (0.0 < factor < math.inf and math.isfinite(offset)):
+        raise InputError(
+            f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}. "
+            "Give its BaseUnit a positive factor and a finite offset."
+        )
+    return Dimension(factor, tuple(int(getattr(base, name)) for name in EXPONENTS), offset)

@@ -15,13 +15,19 @@ _echo: int | None = None
 
 
 def note(instance: bytes, status: int, message: bytes) -> None:
-    """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8."""
+    """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8 nor fit for a
+    terminal, which control characters would steer."""
     if status > 0:
-        text = "; ".join((message or b"").decode(errors="replace").split("\n")).strip("; \r\t")[:LINE_LENGTH]
-        line = f"{(instance or b'').decode(errors='replace')}: {text}"
+        text = "; ".join(_printable(message).split("\n")).strip("; \r\t")[:LINE_LENGTH]
+        line = f"{_printable(instance)}: {text}"
         _lines.append(line)
         if _echo is not None:
             os.write(_echo, line.encode() + b"\n")
+
+
+def _printable(message: bytes | None) -> str:
+    text = (message or b"").decode(errors="replace")
+    return "".join(c if c.isprintable() or c in "\n\r\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def echo_to(descriptor: int) -> None:
