@@ -110,6 +110,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     everything = NAMES + VARIANTS if options.all else NAMES
     unknown = [name for name in options.names if name not in NAMES + VARIANTS]
+    try:
+        options.output_dir.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        told = f"{options.output_dir} cannot be made a folder: {problem.strerror}. Choose another --output-dir."
+        print(f"error: {told}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     code = EXIT_OK
     for name in unknown or options.names or everything:
         try:

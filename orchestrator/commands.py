@@ -22,6 +22,9 @@ from .execution.job import Limits
 from .fmus import DEFAULT_CONTROLLER, PLANT, own_fmu
 from .settings import read_mapping, read_parameters
 
+MOST = 1e9
+"""Of limits: seconds and megabytes that the system can still count."""
+
 EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 EXIT_CODES = """exit codes: 0 all cases have a verdict, 1 some have none or the run could not go on (a full disk, a lost
@@ -124,8 +127,8 @@ def add_controller(parser: argparse.ArgumentParser) -> None:
         type=_positive,
         default=60.0,
         metavar="SECONDS",
-        help="wall time a simulation of 26 s, or a look of the check, may take; shorter simulations get their share "
-        "(default: 60)",
+        help="wall time a simulation of 26 s, or a look of the check, may take; shorter simulations get their share, "
+        "all some seconds to start (default: 60)",
     )
     parser.add_argument(
         "--memory-limit",
@@ -159,7 +162,7 @@ def time(text: str) -> Fraction:
     """A non-negative time in seconds, exact: ``0.00025`` or ``1/3000``."""
     try:
         value = seconds(text)
-    except (ValueError, ZeroDivisionError):
+    except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 0.00025 or 1/3000") from None
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative")
@@ -190,8 +193,8 @@ def assignment(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
 
 
-def number(least: float = -math.inf, infinite: bool = False) -> Callable[[str], float]:
-    """The type of an option: a finite number (or ``infinite``, too) that is not below ``least``."""
+def number(least: float = -math.inf, infinite: bool = False, most: float = math.inf) -> Callable[[str], float]:
+    """The type of an option: a finite number (or ``infinite``, too) from ``least`` to ``most``."""
 
     def parse(text: str) -> float:
         try:
@@ -202,13 +205,15 @@ def number(least: float = -math.inf, infinite: bool = False) -> Callable[[str], 
             raise argparse.ArgumentTypeError(f"{text!r} is no finite number")
         if value < least:
             raise argparse.ArgumentTypeError(f"{text} is below {least:g}")
+        if value > most:
+            raise argparse.ArgumentTypeError(f"{text} is above {most:g}")
         return value
 
     return parse
 
 
 def _positive(text: str) -> float:
-    value = number(0.0)(text)
+    value = number(0.0, most=MOST)(text)
     if value == 0.0:
         raise argparse.ArgumentTypeError("0 is no positive number")
     return value

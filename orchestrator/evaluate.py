@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     options = _parser().parse_args(arguments)
     outputs.check_options(options)
-    protocol = protocols.load("quick" if options.quick else options.protocol)
+    protocol = protocols.load(options.protocol)
     plant_parameters = dict(options.plant_parameters)
     bench = commands.bench(options)
     sample_time = controller_sample_time(bench.controller, protocol.sample_time, options.sample_time)
@@ -178,7 +178,14 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands.add_common(parser)
-    parser.add_argument("--quick", action="store_true", help="the same as --protocol quick")
+    parser.add_argument(
+        "--quick",
+        action="store_const",
+        const="quick",
+        dest="protocol",
+        default=argparse.SUPPRESS,
+        help="the same as --protocol quick",
+    )
     parser.add_argument(
         "--only",
         action="append",

@@ -101,7 +101,7 @@ def _number(file: Path, name: str, value: Any) -> float:
         if isinstance(value, bool):
             raise TypeError
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{file}: the value of {name}, {value!r}, is no number.") from None
 
 
@@ -110,7 +110,7 @@ def _toml(file: Path) -> dict[str, Any]:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except ValueError as problem:  # TOMLDecodeError, text that is no UTF-8, a number of thousands of digits
         raise InputError(f"{file} is no TOML file: {problem}.") from None
 
 

@@ -34,6 +34,9 @@ EXAMPLES = """examples:
   python -m orchestrator.simulate --ideal --torque-limit 5 3                                  saturation alone
 """
 
+CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
+"""Which case is simulated where no option says so; angles in degrees."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
@@ -72,8 +75,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _case(protocol: Protocol, nominal: dict[str, float], options: argparse.Namespace) -> Case:
     """The case that the options name, before it is varied."""
-    system_name, test_name = options.system, options.test
     if options.case:
+        beside = [f"--{name}" for name in ("configuration", "system", "test") if getattr(options, name) is not None]
+        if beside:
+            raise InputError(f"--case already says what {' and '.join(beside)} would. Give the one or the others.")
         match = re.fullmatch(r"c(\d+)\.(\w+)\.(\w+)", options.case)
         if not match or int(match[1]) >= len(protocol.grid):
             raise InputError(
@@ -82,7 +87,8 @@ def _case(protocol: Protocol, nominal: dict[str, float], options: argparse.Names
             )
         configuration, system_name, test_name = protocol.grid[int(match[1])], match[2], match[3]
     else:
-        q_a1, q_a2 = (math.radians(angle) for angle in options.configuration)
+        system_name, test_name = options.system or SYSTEM, options.test or TEST
+        q_a1, q_a2 = (math.radians(angle) for angle in options.configuration or CONFIGURATION)
         configuration = protocols.configuration(protocol, q_a1, q_a2)
     test = protocol.test(test_name)
     system = protocols.system(protocol, nominal, options.seed, configuration.index, system_name, test)
@@ -103,14 +109,11 @@ def _parser() -> argparse.ArgumentParser:
         "--configuration",
         nargs=2,
         type=commands.number(),
-        default=(18.0, -50.0),
         metavar=("Q_A1", "Q_A2"),
         help="link angles in degrees (default: 18 -50, a pose of the grid)",
     )
-    which.add_argument(
-        "--system", default="nominal", metavar="NAME", help="nominal, compliant, slippery, sticky, random_1, ..."
-    )
-    which.add_argument("--test", default="disturbance", metavar="NAME", help="a test of the protocol, such as gain_1")
+    which.add_argument("--system", metavar="NAME", help="nominal (default), compliant, slippery, sticky, random_1, ...")
+    which.add_argument("--test", metavar="NAME", help="a test of the protocol, such as gain_1 (default: disturbance)")
     add_options(parser)
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/...)")
     parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")

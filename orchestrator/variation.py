@@ -5,13 +5,18 @@ from __future__ import annotations
 import argparse
 import math
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 from . import commands
 from .benchmark.protocol import Protocol
 from .cosim.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
+from .errors import InputError
 
 NUMBER = commands.number()
+
+LONGEST = 1000
+"""Duration of a simulation [s] whose trajectory still fits into memory."""
 
 MOST_BITS = 52
 """Of a quantizer: finer ones than floating-point numbers themselves make no sense."""
@@ -31,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
     group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
-    number("--duration", "length of the simulation [s]", commands.time)
+    number("--duration", f"length of the simulation [s], up to {LONGEST}", _duration)
     number("--noise-power", "P_n of the measurement noise", commands.number(0.0))
     number("--angle-bits", "steps of a motor revolution, as a power of two", _bits)
     number("--torque-bits", "steps of the torque range, as a power of two", _bits)
@@ -52,7 +57,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) -> Scenario:
-    """``scenario`` with the options that were given applied, the sweeping ones (undisturbed, ideal) first."""
+    """``scenario`` with the options that were given applied, the sweeping ones (undisturbed, ideal) first.
+
+    Raises :class:`InputError` where a disturbance would end before it starts.
+    """
     raw, fixed, loop = (protocol.raw[part] for part in ("disturbance", "fixed_disturbance", "loop"))
 
     def given(name: str, default: Any) -> Any:
@@ -87,7 +95,7 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         direction = given("phi_F", direction)
         F_x, F_z = size * math.cos(direction), size * math.sin(direction)
     f_start, f_stop = given("chirp_frequencies", (chirp.f_start, chirp.f_stop))
-    return replace(
+    varied = replace(
         scenario,
         duration=given("duration", scenario.duration),
         sensor=Sensor(
@@ -110,6 +118,17 @@ def vary(scenario: Scenario, protocol: Protocol, options: argparse.Namespace) ->
         ),
         pulse=Pulse((F_x, F_z), given("t_1", pulse.start), given("t_2", pulse.stop)),
     )
+    for name, signal in (("force, --t-1 to --t-2", varied.pulse), ("chirp, --t-3 to --t-4", varied.chirp)):
+        if signal.stop < signal.start:
+            raise InputError(f"The {name}, would end at {signal.stop:g} s, before its start at {signal.start:g} s.")
+    return varied
+
+
+def _duration(text: str) -> Fraction:
+    value = commands.time(text)
+    if not 0 < value <= LONGEST:
+        raise argparse.ArgumentTypeError(f"{text} s is no duration up to {LONGEST} s")
+    return value
 
 
 def _bits(text: str) -> int:

@@ -161,6 +161,18 @@ REFUSED = {
         lambda good: pack({**good, DESCRIPTION: fmus.edited(modelIdentifier="Another")}),
         "the modelIdentifier does not fit",
     ),
+    "a step size that fills the memory": (
+        lambda good: pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], "1e9999999999")}),
+        "is no number of seconds",
+    ),
+    "a step size divided by zero": (
+        lambda good: pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], "1/0")}),
+        "is no number of seconds",
+    ),
+    "a start value in words": (
+        lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION].replace(b'start="0"', b'start="much"')}),
+        "is no number for each element",
+    ),
     "no binary": (lambda good: pack({DESCRIPTION: good[DESCRIPTION]}), "no binary for this platform"),
     "sources that are none": (
         lambda good: pack({DESCRIPTION: good[DESCRIPTION], "sources/model.c": b'#error "never mind"\n'}),
@@ -171,6 +183,11 @@ REFUSED = {
         "lies outside the FMU",
     ),
 }
+
+
+def with_step_size(text: bytes, value: str) -> bytes:
+    """A description with this step size as its default."""
+    return text.replace(b"<ModelVariables>", f'<DefaultExperiment stepSize="{value}"/><ModelVariables>'.encode())
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -210,6 +227,14 @@ def test_a_size_that_is_a_lie_is_noticed(good, room):
     with pytest.raises(InputError, match="cannot be extracted"):
         open_archive(file)
     assert sum(path.stat().st_size for path in room.rglob("zeros")) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes on Linux")
+def test_a_name_that_is_no_utf8_is_refused(good, room):
+    file = room / "\udcff.fmu"
+    file.write_bytes(pack(good))
+    with pytest.raises(InputError, match="Rename it"):
+        open_archive(file)
 
 
 @pytest.mark.parametrize("what", ["missing", "folder", "long name"])
@@ -300,7 +325,11 @@ def test_a_cache_that_cannot_be_written(good, room):
 
 
 def test_a_file_that_is_too_large_is_not_unpacked(good, room, monkeypatch):
-    monkeypatch.setattr(archive, "MOST_BYTES", 1000)
+    file = hostile_fmu(room)
+    monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size)
     with pytest.raises(InputError, match="The limits are 10000 files, 0 MB"):
-        open_archive(hostile_fmu(room))
+        open_archive(file)
+    monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size - 1)
+    with pytest.raises(InputError, match="it has more than 0 MB"):
+        open_archive(file)
     assert not (room / "cache").exists()

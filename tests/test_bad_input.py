@@ -185,14 +185,18 @@ def test_a_controller_of_another_sample_time_runs_at_its_own(controllers, tmp_pa
         (("--jobs", "two"), ["'two' is no number of processes"]),
         (("--seed", "-1"), ["'-1' is no whole number from 0 on"]),
         (("--timeout", "soon"), ["'soon' is no finite number"]),
+        (("--timeout", "1e300"), ["1e300 is above 1e+09"]),
         (("--sample-time", "soon"), ["'soon' is no time in seconds"]),
+        (("--sample-time", "1e400"), ["'1e400' is no time in seconds"]),
+        (("--sample-time", "1/0"), ["'1/0' is no time in seconds"]),
+        (("--parameters", "huge.toml"), ["the value of K_p", "is no number"]),
         (("--protocol", "papper"), ["papper"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_names_and_values_that_do_not_fit(arguments, told, tmp_path):
-    words = EVALUATE if "--protocol" not in arguments else EVALUATE[:1]
-    message = refusal(tmp_path, *words, *arguments)
+    (tmp_path / "huge.toml").write_text(f'[parameters]\n"K_p[1]" = {"9" * 401}\n')
+    message = refusal(tmp_path, *EVALUATE, *arguments)
     assert all(words in message for words in told), message
 
 
@@ -203,6 +207,12 @@ def test_names_and_values_that_do_not_fit(arguments, told, tmp_path):
         (("--case", "c99.compliant.noise"), ["There is no case c99.compliant.noise"]),
         (("--case", "c01.compliant.nose"), ["nose"]),
         (("--system", "sticky_9"), ["sticky_9"]),
+        (("--system", "random_0"), ["no system random_0"]),
+        (("--case", "c01.compliant.noise", "--system", "sticky"), ["--case already says what --system would"]),
+        (("--t-1", "5", "--t-2", "4"), ["would end at 4 s, before its start at 5 s"]),
+        (("--t-3", "5", "--t-4", "4"), ["would end at 4 s, before its start at 5 s"]),
+        (("--duration", "0"), ["0 s is no duration up to 1000 s"]),
+        (("--duration", "1e9999999999"), ["'1e9999999999' is no time in seconds"]),
         (("--test", "nose"), ["nose"]),
         (("--plant-set", "alpha=-1", "--duration", "0.01"), ["alpha"]),
     ],
@@ -214,6 +224,11 @@ def test_cases_that_do_not_exist(arguments, told, tmp_path):
 
 
 # ---- Where to write ----
+
+
+def test_a_folder_that_cannot_be_locked_is_told(tmp_path):
+    (tmp_path / "out" / ".lock").mkdir(parents=True)
+    assert "cannot be locked" in refusal(tmp_path, *EVALUATE, "--output-dir", "out")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a file system without device files")
@@ -269,7 +284,7 @@ def _stored(folder: Path) -> bool:
 def test_ctrl_c_stops_a_simulation(tmp_path):
     output = tmp_path / "out"
     code, out, err = interrupted(
-        tmp_path, "simulate", "--duration", "2000", "--output-dir", output, ready=lambda: output.is_dir()
+        tmp_path, "simulate", "--duration", "1000", "--output-dir", output, ready=lambda: output.is_dir()
     )
     assert code == 130 and out == ""
     assert err.rstrip().endswith("interrupted") and "Traceback" not in err

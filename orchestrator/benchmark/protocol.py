@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 import zlib
 from collections.abc import Mapping
@@ -141,7 +142,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     raw = protocol.raw
     stream = stable_stream(_seed_words(seed, index, name, DRAWS))
     deviations: dict[str, tuple[float, float]]
-    if name.startswith("random_"):
+    if re.fullmatch(r"random_[1-9]\d*", name):
         draws = {symbol: stream.uniform(-1.0, 1.0, 2) for symbol in raw["uncertainty"]}
         deviations = {symbol: (float(pair[0]), float(pair[1])) for symbol, pair in draws.items()}
     elif name in raw["systems"]:

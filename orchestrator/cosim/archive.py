@@ -1,6 +1,7 @@
 """Opening an FMU file: checking the archive, reading its description, extracting it once by content.
 
-The file comes from a stranger. Nothing of it is executed here, and nothing is written outside the cache folder.
+The file comes from a stranger. Nothing of it is executed here (sources are compiled where there is no binary), and
+nothing is written outside the cache folder.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from lxml import etree
 from ..errors import InputError
 from ..folders import cache_folder
 from .compilation import compile_sources
+from .variables import variables
 
 MOST_FILES = 10_000
 MOST_BYTES = 2 * 1024**3
@@ -68,13 +70,18 @@ def open_archive(file: Path) -> Archive:
     try:
         if not file.is_file():
             raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).")
-        content = file.read_bytes()
+        str(file).encode()
+        if file.stat().st_size > MOST_BYTES:
+            raise InputError(f"{file.name} is refused: it has more than {MOST_BYTES / 1e6:.0f} MB.")
+        sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    except UnicodeEncodeError:
+        raise InputError(f"The file name {str(file)!a} is no UTF-8: results could not name it. Rename it.") from None
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.") from problem
     _check_contents(file)
     description = read_description(file)
     kind = _kind(file, description)
-    sha256 = hashlib.sha256(content).hexdigest()
+    variables(description)  # raises where one makes no sense
     folder = _extract(file, sha256)
     _ensure_library(file, folder, description, kind)
     return Archive(file, sha256, folder, description, kind)

@@ -16,9 +16,25 @@ Delays = tuple[Fraction, Fraction]
 NO_DELAY: Delays = (Fraction(0), Fraction(0))
 
 
+LONGEST, LARGEST_EXPONENT = 50, 100
+"""Digits and decimal exponent of a time that is read from text."""
+
+
 def seconds(value: float | int | str | Fraction) -> Fraction:
-    """Exact seconds: a float counts as the decimal number it prints as (0.00025 is 1/4000), "1/3000" as written."""
-    return Fraction(value) if isinstance(value, (Fraction, int)) else Fraction(str(value))
+    """Exact seconds: a float counts as the decimal number it prints as (0.00025 is 1/4000), "1/3000" as written.
+
+    Raises :class:`ValueError` for what is no number, or no time that anything takes.
+    """
+    if isinstance(value, (Fraction, int)):
+        return Fraction(value)
+    text = str(value).strip()
+    exponent = text.lower().partition("e")[2] or "0"
+    if len(text) > LONGEST or abs(int(exponent)) > LARGEST_EXPONENT:  # 1e9999999999 would fill the memory
+        raise ValueError(f"{text[:LONGEST]} is no time")
+    try:
+        return Fraction(text)
+    except ZeroDivisionError:
+        raise ValueError(f"{text} divides by zero") from None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from typing import Any
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
+from ..errors import InputError
+
 REAL_TYPES = ("Real", "Float64", "Float32")
 
 
@@ -35,7 +37,7 @@ class Variable:
 
 
 def variables(description: ModelDescription) -> dict[str, Variable]:
-    """All variables of an FMU by name."""
+    """All variables of an FMU by name; raises :class:`InputError` where a real's start value makes no sense."""
     return {variable.name: _convert(variable) for variable in description.modelVariables}
 
 
@@ -51,13 +53,18 @@ def _convert(variable: ModelVariable) -> Variable:
         causality=variable.causality or "local",
         variability=variable.variability or "",
         unit=unit or None,
-        start=_numbers(variable.start, size) if variable.type in REAL_TYPES else (),
+        start=_numbers(variable.name, variable.start, size) if variable.type in REAL_TYPES else (),
     )
 
 
-def _numbers(start: Any, size: int) -> tuple[float, ...]:
+def _numbers(name: str, start: Any, size: int) -> tuple[float, ...]:
     if start is None:
         return ()
     words = start.split() if isinstance(start, str) else start if isinstance(start, Sequence) else [start]
-    numbers = tuple(float(word) for word in words)
+    try:
+        numbers = tuple(float(word) for word in words)
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (1, size):
+        raise InputError(f"The start value of {name}, {start!r}, is no number for each element. Export the FMU again.")
     return numbers * size if len(numbers) == 1 else numbers

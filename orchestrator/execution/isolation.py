@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing import connection
 
+from ..cosim.slaves.log import printable
 from .job import Died, Failed, Finished, Job, Outcome
 from .launch import Child, started
 from .messages import Garbage, Inbox
@@ -117,7 +118,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             looked = now
             used = child.process.family.memory()
             if used > job.limits.memory:
-                message = f"it used {used / 1e9:.1f} GB of memory; the limit is {job.limits.memory / 1e9:.1f} GB"
+                message = f"it used {used / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
                 yield died(message, kind="it used too much memory")
                 return
             if now - begin > job.time_limits[index] + grace:
@@ -138,7 +139,7 @@ def _rest(child: Child) -> bytes:
 
 
 def _lines(tail: bytes) -> tuple[str, ...]:
-    return tuple(line[:500] for line in tail.decode(errors="replace").splitlines()[-LINES:])
+    return tuple(line[:500] for line in printable(tail).splitlines()[-LINES:])
 
 
 TIMED_OUT = "the time limit was reached"

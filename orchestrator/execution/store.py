@@ -93,6 +93,11 @@ def opened(folder: Path) -> Iterator[Store]:
         raise InputError(
             f"Another evaluation is writing into {folder}. Wait for it, or choose another folder with --output-dir."
         ) from None
+    except OSError as problem:
+        raise InputError(
+            f"{lock.lock_file} cannot be locked: {problem.strerror or problem}. Remove it, or choose another folder "
+            "with --output-dir."
+        ) from problem
     file = folder / "cases.sqlite"
     try:
         connection = sqlite3.connect(file)
@@ -140,8 +145,8 @@ def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[Case, 
 @functools.cache
 def _code() -> list[str]:
     """What numbers may change with: the sources of the master and of the benchmark, and the libraries they compute
-    with."""
-    return [source_hash([COSIM, BENCHMARK]), *(metadata.version(library) for library in ("numpy", "numba"))]
+    with: FMPy brings the solver of Model Exchange."""
+    return [source_hash([COSIM, BENCHMARK]), *(metadata.version(library) for library in ("numpy", "numba", "fmpy"))]
 
 
 def conditions(bench: Bench) -> str:

@@ -18,14 +18,15 @@ def note(instance: bytes, status: int, message: bytes) -> None:
     """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8 nor fit for a
     terminal, which control characters would steer."""
     if status > 0:
-        text = "; ".join(_printable(message).split("\n")).strip("; \r\t")[:LINE_LENGTH]
-        line = f"{_printable(instance)}: {text}"
+        text = "; ".join(printable(message).split("\n")).strip("; \r\t")[:LINE_LENGTH]
+        line = f"{printable(instance)}: {text}"
         _lines.append(line)
         if _echo is not None:
             os.write(_echo, line.encode() + b"\n")
 
 
-def _printable(message: bytes | None) -> str:
+def printable(message: bytes | None) -> str:
+    """Bytes as text without control characters, but for the ends of lines and tabs."""
     text = (message or b"").decode(errors="replace")
     return "".join(c if c.isprintable() or c in "\n\r\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
