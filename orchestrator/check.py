@@ -27,6 +27,7 @@ from .execution.evaluation import Bench
 from .execution.isolation import run_isolated
 from .execution.job import Died, Failed, Job
 from .fmus import DEFAULT_CONTROLLER
+from .report.terminal import terminal
 
 PROTOCOL = "paper"
 """Whose sample time a controller's is held against."""
@@ -64,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         json.dump({"controller": name, "verdict": worst.value, "findings": rows}, sys.stdout, indent=1)
         print()
     else:
-        _show(name, findings, Console())
+        _show(name, findings, terminal())
     return {Severity.ERROR: 2, Severity.WARNING: 1}.get(worst, 0)
 
 

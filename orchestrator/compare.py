@@ -11,14 +11,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from .commands import EXIT_OK, guarded
 from .report import compare_page
 from .report.comparison import compare, comparison_document
 from .report.files import prepare_folder, write_text
 from .report.leaderboard import show_comparison
 from .report.run import load_run
+from .report.terminal import terminal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         json.dump(comparison_document(groups), sys.stdout, indent=1)
         print()
     else:
-        show_comparison(groups, Console())
+        show_comparison(groups, terminal())
     print(f"written to {options.output_dir}: {compare_page.FILE}", file=sys.stderr)
     return EXIT_OK
 

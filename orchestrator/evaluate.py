@@ -17,8 +17,6 @@ from contextlib import closing
 from datetime import datetime, timezone
 from pathlib import Path
 
-from rich.console import Console
-
 from . import commands
 from .benchmark import protocol as protocols
 from .benchmark.case import Case
@@ -35,7 +33,7 @@ from .report import outputs, results
 from .report.files import CASES, RESULTS, prepare_folder
 from .report.progress import progress
 from .report.selection import shown
-from .report.terminal import show_document
+from .report.terminal import show_document, terminal
 
 EXAMPLES = """examples:
   python -m orchestrator.evaluate                              the paper's PID
@@ -94,7 +92,7 @@ def _report(evaluation: results.Evaluation, bench: Bench, folder: Path, options:
         json.dump(document, sys.stdout, indent=1)
         print()
     else:
-        show_document(document, Console())
+        show_document(document, terminal())
     if outputs.need_recordings(options):
         wanted = shown(evaluation.protocol, evaluation.nominal, options.seed, evaluation.results, evaluation.scorecard)
         record_shown(wanted, bench, options.jobs, folder)

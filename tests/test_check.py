@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 
 import pytest
 from bad_fmus import of_another_guid
-from command_lines import run
+from command_lines import command, environment, run
 from conftest import build_or_skip
 from edited_sources import with_functions
 from exporters import RECIPES, REFUSED
@@ -15,6 +17,7 @@ from python_controllers import python_controller
 from test_sandbox import sandboxed
 
 from orchestrator import check, commands
+from orchestrator.cosim.slaves import log
 from orchestrator.execution.job import Job
 
 
@@ -30,9 +33,7 @@ def report(capsys):
         findings: dict[str, list[tuple[str, str, str]]] = {}
         for row in document["findings"]:
             assert set(row) == {"severity", "subject", "text", "remedy"}
-            assert (
-                row["remedy"] or row["severity"] not in ("warning", "error") or row["subject"] in ("timing", "import")
-            )
+            assert row["remedy"] or row["severity"] in ("ok", "note") or row["subject"] == "import"
             findings.setdefault(row["subject"], []).append((row["severity"], row["text"], row["remedy"]))
         return code, findings
 
@@ -195,6 +196,14 @@ def test_a_frozen_output_is_an_error(report, tmp_path):
     assert severity == "error" and "does not answer" in text and "q_m" in remedy
 
 
+def test_a_torque_that_is_no_number_is_an_error(report, tmp_path):
+    body = "self.law(); self.own['u_m[1]'] = float('nan'); return True"
+    code, findings = report(python_controller(tmp_path, "Undefined", step_body=body))
+    assert code == 2
+    severity, text, remedy = findings["initial output"][0]
+    assert severity == "error" and text.startswith("nan, ") and "division by zero" in remedy
+
+
 def test_random_torques_are_an_error(report, tmp_path):
     body = "self.law(); self.own['u_m[1]'] += random.random(); return True"
     code, findings = report(python_controller(tmp_path, "Dicing", 45.0, imports="import random", step_body=body))
@@ -222,6 +231,8 @@ def test_a_crash_is_an_error_and_the_report_goes_on(report, tmp_path):
 def test_an_fmu_that_refuses_to_start_is_an_error(report, pid_c_file, tmp_path):
     code, findings = report(of_another_guid(pid_c_file, tmp_path / "guid.fmu"))
     assert code == 2 and any("GUID" in text for _, text, _ in findings["timing"])
+    told = [text for rows in findings.values() for _, text, _ in rows if "GUID" in text]
+    assert len(told) == 1, "once is enough"
 
 
 @pytest.mark.parametrize("recipe", REFUSED.values(), ids=REFUSED)
@@ -281,6 +292,47 @@ def test_the_table_in_a_terminal_of_its_own(pid_c_file, tmp_path):
     assert any(line.startswith("ok ") and "latency" in line for line in lines)
     assert "\x1b" not in finished.out
     assert not list(tmp_path.iterdir()), "a check writes nothing"
+
+
+def test_names_are_no_markup(pid_c_file, tmp_path):
+    file = tmp_path / "[red]B[green]:smile:.fmu"
+    file.write_bytes(pid_c_file.read_bytes())
+    finished = run("check", file, folder=tmp_path)
+    assert finished.code == 0 and finished.out.splitlines()[0].strip() == file.name
+
+
+def test_what_an_fmu_prints_does_not_steer_the_terminal(tmp_path):
+    body = "print('\\x1b[2Jprinted\\x07', flush=True); os._exit(3)"
+    finished = run(
+        "check", python_controller(tmp_path, "Painter", imports="import os", step_body=body), folder=tmp_path
+    )
+    assert finished.code == 2 and "printed" in finished.out
+    assert "\x1b" not in finished.out + finished.err and "\x07" not in finished.out + finished.err
+
+
+def test_what_an_fmu_logs_does_not_steer_the_terminal():
+    log.clear()
+    log.note(b"pid\x1b[2J", 3, b"first\x07\nsecond \xff")
+    (line,) = log.lines()
+    log.clear()
+    assert line == "pid\ufffd[2J: first\ufffd; second \ufffd"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_a_reader_that_has_gone_is_no_traceback(options, pid_c_file, tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    finished = subprocess.run(
+        command("check", pid_c_file, *options),
+        cwd=tmp_path,
+        env=environment(),
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    os.close(writer)
+    assert (finished.returncode, finished.stderr) == (1, b"")
 
 
 def test_exit_code_2_of_the_command(tmp_path):

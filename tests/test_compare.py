@@ -92,7 +92,7 @@ def test_equal_names_are_told_apart_by_their_folders(make, capsys):
     assert len(set(names)) == 2 and all("DiagonalPID" in name for name in names)
 
 
-@pytest.mark.parametrize("width", [80, 200])
+@pytest.mark.parametrize("width", [50, 80, 200])
 def test_terminal_table(make, width):
     groups = compare([load_run(make("a", 1.2)), load_run(make("b", 0.8)), load_run(make("c", 1.0, {"seed": 4}))])
     console = Console(width=width)
@@ -102,6 +102,7 @@ def test_terminal_table(make, width):
     assert text.index("112.6") < text.index("168.9")
     assert "Not ranked with the above: seed 4, not 0" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
+    assert "controller" in text and "1  DiagonalPID" in text
     assert comparison_document(groups)["groups"][1]["conditions"]["seed"] == 4
 
 

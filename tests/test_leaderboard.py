@@ -35,6 +35,13 @@ def test_the_figures_were_measured_with_the_controllers_there_are(figures, tmp_p
     assert description.guid == figures["guid"], "run benchmarks/leaderboard.py"
 
 
+@pytest.mark.parametrize(("name", "most"), [("ManipulatorLQG", 95.0), ("DitheredLQG", 80.0)])
+def test_the_model_based_controllers_reach_what_was_wanted(name, most):
+    (figures,) = (figures for figures in KEPT if leaderboard.name_of(figures) == name)
+    assert figures["cost"] <= most
+    assert all(requirement["passed"] for requirement in figures["stability"].values())
+
+
 def test_those_that_fail_a_requirement_come_last():
     def figures(name, cost, passed=True):
         row = {key: {"passed": passed, "worst_case": None} for key in ("A1", "A2", "A3")}

@@ -27,7 +27,7 @@ from orchestrator.report.figures import write_figures
 from orchestrator.report.mat import mat_bytes
 from orchestrator.report.payload import ROWS, report_payload, script_json
 from orchestrator.report.recording import MOTION_INTERVALS, TORQUE_INTERVALS
-from orchestrator.report.report_page import report_html
+from orchestrator.report.report_page import facts, report_html
 from orchestrator.report.selection import shown
 from orchestrator.report.terminal import show_document
 from orchestrator.report.wording import remarks, requirement_rows
@@ -214,7 +214,7 @@ def test_requirements_are_told_per_axis(run):
     assert "2.5" in rows[0]["title"] and "1.5 ms" in rows[2]["title"]
 
 
-@pytest.mark.parametrize("width", [60, 80, 140])
+@pytest.mark.parametrize("width", [50, 60, 80, 140])
 def test_terminal_respects_its_width_and_markup_of_others(run, width):
     document = {**run.document, "controller": {**run.document["controller"], "file": "[red]x[/red].fmu"}}
     console = Console(width=width)
@@ -225,6 +225,25 @@ def test_terminal_respects_its_width_and_markup_of_others(run, width):
     assert "\x1b" not in capture.get()
     assert "[red]x[/red].fmu" in capture.get()
     assert "140.7" in capture.get()
+    for name in (*run.document["criteria"], "A1", "A2", "A3"):
+        assert re.search(rf"^ {name}  \w{{4}}", capture.get(), re.MULTILINE)
+    assert "c00.compliant" in capture.get()
+
+
+def test_a_run_of_unstable_cases_says_so(run):
+    cases = [{**case, "status": "unstable", "message": "gone"} for case in run.document["cases"]]
+    document = {**run.document, "cases": cases, "cost": None}
+    console = Console(width=100)
+    with console.capture() as capture:
+        show_document(document, console)
+    assert "c00.compliant.noise: unstable: gone" in capture.get() and "and 321 more" in capture.get()
+    assert "No cost V: 108 of the cases that B1 to B7 are measured in are unstable." in capture.get()
+
+
+def test_the_timing_convention_is_stated(run):
+    delay = {"seconds": 5e-4, "samples": 2.0, "controller_samples": 1, "convention": "samples twice in the first step"}
+    text = "0.500 ms = 2 samples (1 of them in the controller); the controller samples twice in the first step"
+    assert dict(facts({**run.document, "loop_delay": delay}))["Loop delay"] == text
 
 
 def test_colour_on_a_terminal_only_and_never_against_the_users_will(run, monkeypatch):

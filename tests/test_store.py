@@ -72,6 +72,16 @@ def test_whatever_the_result_depends_on_changes_the_key(change, own, cases):
     assert not set(before.values()) & set(after.values())
 
 
+@pytest.mark.parametrize("library", ["numpy", "numba", "fmpy"])
+def test_another_version_of_a_library_changes_the_key(library, own, cases, monkeypatch):
+    before, installed = store.keys(PROTOCOL, cases, own), store.metadata.version
+    monkeypatch.setattr(store.metadata, "version", lambda name: "0.0" if name == library else installed(name))
+    store._code.cache_clear()
+    after = store.keys(PROTOCOL, cases, own)
+    store._code.cache_clear()
+    assert not set(before.values()) & set(after.values())
+
+
 def test_keys_of_all_cases_differ(own, cases):
     keys = store.keys(PROTOCOL, cases, own)
     assert len(set(keys.values())) == len(cases)

@@ -11,12 +11,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from ..commands import EXIT_OK, guarded
 from .outputs import add_options, write_outputs
 from .run import load_run
-from .terminal import show_document
+from .terminal import show_document, terminal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         json.dump(run.document, sys.stdout, indent=1)
         print()
     else:
-        show_document(run.document, Console())
+        show_document(run.document, terminal())
     written = write_outputs(run.folder, options)
     print(f"written to {run.folder}: {', '.join(written) or 'nothing'}", file=sys.stderr)
     return EXIT_OK

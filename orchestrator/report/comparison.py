@@ -10,7 +10,7 @@ from typing import Any
 
 from .run import Run
 from .tables import Document
-from .wording import requirement_rows
+from .wording import requirement_rows, without_cost
 
 CONDITIONS = {
     "benchmark": "benchmark {}",
@@ -121,7 +121,7 @@ def _reason(run: Run) -> str:
     failed = Counter(case["status"] for case in run.document["cases"] if case["status"] not in ("done", "unstable"))
     if failed:
         return "incomplete: " + ", ".join(f"{count} {status}" for status, count in failed.items())
-    return "incomplete: no cost" if run.document["complete"] else "incomplete: not all cases of the protocol were run"
+    return without_cost(run.document) or "incomplete: not all cases of the protocol were run"
 
 
 def _controller(run: Run) -> str:

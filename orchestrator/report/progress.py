@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ..benchmark.metrics import CaseResult
 from ..benchmark.protocol import Protocol
 from ..benchmark.scorecard import score
+from .terminal import terminal
 
 EVERY = 8
 """Cases between two estimates of the cost; an estimate takes some milliseconds."""
@@ -28,7 +28,7 @@ def progress(protocol: Protocol, total: int) -> Iterator[Callable[[list[CaseResu
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Progress(*columns, console=terminal(stderr=True)) as bar:
         task = bar.add_task("evaluating", total=total, cost="-")
 
         def update(results: list[CaseResult]) -> None:

@@ -18,20 +18,31 @@ COLOURS = {"holds": "green", "fails": "red"}
 MESSAGES = 3
 """Failed cases that are named; the others are counted."""
 
+NARROW = 72
+"""Characters a line, below which tables leave out what is not the result itself."""
+
+FIGURES = ("value", "target", "paper", "of V", "worst")
+"""Of a criterion, the most important first."""
+
 
 def show_document(results: Document, console: Console) -> None:
     """Print the scorecard of ``results.json``."""
     console.print(
         f"[bold]{results['benchmark']}[/bold]  protocol {results['protocol']}  "
         f"controller [bold]{escape(results['controller']['file'])}[/bold]\n"
-        f"seed {results['seed']}  {loop_delay(results['loop_delay'])}\n"
+        f"seed {results['seed']}\n{escape(loop_delay(results['loop_delay']))}\n"
         f"connectors {connectors(results)}\n"
     )
-    console.print(_criteria(results))
+    console.print(_criteria(results, console.width < NARROW))
     console.print(_requirements(results))
     _failures(results, console)
     for remark in remarks(results):
         console.print(f"[yellow]{escape(remark)}[/yellow]")
+
+
+def terminal(stderr: bool = False) -> Console:
+    """Where all commands print to. Names like ":x:" stay what they are."""
+    return Console(stderr=stderr, emoji=False)
 
 
 def table(title: str) -> Table:
@@ -39,42 +50,41 @@ def table(title: str) -> Table:
     return Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
 
 
-def _criteria(results: Document) -> Table:
+def _criteria(results: Document, narrow: bool) -> Table:
     grid = table("Worst case, averaged over the workspace")
-    grid.add_column("")
-    grid.add_column("criterion", overflow="fold")
-    for heading in ("value", "target", "paper", "of V", "worst"):
+    grid.add_column("", no_wrap=True)
+    grid.add_column("criterion", overflow="fold", min_width=9)
+    figures = FIGURES[:2] if narrow else FIGURES
+    for heading in figures:
         grid.add_column(heading, justify="right", no_wrap=True)
-    grid.add_column("where", overflow="fold")
+    grid.add_column("where", overflow="fold", min_width=13)
     for name, entry in results["criteria"].items():
         factor, unit = SHOWN[entry["unit"]]
         worst = entry["worst_case"]
-        grid.add_row(
-            name,
-            f"{entry['title']} \\[{unit}]",
+        shown = (
             _coloured(entry, factor),
             number(entry["target"] * factor),
             number(entry["paper"] * factor),
             number(entry["share"]),
             number(_times(worst["value"] if worst else None, factor)),
-            f"c{worst['configuration']:02d}.{worst['system']}" if worst else "-",
         )
+        where = f"c{worst['configuration']:02d}.{worst['system']}" if worst else "-"
+        grid.add_row(name, f"{entry['title']} \\[{unit}]", *shown[: len(figures)], where)
     grid.add_section()
     cost = results["rules"]["cost"]
-    grid.add_row(
-        "V", "Cost, eq. (15)", f"[bold]{number(results['cost'])}[/bold]", number(cost["target"]), number(cost["paper"])
-    )
+    total = (f"[bold]{number(results['cost'])}[/bold]", number(cost["target"]), number(cost["paper"]))
+    grid.add_row("V", "Cost, eq. (15)", *total[: len(figures)])
     return grid
 
 
 def _requirements(results: Document) -> Table:
     limit = results["rules"]["stability"]["limit_cycle"]
     grid = table(f"Stability: limit cycle below {limit * 1e6:g} µm")
-    grid.add_column("")
-    grid.add_column("requirement", overflow="fold")
+    grid.add_column("", no_wrap=True)
+    grid.add_column("requirement", overflow="fold", min_width=11)
     grid.add_column("verdict", no_wrap=True)
     grid.add_column("largest", justify="right", no_wrap=True)
-    grid.add_column("where", overflow="fold")
+    grid.add_column("where", overflow="fold", min_width=9)
     for row in requirement_rows(results):
         colour = COLOURS.get(row["verdict"])
         word = f"[{colour}]{row['verdict']}[/{colour}]" if colour else row["verdict"]
@@ -83,7 +93,7 @@ def _requirements(results: Document) -> Table:
 
 
 def _failures(results: Document, console: Console) -> None:
-    failed = [case for case in results["cases"] if case["status"] not in ("done", "unstable")]
+    failed = [case for case in results["cases"] if case["status"] != "done"]
     for case in failed[:MESSAGES]:
         console.print(f"{case['id']}: [red]{case['status']}[/red]: {escape(case['message'])}")
     if len(failed) > MESSAGES:

@@ -42,7 +42,8 @@ def loop_delay(delay: Mapping[str, Any]) -> str:
     if delay["seconds"] is None:
         return f"loop delay not measured: the controller {delay['convention'] or 'could not be probed'}"
     text = f"loop delay {delay['seconds'] * 1e3:.3f} ms = {delay['samples']:g} sample{'s' * (delay['samples'] != 1)}"
-    return text + (f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else "")
+    within = f" ({delay['controller_samples']} of them in the controller)" if delay["controller_samples"] else ""
+    return f"{text}{within}; the controller {delay['convention']}"
 
 
 def connectors(document: Mapping[str, Any]) -> str:
@@ -66,6 +67,15 @@ def requirement_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
+def without_cost(document: Mapping[str, Any]) -> str:
+    """Why a complete run has no cost; empty where it has one."""
+    if document["cost"] is not None or not document["complete"]:
+        return ""
+    criteria = {test["name"] for test in document["rules"]["tests"] if test["criteria"]}
+    lost = [case for case in document["cases"] if case["test"] in criteria and case["status"] != "done"]
+    return f"{len(lost)} of the cases that B1 to B7 are measured in are unstable"
+
+
 def remarks(document: Mapping[str, Any]) -> list[str]:
     """What a reader must know before comparing the figures with others."""
     found = []
@@ -77,6 +87,8 @@ def remarks(document: Mapping[str, Any]) -> list[str]:
         )
     if not document["complete"]:
         found.append("Incomplete: not every case of the protocol has a verdict.")
+    if reason := without_cost(document):
+        found.append(f"No cost V: {reason}.")
     if not document["sample_time"]["as_in_benchmark"]:
         milliseconds = document["sample_time"]["seconds"] * 1e3
         found.append(f"Sample time {milliseconds:g} ms, not the benchmark's: not comparable.")

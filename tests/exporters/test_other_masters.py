@@ -1,7 +1,7 @@
-"""The way back: the benchmark's own FMUs, closed to a loop by other masters, against the same coupling in Python.
+"""The way back: the benchmark's own FMUs, closed to a loop by other masters, with the trajectory of the benchmark's.
 
-Both masters couple in parallel (Jacobi): in each step every FMU sees the others' outputs of the step before. The
-benchmark's master couples in sequence and adds what a real drive adds, so its trajectories are others.
+The others couple in parallel (Jacobi): in each step every FMU sees the others' outputs of the step before. That is the
+benchmark's coupling with one sample of delay on the way to the motors, and without noise, quantization and saturation.
 """
 
 from __future__ import annotations
@@ -10,9 +10,13 @@ import ctypes
 from importlib.metadata import PackageNotFoundError, distribution, files
 from pathlib import Path
 
+import numpy as np
 import pytest
+from closed_loops import simulate_all
 from fmpy import read_model_description
-from pid_fmus import T_S, in_child, slave
+from pid_fmus import T_S, in_child
+
+from orchestrator.cosim.scenario import Drive, Pulse, Scenario, seconds
 
 STEPS = 400
 Q_M_REF, U_M0, Q_M, U_M = (tuple(f"{name}[{axis}]" for axis in (1, 2)) for name in ("q_m_ref", "u_m0", "q_m", "u_m"))
@@ -23,27 +27,15 @@ PUSH = {"F[1]": 50.0, "F[2]": -20.0}
 Row = tuple[float, ...]
 
 
-def couple_in_python(plant: Path, controller: Path) -> tuple[Row, list[Row]]:
+def couple_in_our_master(plant: Path, controller: Path) -> tuple[Row, list[Row]]:
     """Return the steady state's q_m_ref [rad] and u_m0 [N.m], and q_m and u_m after each step."""
-    with slave(plant) as arm, slave(controller) as pid:
-        arm.fmu.setupExperiment(startTime=0.0)
-        arm.fmu.enterInitializationMode()
-        arm.set(tuple(PUSH), tuple(PUSH.values()))
-        arm.fmu.exitInitializationMode()
-        steady_state = arm.get(Q_M_REF + U_M0)
-        pid.fmu.setupExperiment(startTime=0.0)
-        pid.fmu.enterInitializationMode()
-        pid.set(Q_M_REF + U_M0, steady_state)
-        pid.fmu.exitInitializationMode()
-        trajectory = []
-        for k in range(STEPS):
-            measured, torque = arm.get(Q_M), pid.get(U_M)
-            pid.set(Q_M, measured)
-            arm.set(U_M, torque)
-            arm.fmu.doStep(k * T_S, T_S)
-            pid.fmu.doStep(k * T_S, T_S)
-            trajectory.append(arm.get(Q_M) + pid.get(U_M))
-        return steady_state, trajectory
+    sample = seconds(T_S)
+    scenario = Scenario(
+        (), STEPS * sample, sample, drive=Drive(delay=(sample, sample)), pulse=Pulse(tuple(PUSH.values()), 0.0, 1e9)
+    )
+    (found,) = simulate_all(plant, controller, [scenario])
+    rows = np.hstack([found.q_m[1:], found.command])
+    return (*found.q_m_ref, *found.u_m0), [tuple(row) for row in rows.tolist()]
 
 
 def couple_in_libcosim(plant: Path, controller: Path, steady_state: Row) -> list[Row]:
@@ -127,9 +119,9 @@ def controller_file(request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.fixture(scope="module")
-def coupled_in_python(plant_file: Path, controller_file: Path) -> tuple[Row, list[Row]]:
+def coupled_by_us(plant_file: Path, controller_file: Path) -> tuple[Row, list[Row]]:
     """Steady state and trajectory to hold other masters against."""
-    return in_child(couple_in_python, plant_file, controller_file)
+    return couple_in_our_master(plant_file, controller_file)
 
 
 @pytest.mark.parametrize(
@@ -137,13 +129,13 @@ def coupled_in_python(plant_file: Path, controller_file: Path) -> tuple[Row, lis
     [(couple_in_libcosim, ("libcosimpy",)), (couple_in_ecos, ("ecospy", "tbb"))],
     ids=["libcosim", "ecos"],
 )
-def test_same_trajectory_in_another_master(couple, packages, plant_file, controller_file, coupled_in_python):
+def test_same_trajectory_in_another_master(couple, packages, plant_file, controller_file, coupled_by_us):
     for package in packages:
         try:
             distribution(package)
         except PackageNotFoundError:
             pytest.skip(f"{package} not installed (pip install '.[exporters]')")
-    steady_state, expected = coupled_in_python
+    steady_state, expected = coupled_by_us
     moved = max(abs(row[0] - steady_state[0]) for row in expected)
     assert moved > 1e-3, "the force should set the arm in motion"
     assert in_child(couple, plant_file, controller_file, steady_state) == expected
