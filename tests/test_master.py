@@ -181,6 +181,13 @@ def test_an_absurd_torque_is_an_error(probe_plant_file, feedthrough_file, K):
     assert "a torque that is no number or beyond 1e+12 N.m" in trajectory.ending.message
 
 
+def test_a_plant_without_numbers_is_not_the_controllers_fault(probe_plant_file, feedthrough_file):
+    scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": math.nan})
+    (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": 1.0})
+    assert trajectory.ending.status is Status.ERROR
+    assert "gave outputs that are no numbers" in trajectory.ending.message
+
+
 def test_a_controller_step_that_fails_is_told_in_its_own_words(plant_file, feedthrough_file):
     (trajectory,) = simulate_all(plant_file, feedthrough_file, [quiet("0.01")], parameters={"fail_from": 0.005})
     assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.005)

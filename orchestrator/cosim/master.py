@@ -56,7 +56,7 @@ def simulate(
             parts = _loop(scenario, steady)
             record = _record(scenario, plant.get(outputs), steady, parts)
             raw = loop.Ending(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
-            ending = _ending(raw, scenario, plant, controller)
+            ending = _ending(raw, record, scenario, plant, controller)
             if not ending.failed_call:
                 ending = _terminated(ending, controller, plant)
     return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
@@ -106,15 +106,21 @@ def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts:
     return record
 
 
-def _ending(raw: loop.Ending, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
+def _ending(raw: loop.Ending, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
+    lost = (
+        ""
+        if np.all(np.isfinite(record.outputs[raw.sample]))
+        else f"{plant.archive.name} gave outputs that are no numbers"
+    )
     if raw.reason == loop.DIVERGED:
-        message = f"the TCP was more than {scenario.abort_distance:g} m from where it began"
+        message = lost or f"the TCP was more than {scenario.abort_distance:g} m from where it began"
         return Ending(Status.UNSTABLE, time, message, raw.warnings)
     if raw.reason == loop.ABSURD_TORQUE:
-        message = f"{controller.archive.name} asked for a torque that is no number or beyond {loop.ABSURD:g} N.m"
+        asked = f"{controller.archive.name} asked for a torque that is no number or beyond {loop.ABSURD:g} N.m"
+        message = f"{lost}, and {asked}: look at the plant's parameters first" if lost else asked
         return Ending(Status.ERROR, time, message, raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     failure = exchange_failure(slave, raw.call, raw.status)
