@@ -26,9 +26,8 @@ def cache_folder() -> Path:
     Where it cannot be written, a temporary folder takes its place for this process and its children, which find it in
     the environment. Raises :class:`InputError` where there is no place for that either.
     """
-    return _writable(
-        Path(os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False))
-    )
+    wanted = os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False)
+    return _writable(Path(wanted).absolute())  # children may have another current folder
 
 
 @functools.cache

@@ -24,7 +24,7 @@ class Job:
 
     ``work(plant, controller, task)`` gets the two loaded slaves and returns a picklable value; it must be a
     module-level function (or a partial of one), since it is sent to another process. ``time_limits`` are in seconds of
-    wall time, one a task. With ``sandbox`` the child sees a read-only file system and no network.
+    wall time, one a task. With ``sandbox`` the child runs in a :mod:`~orchestrator.execution.sandbox`.
     """
 
     plant: Archive

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import multiprocessing
-import os
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,24 +14,16 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
-from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
 from ..errors import InputError
-from ..folders import cache_folder
-from . import child
+from . import child, sandbox
 from .family import Family
 from .job import Job
 from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
-
-SANDBOX = (
-    *("--unshare-all", "--die-with-parent", "--new-session"),
-    *("--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--tmpfs", "/tmp"),
-)
-"""Options of bubblewrap: no network, no other processes, everything read-only but /tmp, which is new and empty."""
 
 
 class Process(Protocol):
@@ -75,7 +64,7 @@ def started(job: Job) -> Iterator[Child]:
             stack.callback(pipe.close)
         process: Process
         if job.sandbox:
-            process = stack.enter_context(_sandboxed(job, outcomes_end, output_end, trace))
+            process = _FreshProcess(job, outcomes_end, output_end, trace)
         else:
             process = _ServedProcess(job, outcomes_end, output_end, trace)
         stack.callback(process.kill)
@@ -153,17 +142,18 @@ def _own_main_hidden() -> Iterator[None]:
 
 
 class _FreshProcess:
-    """A process started from nothing by a command."""
+    """A process in a sandbox, started from nothing."""
 
-    def __init__(self, command: list[str], descriptors: tuple[int, int, int], job: Job) -> None:
-        output = descriptors[1]
+    def __init__(self, job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> None:
+        descriptors = (outcomes.fileno(), output.fileno(), trace.file)
         self._process = subprocess.Popen(
-            command,
+            [*sandbox.command(job), sys.executable, "-m", "orchestrator.execution.fresh", *map(str, descriptors)],
             stdin=subprocess.PIPE,
-            stdout=output,
-            stderr=output,
+            stdout=output.fileno(),
+            stderr=output.fileno(),
             pass_fds=descriptors,
             start_new_session=True,
+            env=sandbox.environment(),
         )
         self.family = Family(self._process.pid)
         assert self._process.stdin is not None
@@ -180,49 +170,3 @@ class _FreshProcess:
         self.family.kill()
         self._process.kill()
         self._process.wait()
-
-
-@contextmanager
-def _sandboxed(job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> Iterator[_FreshProcess]:
-    descriptors = (outcomes.fileno(), output.fileno(), trace.file)
-    command = [sys.executable, "-m", "orchestrator.execution.fresh", *map(str, descriptors)]
-    with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
-        yield _FreshProcess([*_sandbox(job, Path(scratch)), *command], descriptors, job)
-
-
-def _sandbox(job: Job, scratch: Path) -> list[str]:
-    """The command line of bubblewrap: no network, everything read-only but /tmp and a copy of the cache."""
-    program = shutil.which("bwrap")
-    if program is None:
-        raise InputError("--sandbox needs bubblewrap (bwrap), which is not installed. Install it, or leave it out.")
-    visible = _visible()
-    _check_sandbox((program, *SANDBOX, *visible))
-    cache = cache_folder()
-    copy = scratch / "cache"
-    for folder in (cache / "numba", job.plant.folder, job.controller.folder):
-        if folder.is_dir():
-            shutil.copytree(folder, copy / folder.relative_to(cache), symlinks=True, dirs_exist_ok=True)
-    return [
-        *(program, *SANDBOX, *visible),
-        *("--bind", str(copy), str(cache), "--chdir", "/tmp"),
-        *("--setenv", "PYTHONPATH", os.pathsep.join(path for path in sys.path if path)),
-        "--",
-    ]
-
-
-def _visible() -> tuple[str, ...]:
-    """Options that show what Python needs of the outer /tmp, which the new one hides: an environment may lie there."""
-    wanted = {os.path.abspath(path) for path in (sys.prefix, sys.base_prefix, *filter(None, sys.path))}
-    hidden = sorted(path for path in wanted if path.startswith("/tmp/") and os.path.exists(path))
-    return tuple(word for path in hidden for word in ("--ro-bind", path, path))
-
-
-@functools.cache
-def _check_sandbox(sandbox: tuple[str, ...]) -> None:
-    """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
-    tried = subprocess.run([*sandbox, "--", sys.executable, "-c", ""], capture_output=True, text=True)
-    if tried.returncode != 0:
-        raise InputError(
-            f"--sandbox does not work on this machine: {tried.stderr.strip() or 'bubblewrap failed'}. User namespaces "
-            "must be allowed. Without the option FMUs run with your rights."
-        )

@@ -26,7 +26,8 @@ def command(folder: Path, *arguments: str) -> list[str]:
 
 @contextmanager
 def started(arguments: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """A command in a session of its own; when the block ends, so does the whole session."""
+    """A command in a session of its own; when the block ends, so does the whole session. Options beside Popen's:
+    ``environment``, what is added to that, and ``folder``, the current one."""
     process = subprocess.Popen(
         arguments,
         stdout=subprocess.PIPE,
@@ -34,7 +35,7 @@ def started(arguments: Sequence[str], **options: Any) -> Iterator[subprocess.Pop
         stdin=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
-        cwd=ROOT,
+        cwd=options.pop("folder", ROOT),
         env={**os.environ, **options.pop("environment", {})},
         **options,
     )

@@ -1,0 +1,106 @@
+"""The sandbox of a child process: what bubblewrap leaves of the machine. docs/running.md says it for users."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import InputError
+from ..folders import VARIABLE, cache_folder
+from .job import Job
+
+OPTIONS = (
+    *("--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
+    *("--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--remount-ro", "/proc"),
+)
+"""No network, no other processes, everything read-only. Root would keep its capabilities, with which it can mount
+everything writable again, and needs none to write into /proc/sys, which is the whole machine's."""
+
+HIDDEN = ("/tmp", "/var/tmp", "/run")
+"""Empty inside, beside the folder for temporary files and the cache: other programs' sockets, which a read-only file
+system does not keep anybody from connecting to, and scratch files."""
+
+HANDED_ON = ("PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH")
+HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")
+"""Of the environment: where things are, and what numbers may depend on. Passwords and tokens stay outside."""
+
+PACKAGES = Path(__file__).resolve().parents[2]
+"""The folder with this package. It is in no search path where an editable install finds it by a hook."""
+
+GIVEN = ".given"
+"""Folder in the inner cache with what is copied into that at the start. The copy lies in memory and goes with the
+sandbox, however that or its owner ends."""
+
+
+def command(job: Job) -> list[str]:
+    """The words before a command that let it run in a sandbox with what ``job`` needs.
+
+    Raises :class:`InputError` where there is no sandbox on this machine.
+    """
+    program = shutil.which("bwrap")
+    if program is None:
+        raise InputError("--sandbox needs bubblewrap (bwrap), which is not installed. Install it, or leave it out.")
+    cache = cache_folder()
+    start = (program, *OPTIONS, *_mounts(cache), "--chdir", "/tmp")
+    _check(start)
+    return [*start, *_given(job, cache), "--"]
+
+
+def environment() -> dict[str, str]:
+    """The environment inside."""
+    kept = {k: v for k, v in os.environ.items() if k in HANDED_ON or k.startswith(HANDED_ON_BEGINNINGS)}
+    return {
+        **kept,
+        "PYTHONPATH": os.pathsep.join(dict.fromkeys((*map(os.path.abspath, sys.path), str(PACKAGES)))),
+        "TMPDIR": "/tmp",
+        VARIABLE: str(cache_folder()),
+    }
+
+
+def given_folder() -> Path:
+    """Inside: the folder with what is to be copied into the cache."""
+    return cache_folder() / GIVEN
+
+
+def _mounts(cache: Path) -> tuple[str, ...]:
+    """Options that hide folders, and show again what of their contents Python needs: an environment may lie there."""
+    hidden = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
+    needed = (sys.prefix, sys.base_prefix, *sys.path, str(PACKAGES))
+    mounts: dict[str, tuple[str, ...]] = {path: ("--tmpfs", path) for path in hidden}
+    for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
+        if path not in hidden and _is_below(path, hidden) and os.path.exists(path):
+            mounts[path] = ("--ro-bind", path, path)
+    if str(cache) not in hidden and _is_below(str(cache), hidden):
+        mounts[str(cache)] = ("--symlink", os.path.realpath(cache), str(cache))
+    # A folder before what lies in it: a later mount hides what is already there.
+    return tuple(word for path in sorted(mounts) for word in mounts[path])
+
+
+def _is_below(path: str, folders: Iterable[str]) -> bool:
+    return any(Path(path).is_relative_to(folder) for folder in folders)
+
+
+def _given(job: Job, cache: Path) -> list[str]:
+    """Options that show compiled code and the job's FMUs, and nothing else of the cache."""
+    folders = (cache / "numba", job.plant.folder, job.controller.folder)
+    inside = {folder: os.path.join(os.path.realpath(cache), GIVEN, folder.relative_to(cache)) for folder in folders}
+    return [word for folder in inside if folder.is_dir() for word in ("--ro-bind", str(folder), inside[folder])]
+
+
+@functools.cache
+def _check(start: tuple[str, ...]) -> None:
+    """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
+    probe = [*start, "--", sys.executable, "-c", "import orchestrator"]
+    tried = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment())
+    if tried.returncode != 0:
+        raise InputError(
+            f"--sandbox does not work on this machine: {tried.stderr.strip() or 'bubblewrap failed'}. User namespaces "
+            f"must be allowed, and Python and this package ({PACKAGES}) must not lie directly in a folder that is "
+            f"hidden ({', '.join(HIDDEN)}). Without the option FMUs run with your rights."
+        )
