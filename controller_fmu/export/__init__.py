@@ -5,7 +5,8 @@ follows from the contents) and the archive is written such that equal sources gi
 """
 
 from controller_fmu.export.archive import BuildError
-from controller_fmu.export.c_fmu import NoCompilerError, c_fmu, find_compiler
+from controller_fmu.export.c_fmu import c_fmu
+from controller_fmu.export.compiler import NoCompilerError, find_compiler
 from controller_fmu.export.dialects import Dialect
 from controller_fmu.export.python_fmu import python_fmu
 

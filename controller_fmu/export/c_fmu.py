@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-import shutil
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,26 +11,15 @@ from xml.etree.ElementTree import Element, SubElement
 import fmpy
 
 from controller_fmu.export.archive import BuildError, content_guid, pack, write_atomically
+from controller_fmu.export.compiler import COMPILERS, NoCompilerError, find_compiler, run_compiler
 from controller_fmu.export.description import complete, parse, to_bytes
 from controller_fmu.export.dialects import Dialect, translate
 
 C_INTERFACE = Path(__file__).resolve().parents[1] / "c_interface"
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
-COMPILERS = ("cc", "gcc", "clang")
 
 # No fused multiply-add: torques shall be equal to the last bit to those of the same law in Python.
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-s")
-
-
-class NoCompilerError(BuildError):
-    """This machine has no C compiler."""
-
-
-def find_compiler() -> list[str] | None:
-    """Return the command of the C compiler, from the environment's CC or the usual names; None if absent."""
-    wanted = shlex.split(os.environ.get("CC", ""))
-    candidates = [wanted] if wanted else [[name] for name in COMPILERS]
-    return next((command for command in candidates if shutil.which(command[0])), None)
 
 
 def c_fmu(sources: Sequence[Path], description: Path, target: Path, dialect: Dialect | None = None) -> Path:
@@ -47,9 +33,12 @@ def c_fmu(sources: Sequence[Path], description: Path, target: Path, dialect: Dia
 
     Raises:
         NoCompilerError: there is no C compiler.
-        BuildError: the sources do not compile, or the description lacks something.
+        BuildError: the sources do not compile, CC is no command, or the description lacks something.
     """
-    compiler = find_compiler()
+    try:
+        compiler = find_compiler()
+    except BuildError as problem:
+        raise BuildError(f"{target.name}: {problem}") from None
     if compiler is None:
         raise NoCompilerError(f"{target.name}: no C compiler found ({', '.join(COMPILERS)}, or set CC); install one")
     if not target.stem.isidentifier():
@@ -119,8 +108,9 @@ def _compile(compiler: list[str], texts: Mapping[str, bytes], compiled: Sequence
         for name, text in texts.items():
             Path(folder, name).write_bytes(text)
         # Relative names inside the folder: no path of this machine gets into the binary.
-        command = [*compiler, *FLAGS, "-o", "library", *compiled, "-lm"]
-        finished = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if finished.returncode != 0:
-            raise BuildError(f"{fmu}: '{shlex.join(command)}' failed\n{finished.stderr.strip()}")
-        return Path(folder, "library").read_bytes()
+        command, library = [*compiler, *FLAGS, "-o", "library", *compiled, "-lm"], Path(folder, "library")
+        try:
+            run_compiler(command, library, Path(folder))
+        except BuildError as problem:
+            raise BuildError(f"{fmu}: '{shlex.join(command)}' failed\n{problem}") from None
+        return library.read_bytes()

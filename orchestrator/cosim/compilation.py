@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import tempfile
 from pathlib import Path
 
 import fmpy
 from fmpy.model_description import ModelDescription
 
-from controller_fmu.export.c_fmu import COMPILERS, FMI_HEADERS, find_compiler
+from controller_fmu.export.archive import BuildError
+from controller_fmu.export.c_fmu import FMI_HEADERS
+from controller_fmu.export.compiler import COMPILERS, find_compiler, run_compiler
 
 from ..errors import InputError
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
-TIME_LIMIT = 300.0
 
 
 def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
@@ -23,11 +23,15 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
 
     Raises :class:`InputError` where there is no compiler or the sources do not compile.
     """
-    compiler = find_compiler()
+    way_out = f"export the FMU with a binary for {fmpy.platform}"
+    try:
+        compiler = find_compiler()
+    except BuildError as problem:
+        raise InputError(f"{name} comes as source code only, and {problem}; or {way_out}.") from None
     if compiler is None:
+        wanted = os.environ.get("CC") or ", ".join(COMPILERS)
         raise InputError(
-            f"{name} comes as source code only, and there is no C compiler here ({', '.join(COMPILERS)}). "
-            f"Install one, or export the FMU with a binary for {fmpy.platform}."
+            f"{name} comes as source code only, and there is no C compiler here ({wanted}). Install one, or {way_out}."
         )
     sources, definitions = _listed(folder, identifier, description)
     if not sources:
@@ -46,12 +50,13 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *("-o", str(output), "-lm"),
         ]
         try:
-            subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIME_LIMIT)
-        except subprocess.CalledProcessError as problem:
-            lines = "\n  ".join(problem.stderr.replace(f"{folder}{os.sep}", "").strip().splitlines()[:5])
-            raise InputError(f"The sources of {name} do not compile:\n  {lines}") from None
-        except subprocess.TimeoutExpired:
-            raise InputError(f"The sources of {name} do not compile within {TIME_LIMIT:g} s.") from None
+            run_compiler(command, output)
+        except BuildError as problem:
+            lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
+            raise InputError(
+                f"The sources of {name} do not compile:\n  {lines}\n"
+                f"Mend the sources or the compiler (the environment's CC), or {way_out}."
+            ) from None
         library.parent.mkdir(parents=True, exist_ok=True)
         os.replace(output, library)
 

@@ -14,7 +14,8 @@ import fmpy
 
 import build_fmus
 from controller_fmu.export.archive import pack
-from controller_fmu.export.c_fmu import FMI_HEADERS, NoCompilerError
+from controller_fmu.export.c_fmu import FMI_HEADERS
+from controller_fmu.export.compiler import NoCompilerError
 from controller_fmu.export.description import complete, to_bytes
 
 SOURCES = Path(__file__).parent
