@@ -13,6 +13,10 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from plant_fmu.flexible_manipulator import dynamics
+from plant_fmu.flexible_manipulator.coefficients import Joint
+from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
+
 from .files import FIGURES as FOLDER
 from .files import prepare_folder, write_bytes
 from .recording import EXAMPLE, SPREAD, Recording
@@ -39,6 +43,9 @@ SIZE = (3.4, 2.4)
 
 ARC_MINUTE = math.pi / (180 * 60)
 COLOURS = ("#0072b2", "#d55e00")
+"""After Okabe and Ito: told apart by colour-blind readers."""
+MUTED = "0.72"
+DASHED: Any = {"color": "k", "linestyle": "--", "linewidth": 0.7}
 
 
 def write_figures(run: Run) -> list[str]:
@@ -55,27 +62,21 @@ def write_figures(run: Run) -> list[str]:
 
 def stiffness(run: Run) -> Figure:
     """Figure 3: spring torque [Nm] over gear deflection [arc minutes], eq. (5), nominal parameters."""
-    p = run.document["plant"]["nominal"]
     figure, axes = _axes("Deflection $\\Delta_q$ [arcmin]", "Spring torque $\\tau_s$ [Nm]")
-    for i, colour in zip((1, 2), COLOURS, strict=True):
-        psi, low, high = (p[f"{name}[{i}]"] for name in ("psi", "k_low", "k_high"))
-        delta = np.linspace(-2 * psi, 2 * psi, 401)
-        within = np.clip(delta, -psi, psi)
-        torque = low * within + (high - low) / (3 * psi**2) * within**3 + high * (delta - within)
-        axes.plot(delta / ARC_MINUTE, torque, color=colour, label=f"axis {i}")
+    for axis, colour, joint in _nominal_joints(run):
+        delta = np.linspace(-2 * joint.psi, 2 * joint.psi, 401)
+        torque = [dynamics.spring(joint, value) for value in delta]
+        axes.plot(delta / ARC_MINUTE, torque, color=colour, label=f"axis {axis}")
     axes.legend()
     return figure
 
 
 def friction(run: Run) -> Figure:
     """Figure 4: friction torque [Nm] over motor speed [rad/s], eq. (8), on the motor's side, nominal parameters."""
-    p = run.document["plant"]["nominal"]
     figure, axes = _axes("Motor speed $\\dot q_m$ [rad/s]", "Friction torque $f / n$ [Nm]")
     v = np.linspace(-30, 30, 2001)
-    for i, colour in zip((1, 2), COLOURS, strict=True):
-        f_d, f_c, mu_k, alpha, beta = (p[f"{name}[{i}]"] for name in ("f_d", "f_c", "mu_k", "alpha", "beta"))
-        torque = f_d * v + f_c * (mu_k + (1 - mu_k) / np.cosh(beta * v)) * np.tanh(alpha * v)
-        axes.plot(v, torque, color=colour, label=f"axis {i}")
+    for axis, colour, joint in _nominal_joints(run):
+        axes.plot(v, [dynamics.friction(joint, value) for value in v], color=colour, label=f"axis {axis}")
     axes.legend()
     return figure
 
@@ -83,60 +84,118 @@ def friction(run: Run) -> Figure:
 def circles(run: Run) -> Figure | None:
     """Figure 8: path of the TCP [mm] from the force on, in the circle of B5, and enlarged in that of B6."""
     example = next(iter(run.recorded(EXAMPLE)), None)
-    if example is None:
+    if example is None or not _within(example, example.about.window[0], math.inf).any():
         return None
-    due = example.about.window[1] + _target(run, "B6")
+    start, due = example.about.window[0], example.about.window[1] + _target(run, "B6")
     large, small = 1e3 * _target(run, "B5"), 1e3 * run.document["rules"]["settling_error"]
-    figure = Figure(figsize=(2 * SIZE[0], SIZE[0]), layout="constrained")
-    t, x, z = example.motion[:, 0], 1e3 * example.motion[:, 1], 1e3 * example.motion[:, 2]
-    forced, late = t >= example.about.window[0], t >= due
-    for axes, radius, reach in zip(figure.subplots(1, 2), (large, small), (None, 2 * small), strict=True):
-        axes.plot(x[forced & ~late], z[forced & ~late], color=COLOURS[0], label="force and settling")
+    figure = Figure(figsize=(2 * SIZE[0], 1.15 * SIZE[0]), layout="constrained")
+    x, z = 1e3 * example.motion[:, 1], 1e3 * example.motion[:, 2]
+    late = _within(example, due, math.inf)
+    early = _within(example, start, math.inf) & ~late
+    shown = ((large, f"B5 target: {large:g} mm", None), (small, f"settled: {small:g} mm", 2 * small))
+    for axes, (radius, name, reach) in zip(figure.subplots(1, 2), shown, strict=True):
+        axes.plot(x[early], z[early], color=COLOURS[0], label="force and settling")
         axes.plot(x[late], z[late], color=COLOURS[1], label=f"after {_target(run, 'B6'):g} s of settling")
         angle = np.linspace(0, 2 * np.pi, 181)
-        axes.plot(radius * np.cos(angle), radius * np.sin(angle), "k--", label=f"{radius:g} mm")
+        axes.plot(radius * np.cos(angle), radius * np.sin(angle), **DASHED, label=name)
         axes.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal")
         if reach is not None:
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
-        axes.legend(fontsize=6, loc="upper right")
+        axes.locator_params(nbins=6)  # more would run into each other
+        _legend_above(axes)
     return figure
 
 
-def error(role: str, due_to_force: bool) -> Callable[[Run], Figure | None]:
-    """Figures 9 to 12: TCP position error [mm] of the recordings with ``role`` over time [s], due to force or chirp."""
+def example_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+    """Figures 9 and 10: TCP position error [mm] of the example over time [s], due to the force or the chirp."""
 
     def draw(run: Run) -> Figure | None:
-        shown = run.recorded(role)
-        if not shown:
-            return None
-        begin, end = _window(shown, due_to_force)
-        figure, axes = _axes("Time [s]", "TCP position error [mm]")
-        for entry in shown:
-            t = entry.motion[:, 0]
-            inside = (t >= begin) & (t <= end)
-            axes.plot(t[inside], 1e3 * entry.error[inside], linewidth=0.8 if role == EXAMPLE else 0.5)
-        axes.axhline(1e3 * _target(run, "B5" if due_to_force else "B7"), color="k", linestyle="--", linewidth=0.7)
-        axes.set(xlim=(begin, end), ylim=(0, None))
-        return figure
+        return _errors(run, due_to_force, [(entry, COLOURS[0], "nominal", 2) for entry in run.recorded(EXAMPLE)])
 
     return draw
+
+
+def spread_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+    """Figures 11 and 12: the same of the uncertain systems; those assumed and the worst of all stand out."""
+
+    def draw(run: Run) -> Figure | None:
+        shown = run.recorded(SPREAD)
+        worst = max(shown, key=lambda entry: _peak(entry, due_to_force), default=None)
+        others = [entry for entry in shown if _is_random(entry) and entry is not worst]
+        looks = [(entry, MUTED, f"{len(others)} others", 2) for entry in others]
+        for entry in (entry for entry in shown if not _is_random(entry) or entry is worst):
+            name = entry.about.system + (" (worst)" if entry is worst else "")
+            looks.append((entry, *((COLOURS[1], name, 3) if _is_random(entry) else (COLOURS[0], name, 4))))
+        return _errors(run, due_to_force, looks)
+
+    return draw
+
+
+def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, str, int]]) -> Figure | None:
+    """TCP error [mm] over time [s] of recordings, each with colour, name and layer; equal names share an entry."""
+    shown = [look for look in looks if _within(look[0], *_window(look[0], due_to_force)).any()]
+    if not shown:
+        return None
+    begin, end = _window(shown[0][0], due_to_force)
+    figure, axes = _axes("Time [s]", "TCP position error [mm]")
+    width = 0.8 if len(shown) == 1 else 0.5
+    named: set[str] = set()
+    for entry, colour, name, layer in shown:
+        inside = _within(entry, begin, end)
+        label = "_" if name in named else name  # Matplotlib leaves labels with an underscore out
+        axes.plot(
+            entry.motion[inside, 0],
+            1e3 * entry.error[inside],
+            color=colour,
+            label=label,
+            linewidth=width,
+            zorder=layer,
+        )
+        named.add(name)
+    criterion = "B5" if due_to_force else "B7"
+    target = 1e3 * _target(run, criterion)
+    axes.axhline(target, **DASHED, label=f"{criterion} target: {target:g} mm", zorder=5)
+    axes.set(xlim=(begin, end), ylim=(0, None))
+    _legend_above(axes)
+    return figure
 
 
 FIGURES: Mapping[str, Callable[[Run], Figure | None]] = {
     "figure_03_stiffness": stiffness,
     "figure_04_friction": friction,
     "figure_08_circles": circles,
-    "figure_09_force": error(EXAMPLE, due_to_force=True),
-    "figure_10_chirp": error(EXAMPLE, due_to_force=False),
-    "figure_11_force_uncertain": error(SPREAD, due_to_force=True),
-    "figure_12_chirp_uncertain": error(SPREAD, due_to_force=False),
+    "figure_09_force": example_error(due_to_force=True),
+    "figure_10_chirp": example_error(due_to_force=False),
+    "figure_11_force_uncertain": spread_error(due_to_force=True),
+    "figure_12_chirp_uncertain": spread_error(due_to_force=False),
 }
 
 
-def _window(shown: Sequence[Recording], due_to_force: bool) -> tuple[float, float]:
+def _nominal_joints(run: Run) -> list[tuple[int, str, Joint]]:
+    """Both axes with a colour, and the constants of motor and gear."""
+    nominal = run.document["plant"]["nominal"]
+    return [(axis, colour, joint_of(nominal, axis)) for axis, colour in zip((1, 2), COLOURS, strict=True)]
+
+
+def _window(entry: Recording, due_to_force: bool) -> tuple[float, float]:
     """The time shown [s]: from shortly before the force to the settling time, or up to the force."""
-    begin, end = shown[0].about.window
+    begin, end = entry.about.window
     return (begin - 0.2, end + 3.0) if due_to_force else (0.0, begin)
+
+
+def _within(entry: Recording, begin: float, end: float) -> np.ndarray:
+    """Which samples of ``motion`` were taken from ``begin`` to ``end`` [s]."""
+    t = entry.motion[:, 0]
+    return (t >= begin) & (t <= end)
+
+
+def _is_random(entry: Recording) -> bool:
+    return entry.about.system.startswith("random")
+
+
+def _peak(entry: Recording, due_to_force: bool) -> float:
+    """The largest TCP error [m] in the time shown; a case that ended before has none."""
+    return float(max(entry.error[_within(entry, *_window(entry, due_to_force))], default=0.0))
 
 
 def _target(run: Run, name: str) -> float:
@@ -148,6 +207,11 @@ def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     axes = figure.subplots()
     axes.set(xlabel=xlabel, ylabel=ylabel)
     return figure, axes
+
+
+def _legend_above(axes: Axes) -> None:
+    """A legend that covers nothing of what is drawn, wherever that is."""
+    axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
 
 
 def _save(figure: Figure, file: Path) -> None:

@@ -104,7 +104,7 @@ def test_runs_are_told_apart_in_the_figures_of_the_comparison(comparison, open_p
     assert [name.split(" ")[0] for name in names] == [f"{rank}." for rank in range(1, 8)]
     view(page, "overlay")
     option = "echarts.getInstanceByDom($('#overlay-chart')).getOption()"
-    lines = page.evaluate(f"{option}.series.slice(0, 7).map((line, row) => [{option}.color[row], line.lineStyle.type])")
+    lines = page.evaluate(f"{option}.series.slice(0, 7).map((line) => [line.itemStyle.color, line.lineStyle.type])")
     assert len({tuple(line) for line in lines}) == len(lines) == 7
     peaks = page.evaluate(f"{option}.series.slice(0, 7).map((line) => Math.max(...line.data.map((point) => point[1])))")
     assert peaks == sorted(set(peaks)) and len(peaks) == 7

@@ -119,9 +119,10 @@ function targetLine(id, { value, name, from, to }) {
 }
 
 /**
- * Lines over time [s]. `lines` hold name, t, y, colour, and width or opacity where they differ; `levels` are drawn
- * across, `targets` (value, name, from, to) from one time to another, `spans` (from, to, name) shaded. The vertical
- * axis fits what is in sight, or ends at `top` or at +- `bound`; `legend` stands for the usual one.
+ * Lines over time [s]. `lines` hold name, t, y, colour, width or opacity where they differ, and `quiet` where they are
+ * not read off; lines of one name share an entry of the legend. `levels` are drawn across, `targets` (value, name,
+ * from, to) from one time to another, `spans` (from, to, name) shaded. The vertical axis fits what is in sight, or ends
+ * at `top` or at +- `bound`; `legend` stands for the usual one.
  */
 function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [], from, to, top, bound, text, legend: names }) {
   const ends = bound ? { min: -bound, max: bound, axisLabel: { color: colour("soft"), showMinLabel: false, showMaxLabel: false } } : { max: top, boundaryGap: [0, "12%"] };
@@ -135,8 +136,7 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
   return chart(
     id,
     {
-      color: lines.map((line) => line.colour),
-      legend: { ...(names || legend({ icon: "roundRect", data: lines.map((line) => line.name) })), show: lines.length > 1 },
+      legend: { ...(names || legend({ icon: "roundRect", data: [...new Set(lines.map((line) => line.name))] })), show: lines.length > 1 },
       toolbox: toolbox(true),
       tooltip: tooltip({
         trigger: "axis",
@@ -156,6 +156,8 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
           name: line.name,
           data: Array.from(line.t, (t, row) => [t, line.y[row]]),
           showSymbol: false,
+          itemStyle: { color: line.colour },
+          ...(line.quiet ? { tooltip: { show: false } } : {}),
           lineStyle: { width: line.width || 1.4, opacity: line.opacity || 1, type: line.dash || "solid" },
           z: line.z || 2,
           emphasis: { disabled: true },

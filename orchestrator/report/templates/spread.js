@@ -9,17 +9,26 @@ function spreadSignals(recording) {
   return recording.unpacked;
 }
 
+/** The lines of all systems: those assumed and the worst of all stand out, the others share a colour and a name. */
+function spreadLines(all, peakOf) {
+  const worst = all.reduce((best, recording) => (peakOf(recording) > peakOf(best) ? recording : best));
+  const assumed = (recording) => !recording.system.startsWith("random");
+  const others = all.filter((recording) => !assumed(recording) && recording !== worst);
+  const line = (recording, look) => ({ t: spreadSignals(recording).t, y: spreadSignals(recording).error, ...look });
+  const outstanding = all.filter((recording) => !others.includes(recording)).map((recording) =>
+    line(recording, {
+      name: recording.system + (recording === worst ? " (worst)" : ""),
+      ...(assumed(recording) ? { colour: colour("one"), width: 2.2, z: 5 } : { colour: colour("two"), width: 1.6, z: 4 }),
+    }));
+  return [...outstanding, ...others.map((recording) => line(recording, { name: `${others.length} others`, colour: colour("soft"), opacity: 0.4, width: 1, quiet: true }))];
+}
+
 function drawSpread() {
   const all = data.spread || [];
   if (!all.length) return;
-  const hues = ["one", "three", "four"].map(colour);
-  const lines = all.map((recording, index) => {
-    const assumed = !recording.system.startsWith("random");
-    const look = assumed ? { colour: colour("two"), width: 2.4, z: 5 } : { colour: hues[index % hues.length], opacity: 0.65, width: 1 };
-    return { name: recording.system, t: spreadSignals(recording).t, y: spreadSignals(recording).error, ...look };
-  });
   const pose = all[0].q_a.map(degrees).join(" / ");
-  const within = (part) => all.map((recording) => peak(spreadSignals(recording), ...part(recording))[0]);
+  const dueToForce = (recording) => peak(spreadSignals(recording), recording.window[0], Infinity)[0];
+  const dueToChirp = (recording) => peak(spreadSignals(recording), recording.chirp[0], recording.window[0])[0];
   const told = (values, target) =>
     `${figures(Math.min(...values))} to ${figures(Math.max(...values))} mm, ${values.filter((value) => value > target).length} of ${values.length} above the target of ${figures(target)} mm`;
 
@@ -28,22 +37,22 @@ function drawSpread() {
   const force = criterion("B5").target * 1e3;
   const chirp = criterion("B7").target * 1e3;
   overTime("spread-force", {
-    lines,
+    lines: spreadLines(all, dueToForce),
     unit: "mm",
     label: "TCP position error",
     targets: errorTargets(longest),
     spans: [{ name: "force", from: begin, to: longest.window[1] }],
     from: begin - 0.2,
     to: longest.time,
-    text: `${all.length} uncertain systems with their disturbances at ${pose} (Figure 11): largest errors from ${told(within((recording) => [recording.window[0], Infinity]), force)}.`,
+    text: `${all.length} uncertain systems with their disturbances at ${pose} (Figure 11): largest errors from ${told(all.map(dueToForce), force)}.`,
   });
   overTime("spread-chirp", {
-    lines,
+    lines: spreadLines(all, dueToChirp),
     unit: "mm",
     label: "TCP position error",
     targets: errorTargets(longest),
     from: 0,
     to: begin - 0.5,
-    text: `The same systems under the motor torque disturbance (Figure 12): largest errors from ${told(within((recording) => [recording.chirp[0], recording.window[0]]), chirp)}. Thick: the assumed worst case.`,
+    text: `The same systems under the motor torque disturbance (Figure 12): largest errors from ${told(all.map(dueToChirp), chirp)}. Blue: the system assumed to be the worst; orange, where it is another one: the worst of all.`,
   });
 }

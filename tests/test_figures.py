@@ -1,0 +1,157 @@
+"""What the paper's figures of a run show: their curves, units, targets and legends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.colors import to_hex
+from reports import evaluation, recording, stored
+
+from orchestrator.report.figures import FIGURES, STYLE
+from plant_fmu.flexible_manipulator import coefficients, dynamics
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+ERRORS = {  # which recordings, from when to when [s], and the target [mm]
+    "figure_09_force": ("example", 9.8, 13.5, "B5 target: 7 mm", 7.0),
+    "figure_10_chirp": ("example", 0.0, 10.0, "B7 target: 0.5 mm", 0.5),
+    "figure_11_force_uncertain": ("spread", 9.8, 13.5, "B5 target: 7 mm", 7.0),
+    "figure_12_chirp_uncertain": ("spread", 0.0, 10.0, "B7 target: 0.5 mm", 0.5),
+}
+
+
+def spread(size: float, system: str):
+    return recording(("spread",), f"c07.{system}.disturbance", size, system=system)
+
+
+RECORDINGS = (
+    recording(("example",), size=9e-3, system="nominal"),
+    spread(6e-3, "compliant"),
+    spread(3e-3, "random_1"),
+    spread(11e-3, "random_2"),
+    spread(4e-3, "random_3"),
+)
+
+
+@pytest.fixture
+def run(tmp_path, plant_file, pid_file):
+    return stored(tmp_path, evaluation(plant_file, pid_file), RECORDINGS)
+
+
+@pytest.fixture
+def figure(run):
+    """Draws a figure of the run by its name."""
+
+    def drawn(name: str):
+        with rc_context(STYLE):
+            made = FIGURES[name](run)
+        made.canvas.draw()
+        return made
+
+    return drawn
+
+
+def curves(axes) -> dict[str, np.ndarray]:
+    """The named lines of a diagram, shape (N, 2)."""
+    return {line.get_label(): line.get_xydata() for line in axes.lines if not line.get_label().startswith("_")}
+
+
+def joints():
+    return {f"axis {axis}": coefficients.joint(NOMINAL, axis) for axis in (1, 2)}
+
+
+def test_figure_3_is_the_springs_torque_over_minutes_of_arc(figure):
+    (axes,) = figure("figure_03_stiffness").axes
+    assert "arcmin" in axes.get_xlabel() and "[Nm]" in axes.get_ylabel()
+    drawn = curves(axes)
+    assert set(drawn) == set(joints())
+    for name, joint in joints().items():
+        deflection, torque = drawn[name].T
+        assert deflection.max() == -deflection.min() == pytest.approx(2 * 60 * math.degrees(joint.psi))
+        expected = [dynamics.spring(joint, math.radians(minutes / 60)) for minutes in deflection]
+        np.testing.assert_allclose(torque, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_figure_4_is_the_torque_that_brakes_a_motor(figure):
+    (axes,) = figure("figure_04_friction").axes
+    assert "[rad/s]" in axes.get_xlabel() and "[Nm]" in axes.get_ylabel()
+    drawn = curves(axes)
+    arm, (one, two) = coefficients.arm(NOMINAL), joints().values()
+    for number, (name, joint) in enumerate(joints().items()):
+        speed, torque = drawn[name][::50].T
+        # A motor without torque whose gear is unstrained and moves with it is slowed down by friction alone.
+        moving = [(0, 0, 0, 0, v / one.n, v / two.n, v, v) for v in speed]
+        slowed = [dynamics.accelerations(arm, one, two, x, 0.0, 0.0, 0.0, 0.0)[2 + number] for x in moving]
+        np.testing.assert_allclose(torque, -joint.j_m * np.array(slowed), rtol=1e-9, atol=1e-12)
+
+
+def test_figure_8_is_the_path_from_the_force_on_in_both_circles(figure):
+    motion = RECORDINGS[0].motion
+    for axes, circle, radius in zip(
+        figure("figure_08_circles").axes, ("B5 target: 7 mm", "settled: 0.1 mm"), (7, 0.1), strict=True
+    ):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "z [mm]")
+        drawn = curves(axes)
+        np.testing.assert_allclose(np.hypot(*drawn[circle].T), radius)
+        early = motion[(motion[:, 0] >= 10) & (motion[:, 0] < 13.5)]
+        np.testing.assert_allclose(drawn["force and settling"], 1e3 * early[:, 1:3])
+        np.testing.assert_allclose(drawn["after 3 s of settling"], 1e3 * motion[motion[:, 0] >= 13.5, 1:3])
+
+
+def test_nothing_is_written_over_another_in_figure_8(figure):
+    made = figure("figure_08_circles")
+    for axes in made.axes:
+        assert not axes.get_legend().get_window_extent().overlaps(axes.get_window_extent())
+        low, high = axes.get_xlim()
+        labels = [label for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
+        ticks = [label.get_window_extent() for label in labels]
+        assert len(ticks) > 2
+        assert all(right.x0 - left.x1 > 3 for left, right in zip(ticks, ticks[1:], strict=False))
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_figures_9_to_12_are_errors_in_mm_with_the_target(figure, name):
+    role, begin, end, label, target = ERRORS[name]
+    (axes,) = figure(name).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Time [s]", "TCP position error [mm]")
+    (dashed,) = (line for line in axes.lines if line.get_linestyle() == "--")
+    assert dashed.get_label() == label
+    assert list(dashed.get_ydata()) == [target, target]
+    assert label in [text.get_text() for text in axes.get_legend().get_texts()]
+    assert axes.get_xlim() == (begin, end) and axes.get_ylim()[1] > target
+    drawn = [line.get_xydata() for line in axes.lines if line is not dashed]
+    recordings = [entry for entry in RECORDINGS if role in entry.about.roles]
+    assert len(drawn) == len(recordings)
+    for entry in recordings:
+        inside = entry.motion[(entry.motion[:, 0] >= begin) & (entry.motion[:, 0] <= end)]
+        expected = np.column_stack([inside[:, 0], 1e3 * np.hypot(inside[:, 1], inside[:, 2])])
+        assert any(np.allclose(line, expected, rtol=1e-6) for line in drawn), entry.about.id
+
+
+@pytest.mark.parametrize("name", ["figure_11_force_uncertain", "figure_12_chirp_uncertain"])
+def test_the_assumed_and_the_worst_system_stand_out(figure, name):
+    (axes,) = figure(name).axes
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names[:3] == ["2 others", "compliant", "random_2 (worst)"]
+    hues = [to_hex(line.get_color()) for line in axes.lines if line.get_linestyle() == "-"]
+    muted, *distinct = dict.fromkeys(hues)
+    assert hues.count(muted) == 2 and len(set(distinct)) == 2
+    channels = [int(muted[at : at + 2], 16) for at in (1, 3, 5)]
+    assert max(channels) == min(channels), "muted is grey"
+    size = 1 if name == "figure_11_force_uncertain" else 0.1
+    tops = {line.get_label(): max(line.get_ydata()) for line in axes.lines}
+    assert tops["random_2 (worst)"] == pytest.approx(11 * size, rel=3e-2)
+    assert tops["compliant"] == pytest.approx(6 * size, rel=3e-2)
+
+
+def test_a_case_that_ended_before_what_a_figure_shows_is_not_drawn(tmp_path, plant_file, pid_file):
+    whole = recording(("example", "spread"), size=9e-3)
+    short = type(whole)(whole.about, whole.motion[:28], whole.torque[:28])
+    run = stored(tmp_path, evaluation(plant_file, pid_file), (short,))
+    drawn = {name for name, draw in FIGURES.items() if draw(run) is not None}
+    assert drawn == {
+        *("figure_03_stiffness", "figure_04_friction"),
+        *("figure_10_chirp", "figure_12_chirp_uncertain"),
+    }
