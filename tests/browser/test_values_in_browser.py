@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from reports import evaluation, recording, stored
 
@@ -59,3 +61,49 @@ def test_the_assumed_and_the_worst_system_stand_out_in_the_spread(page_of):
         assert any(f"target {target} mm" in name for name in series(page, chart))
     assert "1 of 4 above the target of 7 mm" in page.locator("#spread-force-text").inner_text()
     assert "2 of 4 above the target of 0.5 mm" in page.locator("#spread-chirp-text").inner_text()
+
+
+def ended(recording_, time: float):
+    """The recording of a case that ended unstable."""
+    motion, torque = (table[table[:, 0] <= time] for table in (recording_.motion, recording_.torque))
+    return replace(
+        recording_, about=replace(recording_.about, status="unstable", time=time), motion=motion, torque=torque
+    )
+
+
+@pytest.mark.parametrize(
+    ("time", "error", "path"),
+    [
+        (
+            0.27,
+            "ended at 0.27 s, before the chirp and the force of 500.0 N",
+            "the case ended at 0.27 s, before the force",
+        ),
+        (5.0, "0.8 mm due to the chirp; the largest at 0.75 s", "the case ended at 5 s, before the force"),
+        (5.0, "ended at 5 s, before the force of 500.0 N", "the case ended at 5 s, before the force"),
+        (
+            12.0,
+            "7.84 mm due to the force",
+            "leaves the large one and ended at 12 s, before it was to be inside the small",
+        ),
+        (26.0, "7.84 mm due to the force", "leaves the large one and is inside the small one in time"),
+    ],
+)
+def test_what_a_case_did_not_live_to_see_is_not_judged(page_of, time, error, path):
+    page = page_of([ended(recording(("B5",)), time)])
+    show(page, "case")
+    assert error in page.locator("#error-chart-text").inner_text()
+    assert path in page.locator("#path-chart-text").inner_text()
+    if time < 26:
+        for chart in ("error-chart", "path-chart"):
+            text = page.locator(f"#{chart}-text").inner_text()
+            assert " 0 mm due" not in text and "in time" not in text
+
+
+def test_a_system_that_ended_early_has_no_error_of_zero_in_the_spread(page_of):
+    page = page_of([recording(("B5",)), spread(6e-3, "compliant"), ended(spread(3e-3, "random_1"), 0.27)])
+    show(page, "spread")
+    force, chirp = (page.locator(f"#spread-{name}-text").inner_text() for name in ("force", "chirp"))
+    assert "0 of 1 above the target of 7 mm; 1 ended before the force" in force
+    assert "1 of 1 above the target of 0.5 mm; 1 ended before it" in chirp
+    assert "from 0 " not in force + chirp

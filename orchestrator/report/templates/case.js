@@ -65,9 +65,12 @@ function drawError(recording, found, from, to, top) {
     ? [{ name: "chirp", from: recording.chirp[0], to: recording.chirp[1] }, { name: "force", from: begin, to: end }]
     : [];
   const [largest, at] = peak(found, 0, Infinity);
-  const parts = pulsed(recording)
-    ? `${figures(peak(found, recording.chirp[0], begin)[0])} mm due to the chirp, ${figures(peak(found, begin, Infinity)[0])} mm due to the force of ${figures(Math.hypot(...recording.force))} N`
-    : `${figures(largest)} mm, of measurement noise alone`;
+  const causes = pulsed(recording)
+    ? [["the chirp", recording.chirp[0], begin], [`the force of ${figures(Math.hypot(...recording.force))} N`, begin, Infinity]]
+        .map(([name, first, last]) => ({ name, most: peak(found, first, last)[0] }))
+    : [{ name: "measurement noise alone", most: largest }];
+  const parts = causes.filter((cause) => cause.most !== null).map((cause) => `${figures(cause.most)} mm due to ${cause.name}`);
+  const missed = causes.filter((cause) => cause.most === null).map((cause) => cause.name);
   return overTime("error-chart", {
     lines: [{ name: "TCP error", t: found.t, y: found.error, colour: colour("one") }],
     unit: "mm",
@@ -77,7 +80,9 @@ function drawError(recording, found, from, to, top) {
     from,
     to,
     top,
-    text: `TCP error of ${poseText(recording)}: at most ${parts}; the largest at ${at.toFixed(2)} s. Wheel with Ctrl, slider or buttons zoom.`,
+    text:
+      `TCP error of ${poseText(recording)}: at most ${parts.join(", ") || `${figures(largest)} mm`}; the largest at ${figures(at)} s.` +
+      `${missed.length ? ` The case ended at ${figures(recording.time)} s, before ${missed.join(" and ")}.` : ""} Wheel with Ctrl, slider or buttons zoom.`,
   });
 }
 
@@ -112,6 +117,7 @@ function drawPath(recording, found) {
   const sets = pulsed(recording)
     ? [["force and settling", part(first, due), "one"], [`after ${figures(criterion("B6").target)} s of settling`, part(due, Infinity), "two"]]
     : [["TCP", part(0, Infinity), "one"]];
+  const paths = sets.filter(([, points]) => points.length);
   const close = $("#path-scale").value === "small";
   const extent = Math.max(...found.error.filter((_, row) => found.t[row] >= first), large) * 1.1;
   const reach = close ? 2.5 * small : extent;
@@ -119,7 +125,6 @@ function drawPath(recording, found) {
   const side = Math.min(place.clientWidth - 84, place.clientHeight - 122);
   const grid = { left: Math.max(66, (place.clientWidth - side) / 2), top: 66, width: side, height: side };
   const plane = { min: -reach, max: reach, axisLabel: { formatter: figures, color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false } };
-  const inside = peak(found, due, Infinity)[0] < small;
   chart(
     "path-chart",
     {
@@ -131,13 +136,22 @@ function drawPath(recording, found) {
       yAxis: axis("z offset [mm]", { ...plane, nameGap: 46 }),
       dataZoom: [{ type: "inside", xAxisIndex: 0, filterMode: "none", zoomOnMouseWheel: "ctrl" }, { type: "inside", yAxisIndex: 0, filterMode: "none", zoomOnMouseWheel: "ctrl" }],
       series: [
-        ...sets.map(([name, points, hue]) => ({ type: "line", name, data: points, showSymbol: false, itemStyle: { color: colour(hue) }, lineStyle: { width: 1.2 } })),
+        ...paths.map(([name, points, hue]) => ({ type: "line", name, data: points, showSymbol: false, itemStyle: { color: colour(hue) }, lineStyle: { width: 1.2 } })),
         { type: "line", name: `${figures(large)} mm`, data: circle(large), showSymbol: false, itemStyle: { color: colour("limit") }, lineStyle: { type: "dashed" } },
         { type: "line", name: `${figures(small)} mm`, data: circle(small), showSymbol: false, itemStyle: { color: colour("three") }, lineStyle: { type: "dashed" } },
       ],
     },
     pulsed(recording)
-      ? `Path of the TCP from the beginning of the force (Figure 8): wanted always inside the large circle, and ${figures(criterion("B6").target)} s after the force inside the small one; ${peak(found, first, Infinity)[0] <= large ? "it stays inside the large one" : "it leaves the large one"} and ${inside ? "is" : "is not"} inside the small one in time.`
+      ? `Path of the TCP from the beginning of the force (Figure 8): wanted always inside the large circle, and ${figures(criterion("B6").target)} s after the force inside the small one; ${pathVerdict(recording, peak(found, first, Infinity)[0], peak(found, due, Infinity)[0])}`
       : "Path of the TCP."
   );
+}
+
+/** What became of a case whose largest errors [mm] are `forced` from the force on and `settled` from when it is to rest. */
+function pathVerdict(recording, forced, settled) {
+  const ended = `ended at ${figures(recording.time)} s, before`;
+  if (forced === null) return `the case ${ended} the force.`;
+  const large = forced <= criterion("B5").target * 1e3 ? "it stays inside the large one" : "it leaves the large one";
+  if (settled === null) return `${large} and ${ended} it was to be inside the small one.`;
+  return `${large} and ${settled < data.rules.settling_error * 1e3 ? "is" : "is not"} inside the small one in time.`;
 }

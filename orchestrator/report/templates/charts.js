@@ -172,10 +172,12 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
 
 const criterion = (name) => data.criteria.find((entry) => entry.name === name);
 
-/** The largest error [mm] and its time [s] between two times. */
+/** The largest error [mm] and its time [s] between two times; both null where nothing was recorded between them. */
 function peak({ t, error }, from, to) {
-  let [best, at] = [0, from];
-  for (let row = 0; row < t.length; row += 1) if (t[row] >= from && t[row] <= to && error[row] > best) [best, at] = [error[row], t[row]];
+  let [best, at] = [null, null];
+  for (let row = 0; row < t.length; row += 1) {
+    if (t[row] >= from && t[row] <= to && (best === null || error[row] > best)) [best, at] = [error[row], t[row]];
+  }
   return [best, at];
 }
 

@@ -45,7 +45,7 @@ function motionPlayer(recording) {
   const scrub = $("#scrub");
   const magnify = $("#magnify");
   scrub.max = String(recording.time);
-  scrub.value = String(at);
+  scrub.value = String(at ?? 0);
   magnify.value = String(Math.log10(roundNumber(Math.min(1000, Math.max(1, 450 / Math.max(largest, 1e-3))))));
   let playing = null;
 

@@ -29,8 +29,12 @@ function drawSpread() {
   const pose = all[0].q_a.map(degrees).join(" / ");
   const dueToForce = (recording) => peak(spreadSignals(recording), recording.window[0], Infinity)[0];
   const dueToChirp = (recording) => peak(spreadSignals(recording), recording.chirp[0], recording.window[0])[0];
-  const told = (values, target) =>
-    `${figures(Math.min(...values))} to ${figures(Math.max(...values))} mm, ${values.filter((value) => value > target).length} of ${values.length} above the target of ${figures(target)} mm`;
+  const told = (peaks, target, cause) => {
+    const values = peaks.filter((value) => value !== null);
+    const missed = values.length < peaks.length ? [`${peaks.length - values.length} ended before ${cause}`] : [];
+    const known = `largest errors from ${figures(Math.min(...values))} to ${figures(Math.max(...values))} mm, ${values.filter((value) => value > target).length} of ${values.length} above the target of ${figures(target)} mm`;
+    return [...(values.length ? [known] : []), ...missed].join("; ");
+  };
 
   const longest = all.reduce((best, recording) => (recording.time > best.time ? recording : best));
   const [begin] = longest.window;
@@ -44,7 +48,7 @@ function drawSpread() {
     spans: [{ name: "force", from: begin, to: longest.window[1] }],
     from: begin - 0.2,
     to: longest.time,
-    text: `${all.length} uncertain systems with their disturbances at ${pose} (Figure 11): largest errors from ${told(all.map(dueToForce), force)}.`,
+    text: `${all.length} uncertain systems with their disturbances at ${pose} (Figure 11): ${told(all.map(dueToForce), force, "the force")}.`,
   });
   overTime("spread-chirp", {
     lines: spreadLines(all, dueToChirp),
@@ -53,6 +57,6 @@ function drawSpread() {
     targets: errorTargets(longest),
     from: 0,
     to: begin - 0.5,
-    text: `The same systems under the motor torque disturbance (Figure 12): largest errors from ${told(all.map(dueToChirp), chirp)}. Blue: the system assumed to be the worst; orange, where it is another one: the worst of all.`,
+    text: `The same systems under the motor torque disturbance (Figure 12): ${told(all.map(dueToChirp), chirp, "it")}. Blue: the system assumed to be the worst; orange, where it is another one: the worst of all.`,
   });
 }
