@@ -110,11 +110,8 @@ def _ending(raw: loop.Ending, record: loop.Record, scenario: Scenario, plant: Sl
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
-    lost = (
-        ""
-        if np.all(np.isfinite(record.outputs[raw.sample]))
-        else f"{plant.archive.name} gave outputs that are no numbers"
-    )
+    finite = bool(np.all(np.isfinite(record.outputs[raw.sample])))
+    lost = "" if finite else f"{plant.archive.name} gave outputs that are no numbers"
     if raw.reason == loop.DIVERGED:
         message = lost or f"the TCP was more than {scenario.abort_distance:g} m from where it began"
         return Ending(Status.UNSTABLE, time, message, raw.warnings)
