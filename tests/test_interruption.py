@@ -18,6 +18,7 @@ from collections.abc import Generator, Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
+import psutil
 import pytest
 from conftest import build_or_skip
 from hostile.commands import CASES, NOISE, command, finished, kill, session_members, simulations, started, wait_for
@@ -37,6 +38,7 @@ from orchestrator.errors import FmuError
 from orchestrator.execution import store
 from orchestrator.execution.evaluation import Bench
 from orchestrator.execution.job import Died, Failed, Finished, Job, Outcome
+from orchestrator.folders import VARIABLE
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -236,6 +238,26 @@ def test_control_c_stops_keeps_and_leaves_nothing(tmp_path, uninterrupted):
     done, table = resumed(tmp_path)
     assert f"{kept} of {CASES} cases are there" in done.stderr
     assert table == uninterrupted
+
+
+def test_control_c_does_not_wait_for_the_compiler(tmp_path):
+    """On the very first run the fork server compiles for some ten seconds before it answers."""
+    with started(command(tmp_path / "out", *NOISE), environment={VARIABLE: str(tmp_path / "cache")}) as process:
+        assert wait_for(lambda: any(server.cpu_times().user > 2.0 for server in fork_servers(process.pid)))
+        os.killpg(process.pid, signal.SIGINT)
+        begin = time.monotonic()
+        errors = process.communicate(timeout=60)[1]  # all that has a pipe of this session's has ended, too
+        assert time.monotonic() - begin < 3.0
+        assert (process.returncode, "Traceback" in errors) == (130, False), errors
+        assert errors.endswith("interrupted\n")
+        assert wait_for(lambda: not session_members(process.pid), 2.0)
+
+
+def fork_servers(session: int) -> list[psutil.Process]:
+    """The fork server of a command, once it is there."""
+    with suppress(psutil.Error):
+        return [member for member in session_members(session) if "forkserver" in " ".join(member.cmdline())]
+    return []
 
 
 def test_control_c_ends_a_controller_that_hangs(tmp_path):

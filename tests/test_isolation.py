@@ -189,8 +189,8 @@ def test_a_case_whose_process_is_killed_from_outside_is_run_again(plant_file, fa
     started, kills = isolation.started, []
 
     @contextmanager
-    def killed_once(job):
-        with started(job) as child:
+    def killed_once(job, stop):
+        with started(job, stop) as child:
             if not kills:
                 kills.append(child.process.kill())
             yield child

@@ -136,7 +136,7 @@ def test_a_hang_on_the_way_is_waited_for_once(plant_file, faulty, monkeypatch):
     """What ran before in the process may keep the next case from starting; a hang on the way is the case's own."""
     starts = []
     started = isolation.started
-    monkeypatch.setattr(isolation, "started", lambda job: starts.append(job) or started(job))
+    monkeypatch.setattr(isolation, "started", lambda job, stop: starts.append(job) or started(job, stop))
     own = bench(plant_file, faulty(Fault("spin", "step", 0.02, ONLY_STRUCK)), HANG_LIMIT)
     results = run(own, short_cases(own.plant, (SPARED, STRUCK)))
     assert [result.status for result in results] == [DONE, TIMEOUT]

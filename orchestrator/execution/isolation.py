@@ -7,12 +7,13 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import connection
 
 from ..cosim.slaves.log import printable
 from .job import Died, Failed, Finished, Job, Outcome
-from .launch import Child, started
+from .launch import Child, Stopped, started
 from .messages import Garbage, Inbox
 
 TAIL = 8192
@@ -48,7 +49,7 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
     first, tried = 0, -1
     while first < len(job.tasks) and not stop.is_set():
         rest = replace(job, tasks=job.tasks[first:], time_limits=job.time_limits[first:])
-        with started(rest) as child:
+        with suppress(Stopped), started(rest, stop) as child:
             start = first
             for outcome in _listen(child, rest, stop):
                 number = start + outcome.index

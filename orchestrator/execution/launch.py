@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection, resource_tracker
+from multiprocessing import connection, forkserver, resource_tracker
 from types import ModuleType
 from typing import Any, Protocol
 
@@ -24,6 +24,13 @@ from .job import Job
 from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
+
+PATIENCE = 0.2
+"""Seconds between two looks whether a start is still wanted, and for one that is not."""
+
+
+class Stopped(Exception):
+    """The child is not wanted any more."""
 
 
 class Process(Protocol):
@@ -49,11 +56,12 @@ class Child:
 
 
 @contextmanager
-def started(job: Job) -> Iterator[Child]:
+def started(job: Job, stop: threading.Event) -> Iterator[Child]:
     """A child process that runs ``job``; when the block ends, so does the child.
 
     It comes from a fork server that has the whole stack loaded (0.02 s until its FMUs are loaded, too); in a sandbox,
-    or where there is no fork server, it starts from nothing.
+    or where there is no fork server, it starts from nothing. Raises :class:`Stopped` where ``stop`` is set before it
+    has started.
     """
     with ExitStack() as stack:
         outcomes, outcomes_end = multiprocessing.Pipe(duplex=False)
@@ -66,7 +74,7 @@ def started(job: Job) -> Iterator[Child]:
         if job.sandbox:
             process = _FreshProcess(job, outcomes_end, output_end, trace)
         else:
-            process = _ServedProcess(job, outcomes_end, output_end, trace)
+            process = _ServedProcess(job, outcomes_end, output_end, trace, stop)
         stack.callback(process.kill)
         outcomes_end.close()
         output_end.close()
@@ -76,7 +84,7 @@ def started(job: Job) -> Iterator[Child]:
 class _ServedProcess:
     """A process from multiprocessing's fork server, or spawned where there is none."""
 
-    def __init__(self, job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> None:
+    def __init__(self, job: Job, outcomes: Any, output: Any, trace: SharedTrace, stop: threading.Event) -> None:
         methods = multiprocessing.get_all_start_methods()
         context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
@@ -84,8 +92,7 @@ class _ServedProcess:
         for attempt in range(ATTEMPTS):
             self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
             try:
-                with _interrupts_held(), _own_main_hidden():
-                    self._process.start()
+                _start(self._process, stop)
                 break
             except (EOFError, ConnectionError):  # the fork server has been killed; the next start starts another
                 if attempt + 1 == ATTEMPTS:
@@ -108,18 +115,60 @@ class _ServedProcess:
         self._process.join()
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold SIGINT back, for the fork server too: a Ctrl-C while it begins would print its traceback."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    resource_tracker.ensure_running()  # it would let SIGINT through again when the fork server starts it
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _start(process: Any, stop: threading.Event) -> None:
+    """Start ``process``, which takes seconds where the fork server has to compile before it answers.
+
+    Nothing can interrupt multiprocessing in that, so it waits in a thread of its own, and a Ctrl-C or ``stop``, for
+    which :class:`Stopped` is raised, ends a fork server that does not answer.
+    """
+    start = _Start(process)
+    start.start()
     try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        while not start.done.wait(PATIENCE):
+            if stop.is_set():
+                raise Stopped
+    except BaseException:
+        start.abandon()
+        raise
+    if start.problem is not None:
+        raise start.problem
+
+
+class _Start(threading.Thread):
+    """The start of a process. ``problem`` is what it raised, once it is ``done``: a Ctrl-C in ``join`` makes Python
+    take a thread for ended."""
+
+    def __init__(self, process: Any) -> None:
+        super().__init__(daemon=True)
+        self._process, self._wanted = process, True
+        self.done = threading.Event()
+        self.problem: BaseException | None = None
+
+    def run(self) -> None:
+        """Start it. The fork server inherits that SIGINT is held back: a Ctrl-C while it begins would print its
+        traceback."""
+        try:
+            if hasattr(signal, "pthread_sigmask"):
+                resource_tracker.ensure_running()  # it would let SIGINT through again when the fork server starts it
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            with _own_main_hidden():
+                if self._wanted:
+                    self._process.start()
+        except BaseException as problem:  # for the thread that waits
+            self.problem = problem
+        finally:
+            self.done.set()
+
+    def abandon(self) -> None:
+        """Leave nothing of it."""
+        self._wanted = False
+        while not self.done.wait(PATIENCE):
+            server = getattr(forkserver, "_forkserver", None)
+            if pid := getattr(server, "_forkserver_pid", None):
+                Family(pid).kill()
+        if self._process.pid is not None:
+            self._process.kill()
+            self._process.join()
 
 
 _hiding = threading.Lock()
