@@ -31,10 +31,12 @@ from hostile.fmus import Fault, hostile_fmu
 
 from orchestrator import evaluate
 from orchestrator.commands import EXIT_BAD_INPUT, guarded
+from orchestrator.cosim.archive import open_archive
 from orchestrator.errors import InputError
 from orchestrator.execution import cluster
+from orchestrator.execution.job import Finished, Job
 
-pytest.importorskip("distributed", reason="distributed (Dask) is not installed: pip install distributed")
+distributed = pytest.importorskip("distributed", reason="distributed (Dask) is not installed: pip install distributed")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sessions of POSIX")
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
@@ -150,6 +152,31 @@ def test_control_c(dask, local, tmp_path):
         errors = process.communicate(timeout=60)[1]
         assert (process.returncode, "Traceback" in errors) == (130, False), errors
     assert wait_for(lambda: not dask.simulating())  # a worker finishes the group it is at
+
+
+def test_what_is_left_when_the_run_is_closed_is_not_run(dask, plant_file, pid_file):
+    plant, controller = open_archive(plant_file), open_archive(pid_file)
+    jobs = [Job(plant, controller, (number,), print, (60.0,)) for number in range(400)]
+    outcomes = cluster.run(jobs, dask.address)
+    assert isinstance(next(outcomes)[1], Finished)
+    with distributed.Client(dask.address) as observer:
+        assert tasks_of(observer) > len(jobs) / 2
+        outcomes.close()
+        assert wait_for(lambda: tasks_of(observer) == 0, 3.0)
+    assert wait_for(lambda: not dask.simulating(), 5.0)
+
+
+def tasks_of(client) -> int:
+    """How many tasks the scheduler knows."""
+    return len(client.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.tasks)))
+
+
+def test_what_a_worker_lacks_is_told(plant_file, pid_file, tmp_path, monkeypatch):
+    job = Job(open_archive(plant_file), open_archive(pid_file), (1,), print, (60.0,), sandbox=True)
+    monkeypatch.setenv("PATH", str(tmp_path))  # no bubblewrap there
+    with running(tmp_path) as own, pytest.raises(InputError) as told:
+        list(cluster.run([job], own.address))
+    assert str(told.value).startswith(f"A worker of the cluster at {own.address} cannot run a job: --sandbox needs")
 
 
 def test_a_scheduler_that_is_killed(local, tmp_path):

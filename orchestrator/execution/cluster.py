@@ -27,8 +27,9 @@ CONNECT_TIME = 15.0
 def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on the cluster whose scheduler is at ``address`` (``tcp://host:port``).
 
-    Yields (number of the job, outcome) as they come; closing the generator cancels what is left. Raises
-    :class:`InputError` where Dask is not installed or the scheduler does not answer.
+    Yields (number of the job, outcome) as they come; closing the generator closes the client, with which the scheduler
+    forgets what is left. Raises :class:`InputError` where Dask is not installed, the scheduler does not answer, or a
+    worker lacks something that the job needs.
     """
     try:
         from distributed import Client, as_completed
@@ -54,25 +55,24 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
             ): number
             for number, job in enumerate(jobs)
         }
-        try:
-            for future in as_completed(list(futures)):
-                number = futures[future]
-                try:
-                    outcomes = future.result()
-                except KilledWorker as problem:
-                    outcomes = [_lost(index, problem) for index in range(len(jobs[number].tasks))]
-                except BenchmarkError:
-                    raise
-                except Exception as problem:  # whatever a worker or the network has to offer
-                    reason = str(problem).strip().split("\n")[0] or type(problem).__name__
-                    raise BenchmarkError(
-                        f"The cluster at {address} could not run a job: {reason}. What is finished is kept: run the "
-                        "same command again. Workers need this package in the same version."
-                    ) from problem
-                for outcome in outcomes:
-                    yield number, outcome
-        finally:
-            client.cancel(list(futures))
+        for future in as_completed(list(futures)):
+            number = futures[future]
+            try:
+                outcomes = future.result()
+            except KilledWorker as problem:
+                outcomes = [_lost(index, problem) for index in range(len(jobs[number].tasks))]
+            except InputError as problem:
+                raise InputError(f"A worker of the cluster at {address} cannot run a job: {problem}") from problem
+            except BenchmarkError:
+                raise
+            except Exception as problem:  # whatever a worker or the network has to offer
+                reason = str(problem).strip().split("\n")[0] or type(problem).__name__
+                raise BenchmarkError(
+                    f"The cluster at {address} could not run a job: {reason}. What is finished is kept: run the "
+                    "same command again. Workers need this package in the same version."
+                ) from problem
+            for outcome in outcomes:
+                yield number, outcome
 
 
 def _content(data: bytes) -> bytes:
