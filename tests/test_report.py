@@ -77,6 +77,12 @@ def test_headline_and_verdicts(run):
     assert "10.2" in text and run.document["controller"]["sha256"] in text
 
 
+@pytest.mark.parametrize(("workers", "words"), [(1, "100 s on 1 process"), (2, "100 s on 2 processes")])
+def test_processes_are_counted(run, workers, words):
+    document = {**run.document, "timing": {**run.document["timing"], "workers": workers}}
+    assert facts(document)[-3][1].endswith(words)
+
+
 def test_everything_from_outside_is_escaped(run):
     document = json.loads(json.dumps(run.document))
     document["controller"].update(file=EVIL, generation_tool=EVIL, sha256=EVIL, parameters={EVIL: 1.0})

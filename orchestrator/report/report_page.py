@@ -78,7 +78,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
         ("Sample time", f"{sample_time['seconds'] * 1e3:g} ms" + ("" if sample_time["as_in_benchmark"] else " (own)")),
         ("Loop delay", loop_delay(document["loop_delay"]).removeprefix("loop delay ")),
         ("Cases", f"{len(document['cases'])}, {timing['simulated_time']:.0f} simulated seconds"),
-        ("Run", f"{timing['start']}, {timing['wall_time']:.0f} s on {timing['workers']} processes"),
+        ("Run", f"{timing['start']}, {timing['wall_time']:.0f} s on {_processes(timing['workers'])}"),
         ("Plant", f"{plant['file']}, SHA-256 {plant['sha256']}"),
         ("Versions", ", ".join(f"{name} {version}" for name, version in document["environment"].items())),
     ]
@@ -90,6 +90,10 @@ def poses(document: Document) -> dict[int, str]:
         entry["index"]: f"{math.degrees(entry['q_a1']):.0f}° / {math.degrees(entry['q_a2']):.0f}°"
         for entry in document["configurations"]
     }
+
+
+def _processes(count: int) -> str:
+    return "1 process" if count == 1 else f"{count} processes"
 
 
 def _assignments(parameters: Mapping[str, float]) -> str:

@@ -12,7 +12,7 @@ from closed_loops import PAPER
 from reports import TABLE_2, evaluation, recording, stored
 from results import everything, result
 
-from browser.conftest import DESKTOP
+from browser.conftest import DESKTOP, PHONE
 from orchestrator.cosim.controller import Setup
 from orchestrator.report.compare_page import FILE as COMPARISON
 from orchestrator.report.compare_page import compare_html
@@ -295,3 +295,48 @@ def test_a_comparison_shows_ratios_differences_and_errors_of_the_right_runs(comp
     motion = runs[0][1][0].motion
     drawn = np.array(series(page, "overlay-chart")[names[0]])
     assert drawn[:, 1].max() == pytest.approx(1e3 * np.hypot(motion[:, 1], motion[:, 2]).max(), rel=1e-5)
+
+
+def test_maps_without_values_or_differences_have_no_colour_bar(comparison_of, page_of):
+    whole = everything(TABLE_2)
+    page = comparison_of((whole, [lively()]), (whole, [lively()]), (whole[:1], []))
+    show(page, "difference")
+    assert page.locator("#heat .legend").inner_text() == "no difference"
+    page.locator("#minuend").select_option(index=2)
+    assert page.locator("#heat .legend").inner_text() == "no values"
+    assert page.locator("#heat .legend i").count() == 0
+    assert set(page.locator("#heat button").all_inner_texts()) == {"-"}
+    page = page_of([], whole[:1])
+    show(page, "workspace")
+    assert page.locator("#heat .legend").inner_text() == "no values"
+    assert page.locator("#heat .legend i").count() == 0
+
+
+def test_what_a_table_means_stays_in_sight_on_a_phone(page_of):
+    page = page_of([lively()], size=PHONE)
+    text = page.locator("#criteria-text")
+    page.locator("#summary .scroll").evaluate("(region) => region.scrollTo(10000, 0)")
+    box = text.bounding_box()
+    assert page.locator("#summary .scroll").evaluate("(region) => region.scrollLeft") > 0
+    assert box["x"] >= 0 and box["x"] + box["width"] <= PHONE["width"]
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+def test_the_path_fills_its_card(page_of, size):
+    page = page_of([lively()], size=size)
+    show(page, "case")
+    grid = option(page, "path-chart")["grid"][0]
+    height = page.locator("#path-chart").evaluate("(place) => place.clientHeight")
+    assert grid["width"] == grid["height"] and height - grid["top"] - grid["height"] < 70
+
+
+def test_labels_of_time_are_evenly_spaced(comparison_of):
+    page = comparison_of((everything(TABLE_2), [lively()]))
+    show(page, "overlay")
+    chart = "echarts.getInstanceByDom(document.getElementById('overlay-chart'))"
+    axis = f"{chart}.getModel().getComponent('xAxis').axis"
+    times = page.evaluate(f"{axis}.scale.getTicks().map((tick) => tick.value)")
+    shown = times[1:-1]  # the ends are not labelled
+    assert np.ptp(np.diff(shown)) < 1e-9 and len(shown) > 3
+    label = option(page, "overlay-chart")["xAxis"][0]["axisLabel"]
+    assert (label["showMinLabel"], label["showMaxLabel"]) == (False, False)

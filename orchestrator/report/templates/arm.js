@@ -20,11 +20,12 @@ function stage(label, reach = 1.08 * (data.links[0] + data.links[1])) {
   }
   svg.append(flipped);
   svg.append(
-    ...[["x [m]", reach - 0.42, 0.14], ["z [m]", 0.06, -reach + 0.14]].map(([text, x, y]) =>
+    ...[["x [m]", reach - 0.42, reach - 0.06], ["z [m]", -reach + 0.04, -reach + 0.14]].map(([text, x, y]) =>
       drawn("text", { x, y, "font-size": 0.14, fill: colour("soft") }, text)),
-    ...[-2, -1, 1, 2].flatMap((metre) => [
-      drawn("text", { x: metre, y: 0.14, "font-size": 0.12, "text-anchor": "middle", fill: colour("soft") }, String(metre)),
-      drawn("text", { x: -0.06, y: -metre + 0.04, "font-size": 0.12, "text-anchor": "end", fill: colour("soft") }, String(metre)),
+    // At the edges, where no pose reaches.
+    ...[-2, -1, 0, 1, 2].flatMap((metre) => [
+      drawn("text", { x: metre + 0.03, y: reach - 0.06, "font-size": 0.12, fill: colour("soft") }, String(metre)),
+      drawn("text", { x: -reach + 0.04, y: -metre - 0.03, "font-size": 0.12, fill: colour("soft") }, String(metre)),
     ])
   );
   return { svg, world: flipped };

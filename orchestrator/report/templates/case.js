@@ -122,6 +122,7 @@ function drawPath(recording, found) {
   const extent = Math.max(...found.error.filter((_, row) => found.t[row] >= first), large) * 1.1;
   const reach = close ? 2.5 * small : extent;
   const place = $("#path-chart");
+  place.style.height = `${Math.min(480, place.clientWidth + 38)}px`; // the square of the path, and what stands around it
   const side = Math.min(place.clientWidth - 84, place.clientHeight - 122);
   const grid = { left: Math.max(66, (place.clientWidth - side) / 2), top: 66, width: side, height: side };
   const plane = { min: -reach, max: reach, axisLabel: { formatter: figures, color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false } };

@@ -4,6 +4,7 @@
 function chart(id, option, text) {
   const place = $(`#${id}`);
   const made = echarts.getInstanceByDom(place) || echarts.init(place);
+  made.resize(); // its place may have changed since it was last drawn
   made.setOption(
     {
       animation: false,
@@ -72,14 +73,14 @@ function toolbox(zoom) {
 /** A rim around text that stands on lines or bars. */
 const halo = () => ({ textBorderColor: colour("card"), textBorderWidth: 4 });
 
-const marked = (name, hue = "limit") => ({
+const marked = (name, hue = "limit", position = "insideEndTop") => ({
   name,
   lineStyle: { color: colour(hue), type: "dashed", width: 1.5 },
-  label: { formatter: name, color: colour(hue), ...halo(), position: "insideEndTop" },
+  label: { formatter: name, color: colour(hue), ...halo(), position },
 });
 
 /** A level drawn across a chart whose axis reaches it: a target or a limit. */
-const level = (value, name, hue) => ({ yAxis: value, ...marked(name, hue) });
+const level = (value, name, ...look) => ({ yAxis: value, ...marked(name, ...look) });
 
 const TARGET_STEP = 0.005; // s
 const CHARACTER = 6.4; // pixels, of a label
@@ -144,7 +145,8 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
         valueFormatter: (value) => (value === undefined || value === null ? "-" : `${Number(value).toPrecision(4)} ${unit}`),
       }),
       grid: { left: 62, right: 24, top: lines.length > 1 ? 66 : 40, bottom: 84 },
-      xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisLabel: { color: colour("soft"), hideOverlap: true, formatter: (value) => String(Number(value.toFixed(3))) }, axisPointer: { label: { precision: 4 } } }),
+      // The ends of the times in sight are seldom round: labels there would stand unevenly beside the others.
+      xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisLabel: { color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false, formatter: (value) => String(Number(value.toFixed(3))) }, axisPointer: { label: { precision: 4 } } }),
       yAxis: axis(`${label} [${unit}]`, { nameGap: 44, ...ends }),
       dataZoom: [
         { type: "inside", zoomOnMouseWheel: "ctrl", moveOnMouseWheel: false, startValue: from, endValue: to },

@@ -45,31 +45,31 @@ function drawBars() {
       ...common,
       aria: { decal: { show: runs.length > HUES.length, decals: runs.map((_, index) => ({ color: colour("card"), ...turned(FILLS, index) })) } },
       legend: runLegend("bars-chart"),
-      grid: { left: 62, right: 24, top: 66, bottom: 40 },
+      grid: { left: 62, right: 56, top: 66, bottom: 40 },
       xAxis: axis("", { type: "category", data: data.criteria.map((criterion) => criterion.name) }),
       yAxis: axis("Value / target", { nameGap: 40, max: reaching(1) }),
       series: runs.map((run, index) => ({
         type: "bar", name: run.label, itemStyle: { color: hue(index) }, data: data.criteria.map((criterion) => ratio(run, criterion)),
-        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [level(1, "target")] } }),
+        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [level(1, "target", "limit", "end")] } }),
       })),
     },
     `B1 to B7 relative to their targets. ${runs.map((run) => `${run.label}: ${data.criteria.map((criterion) => figures(ratio(run, criterion))).join(", ")}`).join(". ")}.`
   );
   const wide = Math.min(260, $("#stack-chart").clientWidth / 3);
   const heights = runs.map((run) => Math.max(36, 18 * Math.ceil((8 * run.label.length) / wide)));
-  $("#stack-chart").style.height = `${130 + runs.length * Math.max(...heights)}px`;
+  $("#stack-chart").style.height = `${144 + runs.length * Math.max(...heights)}px`;
   chart(
     "stack-chart",
     {
       ...common,
       legend: legend({ icon: "roundRect" }),
-      grid: { left: 12, right: 40, top: 66, bottom: 40, containLabel: true },
+      grid: { left: 12, right: 40, top: 80, bottom: 40, containLabel: true },
       xAxis: axis("V", { max: reaching(data.rules.cost.target) }),
       yAxis: axis("", { type: "category", data: runs.map((run) => run.label).reverse(), axisLabel: { color: colour("ink"), width: wide, lineHeight: 16, overflow: "break", interval: 0 } }),
       series: data.criteria.map((criterion, index) => ({
         type: "bar", stack: "V", name: criterion.name, itemStyle: { color: colour(`b${index + 1}`), borderColor: colour("card"), borderWidth: 0.5 },
         data: runs.map((run) => run.criteria[criterion.name].share).reverse(),
-        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: data.rules.cost.target, ...marked("target") }] } }),
+        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: data.rules.cost.target, ...marked("target", "limit", "end") }] } }),
       })),
     },
     "V of every run, made up of the shares of B1 to B7."
@@ -90,7 +90,8 @@ function drawDifference() {
     const [first, second] = [a, b].map((run) => run.configurations.find((entry) => entry.index === configuration.index)).map((entry) => (entry ? value(entry) : null));
     return first === null || second === null ? null : first - second;
   };
-  const largest = Math.max(...data.configurations.map((entry) => Math.abs(difference(entry) ?? 0)), 1e-9);
+  const known = data.configurations.map(difference).filter((entry) => entry !== null);
+  const largest = Math.max(0, ...known.map(Math.abs));
   const { svg, world } = stage("The arm in the pose of the chosen configuration");
   const arm = armDrawing(colour("accent"));
   world.append(arm.group);
@@ -98,11 +99,11 @@ function drawDifference() {
   heatMap($("#heat"), {
     configurations: data.configurations,
     value: difference,
-    range: [-largest, largest],
+    range: [-(largest || 1), largest || 1],
     colours: PUOR,
     name: `Difference of ${name || "V_k"}`,
-    low: `${figures(-largest)}: ${a.label} is better`,
-    high: `${figures(largest)}: ${b.label} is better`,
+    ends: [`${figures(-largest)}: ${a.label} is better`, `${figures(largest)}: ${b.label} is better`],
+    told: largest ? "" : known.length ? "no difference" : "no values",
     chosen: (configuration) => {
       arm.pose(configuration.q_a1, configuration.q_a2);
       const told = [a, b].map((run) => `${run.label} ${figures(value(run.configurations.find((entry) => entry.index === configuration.index) || { relative: {} }))}`);

@@ -22,9 +22,10 @@ function readable(channels) {
 
 /**
  * Draw the map into `place`. `value(configuration)` may be null; `chosen(configuration)` is called on pointer and focus.
- * `range` is [smallest, largest], `name` what is shown.
+ * `range` is [smallest, largest], `name` what is shown. `ends` are the words at the ends of the colour bar; where `told`
+ * is given, there is nothing to tell apart, and it stands for the bar.
  */
-function heatMap(place, { configurations, value, range, colours, name, chosen, low, high }) {
+function heatMap(place, { configurations, value, range, colours, name, chosen, ends, told }) {
   const angles = (key, sign) => [...new Set(configurations.map((entry) => entry[key]))].sort((a, b) => sign * (a - b));
   const columns = angles("q_a1", 1);
   const buttons = new Map();
@@ -52,8 +53,7 @@ function heatMap(place, { configurations, value, range, colours, name, chosen, l
       return element("td", {}, button);
     }))
   );
-  const table = element("table", { class: "heat" },
-    element("caption", {}, `${name} over the link angles: q_a1 to the right, q_a2 upwards. Arrow keys move between configurations.`),
+  const table = element("table", { class: "heat", "aria-describedby": `${place.id}-text` },
     element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "q_a2 \\ q_a1"), ...columns.map((angle) => element("th", { scope: "col" }, degrees(angle))))),
     element("tbody", {}, ...rows));
   table.addEventListener("keydown", (event) => {
@@ -67,6 +67,10 @@ function heatMap(place, { configurations, value, range, colours, name, chosen, l
   });
   const strip = element("i");
   strip.style.background = `linear-gradient(to right, ${colours.join(",")})`;
-  place.replaceChildren(table, element("div", { class: "legend" }, element("span", {}, low), strip, element("span", {}, high)));
+  const legend = told ? [told] : [element("span", {}, ends[0]), strip, element("span", {}, ends[1])];
+  place.replaceChildren(
+    element("div", { class: "scroll" }, table),
+    element("p", { class: "caption", id: `${place.id}-text` }, `${name} over the link angles: q_a1 to the right, q_a2 upwards. Arrow keys move between configurations.`),
+    element("div", { class: "legend" }, ...legend));
   if (configurations.length) select(configurations.reduce((best, entry) => ((value(entry) ?? 0) > (value(best) ?? 0) ? entry : best)));
 }

@@ -2,7 +2,7 @@
 
 function drawShares() {
   const rows = [...data.criteria].reverse();
-  const bar = (name, hue, values, more) => ({ type: "bar", name, itemStyle: { color: colour(hue) }, data: values, barGap: "10%", ...more });
+  const bar = (name, hue, values, more) => ({ type: "bar", name, itemStyle: { color: colour(hue) }, data: values, barGap: "10%", barCategoryGap: "14%", ...more });
   const known = data.criteria.filter((row) => row.share !== null);
   const largest = known.reduce((best, row) => (best && best.share >= row.share ? best : row), null);
   chart(

@@ -27,8 +27,8 @@ function drawWorkspace() {
     range,
     colours: VIRIDIS,
     name: name ? `${name} relative to its target` : "V_k",
-    low: known.length ? figures(range[0]) : "no values",
-    high: known.length ? `${figures(range[1])} (on target: ${name ? 1 : data.rules.cost.target})` : "",
+    ends: [figures(range[0]), `${figures(range[1])} (on target: ${name ? 1 : data.rules.cost.target})`],
+    told: known.length ? "" : "no values",
     chosen: (configuration) => {
       arm.pose(configuration.q_a1, configuration.q_a2);
       const parts = data.criteria.map((criterion, index) => `b${index + 1} ${figures(configuration.relative[criterion.name])}`);
