@@ -111,6 +111,23 @@ def test_figures_without_recordings_are_those_of_the_plant(tmp_path, plant_file,
     assert {file.name.split("_")[1] for file in (run.folder / "figures").iterdir()} == {"03", "04"}
 
 
+def test_what_has_nothing_to_show_is_left_out_and_told(tmp_path, plant_file, pid_file, capsys):
+    run = stored(tmp_path, evaluation(plant_file, pid_file), ())
+    assert main([str(run.folder), "--figures", "--mat", "--no-report"]) == 0
+    told = capsys.readouterr().err
+    left_out, written = told.splitlines()[0], told.splitlines()[-1]
+    assert left_out.startswith("not written") and "no trajectories" in left_out and "--no-report" in told
+    for name in ("trajectories.mat", *(f"figures/figure_{number}_" for number in ("08", "09", "10", "11", "12"))):
+        assert name in left_out and name not in written
+    assert "figure_03" in written and "figure_03" not in left_out
+    assert not (run.folder / "trajectories.mat").exists()
+
+
+def test_nothing_is_said_to_be_left_out_of_a_run_with_trajectories(run, capsys):
+    assert main([str(run.folder), "--figures", "--mat", "--no-report"]) == 0
+    assert "not written" not in capsys.readouterr().err
+
+
 def test_json_of_a_run_is_its_results(run, capsys):
     assert main([str(run.folder), "--json", "--no-report"]) == 0
     assert json.loads(capsys.readouterr().out) == run.document
@@ -130,7 +147,28 @@ def test_a_folder_without_results_is_said_to_be_one(tmp_path, contents, message)
 @pytest.mark.parametrize("damage", [b"", b"no archive", b"PK\x03\x04"])
 def test_broken_recordings_are_an_input_error(run, damage):
     (run.folder / files.TRAJECTORIES).write_bytes(damage)
-    with pytest.raises(InputError, match="trajectories"):
+    with pytest.raises(InputError, match="trajectories.npz is damaged"):
+        load_run(run.folder)
+
+
+def test_recordings_broken_anywhere_are_told_in_the_projects_own_words(run):
+    """Every layer of the file: NumPy, JSON, ZIP and its compression have errors of their own."""
+    file = run.folder / files.TRAJECTORIES
+    whole = file.read_bytes()
+    random = np.random.default_rng(0)
+    for place in [*random.integers(len(whole), size=60), *random.integers(len(whole) - 900, len(whole), size=60)]:
+        for damaged in (whole[:place], whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]):
+            file.write_bytes(damaged)
+            try:
+                load_run(run.folder)  # a few bytes are read by nobody
+            except InputError as problem:
+                assert "pickle" not in str(problem) and str(problem).startswith(f"{file} is damaged. ")
+
+
+def test_recordings_that_may_not_be_read_are_not_damaged(run):
+    (run.folder / files.TRAJECTORIES).unlink()
+    (run.folder / files.TRAJECTORIES).mkdir()
+    with pytest.raises(InputError, match="cannot be read"):
         load_run(run.folder)
 
 

@@ -48,8 +48,9 @@ MUTED = "0.72"
 DASHED: Any = {"color": "k", "linestyle": "--", "linewidth": 0.7}
 
 
-def write_figures(run: Run) -> list[str]:
-    """Write all figures there is data for into the run's folder; returns their names, without endings."""
+def write_figures(run: Run) -> tuple[list[str], list[str]]:
+    """Write all figures there is data for into the run's folder; returns their names, without endings, and those of
+    the others."""
     folder = run.folder / FOLDER
     prepare_folder(folder)
     with rc_context(STYLE):
@@ -57,7 +58,9 @@ def write_figures(run: Run) -> list[str]:
         for name, figure in made.items():
             if figure is not None:
                 _save(figure, folder / name)
-    return [f"{FOLDER}/{name}" for name, figure in made.items() if figure is not None]
+    names = {f"{FOLDER}/{name}": figure for name, figure in made.items()}
+    written = [name for name, figure in names.items() if figure is not None]
+    return written, [name for name in names if name not in written]
 
 
 def stiffness(run: Run) -> Figure:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,6 +13,10 @@ from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, 
 from .report_page import report_html
 from .run import load_run
 from .tables import Document, parquet_bytes
+
+NO_TRAJECTORIES = (
+    "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
+)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -56,23 +61,33 @@ def _essence(document: Document) -> Document:
 
 
 def write_outputs(folder: Path, options: argparse.Namespace) -> list[str]:
-    """Make what ``options`` ask for of the run in ``folder``; returns the names of the files written."""
+    """Make what ``options`` ask for of the run in ``folder``; returns the names of the files written.
+
+    What was asked for and has nothing to show is left out, and told.
+    """
     check_options(options)
     run = load_run(folder)
-    written = []
+    written: list[str] = []
+    left_out: list[str] = []
     if options.parquet:
         write_bytes(run.folder / PARQUET, parquet_bytes(run.document))
         written.append(PARQUET)
     if options.mat:
-        from .mat import mat_bytes
+        if run.recordings:
+            from .mat import mat_bytes
 
-        write_bytes(run.folder / MAT, mat_bytes(run))
-        written.append(MAT)
+            write_bytes(run.folder / MAT, mat_bytes(run))
+        (written if run.recordings else left_out).append(MAT)
     if options.figures:
         from .figures import write_figures
 
-        written += write_figures(run)
+        drawn, empty = write_figures(run)
+        written += drawn
+        left_out += empty
     if not options.no_report:
         write_text(run.folder / REPORT, report_html(run))
         written.append(REPORT)
+    if left_out:
+        print(f"not written, as {run.folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
+        print(NO_TRAJECTORIES, file=sys.stderr)
     return written

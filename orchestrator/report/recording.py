@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -122,18 +121,24 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
 
 
 def load(folder: Path) -> tuple[Recording, ...]:
-    """The recordings of a run; none where it was made without. Raises :class:`InputError` for a broken file."""
+    """The recordings of a run; none where it was made without. Raises :class:`InputError` for a damaged file."""
     file = folder / TRAJECTORIES
-    if not file.exists():
-        return ()
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        return ()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.") from problem
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             return tuple(
                 Recording(_about(entry), stored[f"motion_{number}"], stored[f"torque_{number}"])
                 for number, entry in enumerate(json.loads(str(stored["about"])))
             )
-    except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as problem:
-        raise InputError(f"{file} cannot be read: {problem}. Delete it, or run the evaluation again.") from problem
+    except Exception as problem:  # NumPy, zipfile and zlib have all kinds for damaged files, in words for programmers
+        raise InputError(
+            f"{file} is damaged. Run the evaluation again, or delete it and do without trajectories."
+        ) from problem
 
 
 def _about(entry: dict[str, Any]) -> About:
