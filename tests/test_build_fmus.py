@@ -235,8 +235,8 @@ def test_wrong_name_gets_the_nearest_ones(tmp_path, capsys):
 def test_output_folder_that_is_a_file_is_reported(tmp_path, capsys):
     file = tmp_path / "file"
     file.write_text("")
-    assert build_fmus.main(["DiagonalPID", "--output-dir", str(file)]) == 1
-    assert str(file) in capsys.readouterr().err
+    assert build_fmus.main(["DiagonalPID", "--output-dir", str(file)]) == 2
+    assert f"{file} cannot be made a folder" in capsys.readouterr().err
 
 
 def test_runs_as_a_script_from_anywhere(tmp_path):

@@ -123,7 +123,7 @@ HARMLESS = [
     harmless("thread"),
 ]
 FLOODS = [
-    replace(crash("grow", "of memory; the limit is 0.4 GB"), limits=Limits(memory=400_000_000)),
+    replace(crash("grow", "of memory; the limit is 400 MB"), limits=Limits(memory=400_000_000)),
     replace(crash("log:1", "logged more than 1 MB", "still here, and talking"), limits=Limits(output=1_000_000)),
     replace(crash("print", "printed or logged more than 1 MB", "no news"), limits=Limits(output=1_000_000)),
 ]
