@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 from collections import deque
 
@@ -10,13 +11,22 @@ LOG_LINES = 20
 
 LINE_LENGTH = 500
 
+_forget_exception = ctypes.pythonapi.PyErr_Clear
+_forget_exception.restype = None
+
 _lines: deque[str] = deque(maxlen=LOG_LINES)
 _echo: int | None = None
 
 
 def note(instance: bytes, status: int, message: bytes) -> None:
     """Keep a message that an FMU sent with a status above OK. FMUs send bytes, not always UTF-8 nor fit for a
-    terminal, which control characters would steer."""
+    terminal, which control characters would steer.
+
+    An FMU written in Python shares this interpreter, and pythonfmu sends its messages while the exception is pending
+    that its slave has raised. Any call of C code here would fail with that, so it is forgotten; the call that raised
+    it fails all the same.
+    """
+    _forget_exception()
     if status > 0:
         text = "; ".join(printable(message).split("\n")).strip("; \r\t")[:LINE_LENGTH]
         line = f"{printable(instance)}: {text}"
