@@ -262,7 +262,7 @@ def test_crashes_hangs_and_processes_left_behind(plant_file, slave, monkeypatch)
 
 def sleepers() -> set[psutil.Process]:
     """What the hostile controller starts; it would sleep for minutes."""
-    return {process for process in psutil.process_iter() if process.name() == "sleep"}
+    return {process for process in psutil.process_iter(["name"]) if process.info["name"] == "sleep"}
 
 
 @sandboxed
