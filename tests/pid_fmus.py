@@ -26,6 +26,8 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from orchestrator.cosim.slaves.log import forget_exception
+
 T_S = 0.25e-3
 AXES = 2
 GAINS = {"K_p": (45.0, 15.0), "K_i": (30.0, 10.0), "K_d": (1.5, 0.5), "z_p": (0.95, 0.95)}
@@ -135,7 +137,12 @@ def slave(path: Path) -> Iterator[Slave]:
     fmu = FMU2Slave(**instance_arguments(path))
     opened = Slave(fmu, {variable.name: variable.valueReference for variable in variables})
     callbacks = fmi2CallbackFunctions()
-    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *arguments: opened.log.append(arguments[-1].decode()))
+
+    def keep(*arguments):
+        forget_exception()
+        opened.log.append(arguments[-1].decode())
+
+    callbacks.logger = fmi2CallbackLoggerTYPE(keep)
     callbacks.allocateMemory = defaultCallbacks.allocateMemory
     callbacks.freeMemory = defaultCallbacks.freeMemory
     addLoggerProxy(byref(callbacks))

@@ -11,8 +11,9 @@ LOG_LINES = 20
 
 LINE_LENGTH = 500
 
-_forget_exception = ctypes.pythonapi.PyErr_Clear
-_forget_exception.restype = None
+forget_exception = ctypes.pythonapi.PyErr_Clear
+forget_exception.restype = None
+"""Drop a pending exception; a callback says so before anything else, see :func:`note`."""
 
 _lines: deque[str] = deque(maxlen=LOG_LINES)
 _echo: int | None = None
@@ -26,7 +27,7 @@ def note(instance: bytes, status: int, message: bytes) -> None:
     that its slave has raised. Any call of C code here would fail with that, so it is forgotten; the call that raised
     it fails all the same.
     """
-    _forget_exception()
+    forget_exception()
     if status > 0:
         text = "; ".join(printable(message).split("\n")).strip("; \r\t")[:LINE_LENGTH]
         line = f"{printable(instance)}: {text}"
