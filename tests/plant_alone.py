@@ -6,6 +6,7 @@ input, its result goes as JSON to standard output.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import math
 import os
@@ -45,8 +46,18 @@ STEP = 0.25e-3
 OUTPUTS = ("q_m[1]", "q_m[2]", "q_a[1]", "q_a[2]", "X[1]", "X[2]")
 MESSAGES: list[str] = []
 
+FORGET_EXCEPTION = ctypes.pythonapi.PyErr_Clear
+FORGET_EXCEPTION.restype = None
+
+
+def keep(*arguments):
+    """Keep a message. pythonfmu sends it while its slave's exception is pending, in which calls of C code fail."""
+    FORGET_EXCEPTION()
+    MESSAGES.append(arguments[-1].decode())
+
+
 CALLBACKS = fmi2CallbackFunctions()
-CALLBACKS.logger = fmi2CallbackLoggerTYPE(lambda *arguments: MESSAGES.append(arguments[-1].decode()))
+CALLBACKS.logger = fmi2CallbackLoggerTYPE(keep)
 CALLBACKS.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
 CALLBACKS.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
 addLoggerProxy(byref(CALLBACKS))
