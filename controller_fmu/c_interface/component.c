@@ -1,14 +1,19 @@
 #include "component.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "identity.h" /* written by the build: MODEL_IDENTIFIER, MODEL_GUID, MODEL_HAS_ARRAYS, MODEL_FLOAT_BITS */
+#include "identity.h" /* written by the build: MODEL_IDENTIFIER, MODEL_GUID, MODEL_STATES and more */
 
 /* An event counts as due a little early, in parts of the sample time: importers compute its time in their own
  * way and may miss it by a rounding error. */
 static const double EVENT_TOLERANCE = 1e-6;
+
+/* Value references of the continuous states and of their derivatives; an array must not be empty. */
+static const unsigned STATE_REFERENCES[MODEL_STATES + 1] = {MODEL_STATE_REFERENCES};
+static const unsigned DERIVATIVE_REFERENCES[MODEL_STATES + 1] = {MODEL_DERIVATIVE_REFERENCES};
 
 static size_t memory_size(void) { return sizeof(Memory) + model_size; }
 
@@ -76,11 +81,20 @@ static double *find(Component *component, unsigned reference, size_t n_values, s
     return is_time ? &component->memory->time : component->memory->model + reference;
 }
 
-bool component_get(Component *component, const unsigned references[], size_t n, double values[],
-                   size_t n_values)
+/* Brings what can be read up to date. */
+static void refresh(Component *component)
 {
     /* Until initialization has ended, outputs follow the parameters; a bad one is reported at its end. */
     if (!component->memory->running) model_initialize(component->memory->model, component->message);
+#if MODEL_STATES
+    model_evaluate(component->memory->model);
+#endif
+}
+
+bool component_get(Component *component, const unsigned references[], size_t n, double values[],
+                   size_t n_values)
+{
+    refresh(component);
     for (size_t i = 0, done = 0, extent = 0; i < n; i++, done += extent) {
         const double *variable = find(component, references[i], n_values - done, &extent);
         if (!variable) return false;
@@ -121,16 +135,51 @@ bool component_step(Component *component, double t, double h)
 double component_next_event(const Component *component)
 {
     const Memory *memory = component->memory;
-    return memory->start_time + memory->samples * model_sample_time(memory->model);
+    const double h = model_sample_time(memory->model);
+    return isfinite(h) ? memory->start_time + memory->samples * h : INFINITY;
 }
 
 bool component_event(Component *component)
 {
     Memory *memory = component->memory;
     const double h = model_sample_time(memory->model);
-    if (memory->time < component_next_event(component) - EVENT_TOLERANCE * h) return true;
+    if (!isfinite(h) || memory->time < component_next_event(component) - EVENT_TOLERANCE * h) return true;
     if (!model_step(memory->model, memory->time, h, component->message)) return false;
     memory->samples += 1.0;
+    return true;
+}
+
+static bool check_count(Component *component, size_t n)
+{
+    if (n == MODEL_STATES) return true;
+    snprintf(component->message, MODEL_MESSAGE_SIZE, "the FMU has %u continuous states, %u were passed",
+             (unsigned)MODEL_STATES, (unsigned)n);
+    return false;
+}
+
+bool component_get_states(Component *component, double x[], size_t n)
+{
+    if (!check_count(component, n)) return false;
+    refresh(component);
+    for (size_t i = 0; i < n; i++)
+        x[i] = component->memory->model[STATE_REFERENCES[i]];
+    return true;
+}
+
+bool component_set_states(Component *component, const double x[], size_t n)
+{
+    if (!check_count(component, n)) return false;
+    for (size_t i = 0; i < n; i++)
+        component->memory->model[STATE_REFERENCES[i]] = x[i];
+    return true;
+}
+
+bool component_get_derivatives(Component *component, double dx[], size_t n)
+{
+    if (!check_count(component, n)) return false;
+    refresh(component);
+    for (size_t i = 0; i < n; i++)
+        dx[i] = component->memory->model[DERIVATIVE_REFERENCES[i]];
     return true;
 }
 

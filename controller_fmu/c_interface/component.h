@@ -21,7 +21,7 @@ typedef void (*AnyFunction)(void);
 typedef struct {
     char *name;
     AnyFunction logger; /* the importer's; may be NULL */
-    void *environment;  /* what the importer wants to be told with each message */
+    void *environment;  /* the importer's, passed back with each message */
     bool logging;
     char message[MODEL_MESSAGE_SIZE];
     Memory *memory;
@@ -58,8 +58,14 @@ bool component_step(Component *component, double t, double h);
 /* Model Exchange: handles the event that is due at the present time, if one is, and only once. */
 bool component_event(Component *component);
 
-/* Time of the next event: start time + samples * sample time, never summed up [s]. */
+/* Time of the next event: start time + samples * sample time, never summed up; INFINITY if there is none [s]. */
 double component_next_event(const Component *component);
+
+/* Model Exchange: the continuous states and their derivatives, of which the description has MODEL_STATES; n must be
+ * that number. */
+bool component_get_states(Component *component, double x[], size_t n);
+bool component_set_states(Component *component, const double x[], size_t n);
+bool component_get_derivatives(Component *component, double dx[], size_t n);
 
 /* A state is saved to *state, which is allocated where it is NULL. */
 bool component_save(Component *component, void **state);

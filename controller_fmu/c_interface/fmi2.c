@@ -1,6 +1,7 @@
 /* FMI 2.0 co-simulation and Model Exchange: a translation to component.h, nothing else. */
 #include "fmi2Functions.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "component.h"
@@ -175,7 +176,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
     return fmi2OK;
 }
 
-/* ---- Model Exchange: no continuous states and no state events, only time events ---- */
+/* ---- Model Exchange: continuous states and time events, no state events ---- */
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
 {
@@ -189,8 +190,8 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 {
     const fmi2Status handled = status(c, component_event(c));
     memset(info, 0, sizeof *info);
-    info->nextEventTimeDefined = fmi2True;
     info->nextEventTime = component_next_event(c);
+    info->nextEventTimeDefined = isfinite(info->nextEventTime) ? fmi2True : fmi2False;
     return handled;
 }
 
@@ -204,15 +205,29 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_set_state
     return fmi2OK;
 }
 
-#define NO_STATES(function, value_type)                                                               \
-    fmi2Status function(fmi2Component c, value_type x[], size_t n)                                    \
-    {                                                                                                 \
-        return n == 0 ? fmi2OK                                                                        \
-                      : refuse(c, #function ": this FMU has no continuous states and no indicators"); \
-    }
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n)
+{
+    return status(c, component_set_states(c, x, n));
+}
 
-NO_STATES(fmi2SetContinuousStates, const fmi2Real)
-NO_STATES(fmi2GetContinuousStates, fmi2Real)
-NO_STATES(fmi2GetDerivatives, fmi2Real)
-NO_STATES(fmi2GetNominalsOfContinuousStates, fmi2Real)
-NO_STATES(fmi2GetEventIndicators, fmi2Real)
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n)
+{
+    return status(c, component_get_states(c, x, n));
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real dx[], size_t n)
+{
+    return status(c, component_get_derivatives(c, dx, n));
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        nominals[i] = 1.0;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n)
+{
+    return n == 0 ? fmi2OK : refuse(c, "this FMU has no event indicators");
+}

@@ -1,6 +1,7 @@
 /* FMI 3.0 co-simulation and Model Exchange: a translation to component.h, nothing else. */
 #include "fmi3Functions.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "component.h"
@@ -274,7 +275,7 @@ fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clock, 
     return refuse(c, "this FMU has no clocks and no model partitions");
 }
 
-/* ---- Model Exchange: no continuous states and no state events, only time events ---- */
+/* ---- Model Exchange: continuous states and time events, no state events ---- */
 
 fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time)
 {
@@ -291,8 +292,8 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *update_needed, 
     *terminate = fmi3False;
     *nominals_changed = fmi3False;
     *states_changed = fmi3False;
-    *next_event_defined = fmi3True;
     *next_event = component_next_event(c);
+    *next_event_defined = isfinite(*next_event);
     return handled;
 }
 
@@ -304,25 +305,41 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean no_set_state,
     return fmi3OK;
 }
 
-#define NO_STATES(function, value_type)                                                               \
-    fmi3Status function(fmi3Instance c, value_type x[], size_t n)                                     \
-    {                                                                                                 \
-        return n == 0 ? fmi3OK                                                                        \
-                      : refuse(c, #function ": this FMU has no continuous states and no indicators"); \
-    }
+fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 x[], size_t n)
+{
+    return status(c, component_set_states(c, x, n));
+}
 
-NO_STATES(fmi3SetContinuousStates, const fmi3Float64)
-NO_STATES(fmi3GetContinuousStates, fmi3Float64)
-NO_STATES(fmi3GetContinuousStateDerivatives, fmi3Float64)
-NO_STATES(fmi3GetNominalsOfContinuousStates, fmi3Float64)
-NO_STATES(fmi3GetEventIndicators, fmi3Float64)
+fmi3Status fmi3GetContinuousStates(fmi3Instance c, fmi3Float64 x[], size_t n)
+{
+    return status(c, component_get_states(c, x, n));
+}
 
-#define NONE(function)                             \
-    fmi3Status function(fmi3Instance c, size_t *n) \
-    {                                              \
-        *n = 0;                                    \
-        return fmi3OK;                             \
-    }
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance c, fmi3Float64 dx[], size_t n)
+{
+    return status(c, component_get_derivatives(c, dx, n));
+}
 
-NONE(fmi3GetNumberOfEventIndicators)
-NONE(fmi3GetNumberOfContinuousStates)
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominals[], size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        nominals[i] = 1.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *n)
+{
+    *n = MODEL_STATES;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 z[], size_t n)
+{
+    return n == 0 ? fmi3OK : refuse(c, "this FMU has no event indicators");
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n)
+{
+    *n = 0;
+    return fmi3OK;
+}

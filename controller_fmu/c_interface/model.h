@@ -35,7 +35,13 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE]);
 /* Computes the outputs of the step from time t to t + h [s] from the inputs; on false nothing has changed. */
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE]);
 
-/* The time between two events in Model Exchange [s]: at each, model_step runs with this h. */
+/* The time between two events in Model Exchange [s]: at each, model_step runs with this h. INFINITY if there are no
+ * events. */
 double model_sample_time(const void *model);
+
+/* Only where the description declares derivatives, in FMI 2.0 <Real derivative="...">, which makes continuous states
+ * of the variables they belong to: computes derivatives and outputs from states and inputs. It is called whenever
+ * somebody reads variables. */
+void model_evaluate(void *model);
 
 #endif

@@ -4,10 +4,16 @@ Both ways end in the same two steps: the model description is completed (units, 
 follows from the contents) and the archive is written such that equal sources give equal bytes.
 """
 
-from controller_fmu.export.archive import BuildError
-from controller_fmu.export.c_fmu import c_fmu
-from controller_fmu.export.compiler import NoCompilerError, find_compiler
+from controller_fmu.errors import BuildError, NoCompilerError
+from controller_fmu.export.archive import content_guid, pack, unpack, write_atomically
+from controller_fmu.export.c_fmu import C_INTERFACE, FMI_HEADERS, c_fmu
+from controller_fmu.export.compiler import COMPILERS, find_compiler, run_compiler
 from controller_fmu.export.dialects import Dialect
+from controller_fmu.export.folder import build_folder
+from controller_fmu.export.platforms import PLATFORMS
 from controller_fmu.export.python_fmu import python_fmu
 
-__all__ = ["BuildError", "Dialect", "NoCompilerError", "c_fmu", "find_compiler", "python_fmu"]
+__all__ = ["COMPILERS", "C_INTERFACE", "FMI_HEADERS", "PLATFORMS", "BuildError", "Dialect", "NoCompilerError"]
+__all__ += ["build_folder"]
+__all__ += ["c_fmu", "content_guid", "find_compiler", "pack", "python_fmu", "run_compiler", "unpack"]
+__all__ += ["write_atomically"]

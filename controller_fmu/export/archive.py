@@ -10,12 +10,18 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from controller_fmu.errors import BuildError, TargetError
+
 LIBRARY_SUFFIXES = (".so", ".dylib", ".dll")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can hold
 
 
-class BuildError(Exception):
-    """An FMU could not be built; the message says which, why, and how to mend it."""
+def check_target(target: Path) -> None:
+    """Raise :class:`TargetError` unless a file ``target`` could be written; no folder is ever created for it."""
+    if not target.parent.is_dir():
+        raise TargetError("the folder to write to does not exist", str(target), value=str(target.parent))
+    if target.is_dir():
+        raise TargetError("a folder has the name of the FMU to write", str(target), value=str(target))
 
 
 def content_guid(contents: Mapping[str, bytes]) -> str:
@@ -42,15 +48,17 @@ def pack(contents: Mapping[str, bytes]) -> bytes:
 
 
 def unpack(archive: Path) -> dict[str, bytes]:
-    """Return all files of the zip file ``archive``, compiled Python left out."""
-    with zipfile.ZipFile(archive) as opened:
-        names = [name for name in opened.namelist() if not name.endswith("/")]
-        return {name: opened.read(name) for name in names if "__pycache__" not in name}
+    """Return all files of ``archive`` but compiled Python; raises :class:`BuildError` if it is not a zip archive."""
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            names = [name for name in opened.namelist() if not name.endswith("/")]
+            return {name: opened.read(name) for name in names if "__pycache__" not in name}
+    except zipfile.BadZipFile as problem:
+        raise BuildError(f"not a zip archive: {problem}", str(archive)) from None
 
 
 def write_atomically(data: bytes, target: Path) -> Path:
     """Write ``data`` to ``target``, of which others see the old state or the whole new one; return it."""
-    target.parent.mkdir(parents=True, exist_ok=True)
     draft = target.with_name(f".{target.name}.{uuid.uuid4().hex}")
     try:
         draft.write_bytes(data)

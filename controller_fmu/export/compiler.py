@@ -13,7 +13,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from controller_fmu.export.archive import BuildError
+import fmpy
+
+from controller_fmu.errors import CompilerError, NoCompilerError, PlatformError
+from controller_fmu.export.platforms import cross_compilers
 
 COMPILERS = ("cc", "gcc", "clang")
 
@@ -23,18 +26,15 @@ TIME_LIMIT = 300.0
 MEMORY, FILE = 2 * 1024**3, 1024**3
 """Bytes of the address space of each process of a compiler, and of each file it writes, where the system has limits."""
 
-MOST_TOLD = 65536
-"""Bytes that are read of what a compiler says."""
+MESSAGE_SIZE = 65536
+"""Bytes of a compiler's messages that are read."""
 
 _LIMITED = f"""
 import os, resource, sys
 for kind, limit in ((resource.RLIMIT_AS, {MEMORY}), (resource.RLIMIT_FSIZE, {FILE})):
     most = resource.getrlimit(kind)[1]
     own = limit if most == resource.RLIM_INFINITY else min(limit, most)
-    try:
-        resource.setrlimit(kind, (own, own))
-    except (ValueError, OSError):  # not every system has every limit
-        pass
+    resource.setrlimit(kind, (own, own))
 try:
     os.execvp(sys.argv[1], sys.argv[1:])
 except OSError as problem:
@@ -44,66 +44,77 @@ except OSError as problem:
 has threads, as a Dask worker has."""
 
 
-class NoCompilerError(BuildError):
-    """This machine has no C compiler."""
-
-
 def find_compiler() -> list[str] | None:
-    """Return the command of the C compiler, from the environment's CC or the usual names; None if absent.
+    """Return the command of the C compiler; None if there is none.
 
-    Raises :class:`BuildError` where CC cannot be read as a command.
+    It is the environment's CC, or the first of the usual names, or the compiler in the package ``ziglang``. Raises
+    :class:`CompilerError` if CC cannot be read as a command.
     """
-    told = os.environ.get("CC", "")
+    chosen = os.environ.get("CC", "")
     try:
-        wanted = shlex.split(told)
+        wanted = shlex.split(chosen)
     except ValueError as problem:
-        raise BuildError(
-            f"the environment's CC is no command: {told} ({problem}); set it to a C compiler, such as "
-            f"{COMPILERS[1]}, or unset it"
+        raise CompilerError(
+            f"the environment variable CC is not a command: {chosen} ({problem})",
+            value=chosen,
+            remedy=f"set it to a C compiler, such as {COMPILERS[1]}, or unset it",
         ) from None
     candidates = [wanted] if wanted else [[name] for name in COMPILERS]
-    return next((command for command in candidates if shutil.which(command[0])), None)
+    found = next((command for command in candidates if shutil.which(command[0])), None)
+    if found is None and not wanted:
+        with suppress(NoCompilerError, PlatformError):
+            return cross_compilers((fmpy.platform_tuple,))[fmpy.platform_tuple]
+    return found
 
 
-def run_compiler(command: Sequence[str], product: Path, folder: Path | None = None) -> None:
-    """Run ``command`` in ``folder`` (the current one if None), which shall write the file ``product``.
+def require_compiler() -> list[str]:
+    """Return what :func:`find_compiler` finds; raises :class:`NoCompilerError` if there is none."""
+    compiler = find_compiler()
+    if compiler is None:
+        remedy = f"install one ({', '.join(COMPILERS)}, or pip install ziglang), or set the environment variable CC"
+        raise NoCompilerError("no C compiler found", value=os.environ.get("CC", ""), remedy=remedy)
+    return compiler
 
-    It gets no input, and ends after TIME_LIMIT with all that it has started. Raises :class:`BuildError` with what the
-    compiler said, or how it ended, where it fails.
+
+def run_compiler(
+    command: Sequence[str], product: Path, folder: Path | None = None, time_limit: float | None = None
+) -> None:
+    """Run ``command``, which writes the file ``product``, in ``folder`` (the current one if None).
+
+    It gets no input, and is ended after ``time_limit`` [s] (TIME_LIMIT if None) together with all that it has started.
+    Raises :class:`CompilerError` with its messages, or with how it ended, if it fails.
     """
-    with tempfile.TemporaryFile() as told:
-        # A session of its own: what ends with it are all its parts, which do not hear a Ctrl-C of the terminal either.
+    limit = TIME_LIMIT if time_limit is None else time_limit
+    with tempfile.TemporaryFile() as messages:
+        # In a session of its own all its parts can be ended, and none of them receives a Ctrl-C of the terminal.
         process = subprocess.Popen(
-            [*_limits(), *command],
+            [sys.executable, "-I", "-S", "-c", _LIMITED, *command],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=told,
+            stderr=messages,
             start_new_session=True,
         )
         try:
-            code = process.wait(TIME_LIMIT)
+            code = process.wait(limit)
         except subprocess.TimeoutExpired:
-            raise BuildError(f"'{command[0]}' did not end within {TIME_LIMIT:g} s") from None
+            raise CompilerError(f"'{command[0]}' did not end within {limit:g} s", value=command[0]) from None
         finally:
             _end(process)
-        told.seek(0)
-        words = told.read(MOST_TOLD).decode(errors="replace").strip()
+        messages.seek(0)
+        words = messages.read(MESSAGE_SIZE).decode(errors="replace").strip()
     if code != 0:
-        raise BuildError(words or f"'{command[0]}' {_ending(code)} and said nothing")
+        raise CompilerError(words or f"'{command[0]}' {_ending(code)} without a message", value=command[0])
     if not product.is_file():
-        raise BuildError(words or f"'{command[0]}' ended without an error, but wrote nothing: is it a C compiler?")
-
-
-def _limits() -> list[str]:
-    return [sys.executable, "-I", "-S", "-c", _LIMITED] if os.name == "posix" else []
+        what = words or f"'{command[0]}' ended without an error, but wrote nothing: is it a C compiler?"
+        raise CompilerError(what, value=command[0])
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
     """End a compiler that is still at work, and its parts."""
     if process.poll() is None:
         with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL) if os.name == "posix" else process.kill()
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
 

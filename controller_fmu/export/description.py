@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from controller_fmu.export.archive import BuildError
-from controller_fmu.export.units import base_exponents
+from controller_fmu.errors import DescriptionError, UnitError
+from controller_fmu.export.units import BASE_UNITS, base_exponents
+
+BaseUnit = Mapping[str, float]
+"""Exponents of FMI's base units, factor and offset: ``{"rad": 1, "factor": 0.0174532925199433}`` for a degree."""
 
 DEFAULTS = {"author": "FlexibleManipulator benchmark contributors", "version": "1.0.0", "license": "MIT"}
 """Attributes of the description's root that a model gets unless it brings its own."""
@@ -17,11 +21,11 @@ _INTERFACES = ("ModelExchange", "CoSimulation")
 
 
 def parse(xml: bytes) -> Element:
-    """Return the root of the model description ``xml``; raises :class:`BuildError` where that is not XML."""
+    """Return the root of the model description ``xml``; raises :class:`DescriptionError` if it is not XML."""
     try:
         return ElementTree.fromstring(xml)
     except ElementTree.ParseError as problem:
-        raise BuildError(f"the model description is no well-formed XML: {problem}; mend it there") from None
+        raise DescriptionError(f"the model description is not well-formed XML: {problem}") from None
 
 
 def to_bytes(root: Element) -> bytes:
@@ -31,24 +35,29 @@ def to_bytes(root: Element) -> bytes:
     return text + b"\n"
 
 
-def complete(root: Element, units: Mapping[str, str]) -> Element:
+def complete(
+    root: Element, units: Mapping[str, str] | None = None, base_units: Mapping[str, BaseUnit] | None = None
+) -> Element:
     """Add units, initial unknowns and authorship to the FMI 2.0 description ``root`` in place; return it.
 
-    The creation date goes, because equal sources shall give equal bytes.
+    A unit that is written in the description stays, as does a unit's definition. The creation date is removed, so that
+    equal sources give equal bytes.
 
     Args:
         root: the description.
-        units: unit of each real variable by its name without index, ``{"q_m": "rad"}``; "1" if it has none.
-            A unit written in the description stays.
+        units: unit of each real variable by its name without index, ``{"q_m": "rad"}``; "1" if it is dimensionless.
+            None for a description that is written by hand and carries its units itself.
+        base_units: definitions of units that :func:`base_exponents` does not know, by unit.
 
     Raises:
-        BuildError: a real variable has no unit, or one whose spelling is unknown.
+        UnitError: a real variable has no unit, or one that is neither known nor defined.
+        DescriptionError: there is no ModelStructure.
     """
     root.attrib.pop("generationDateAndTime", None)
     for name, value in DEFAULTS.items():
         root.attrib.setdefault(name, value)
     _set_units(root, units)
-    _define_units(root)
+    _define_units(root, base_units or {}, _DEFINE_IN_XML if units is None else _DEFINE_IN_PYTHON)
     _list_initial_unknowns(root)
     return root
 
@@ -58,52 +67,106 @@ def variables(root: Element) -> list[Element]:
     return root.findall("ModelVariables/ScalarVariable")
 
 
+def derivatives(root: Element) -> list[tuple[int, int]]:
+    """Return the indices of each continuous state and its derivative, in the order of ModelStructure/Derivatives.
+
+    Raises :class:`DescriptionError` if something is listed there that is not declared as a derivative of a variable.
+    """
+    known = {str(index): variable for index, variable in enumerate(variables(root), start=1)}
+    pairs = []
+    for unknown in root.iterfind("ModelStructure/Derivatives/Unknown"):
+        index = unknown.attrib["index"]
+        real = known[index].find("Real") if index in known else None
+        state = "" if real is None else real.get("derivative", "")
+        if state not in known:
+            what = f"Derivatives lists the index {index}, which is not that of the derivative of a variable"
+            raise DescriptionError(what, value=index, remedy='declare it with <Real derivative="index of the state"/>')
+        pairs.append((int(state), int(index)))
+    return pairs
+
+
 def array_name(variable: Element) -> str:
     """Return the name of a variable without its index: ``q_m`` of ``q_m[1]``."""
     return variable.attrib["name"].partition("[")[0]
 
 
-def _set_units(root: Element, units: Mapping[str, str]) -> None:
+_DEFINE_IN_XML = (
+    'define it in the modelDescription.xml: <UnitDefinitions><Unit name="deg"><BaseUnit rad="1" '
+    'factor="0.0174532925199433"/></Unit></UnitDefinitions>'
+)
+_DEFINE_IN_PYTHON = 'define it beside UNITS: BASE_UNITS = {"deg": {"rad": 1, "factor": 0.0174532925199433}}'
+
+
+def _set_units(root: Element, units: Mapping[str, str] | None) -> None:
+    idle = set(units or ()) - {array_name(variable) for variable in variables(root)}
     for variable in variables(root):
         real = variable.find("Real")
         if real is None or "unit" in real.attrib:
             continue
-        name = array_name(variable)
+        name, whole = array_name(variable), variable.attrib["name"]
+        if units is None:
+            remedy = 'give it one: <Real unit="N.m/rad" .../>, unit="1" if it is dimensionless'
+            raise UnitError(f"the variable {whole!r} has no unit", value=whole, remedy=remedy)
         if name not in units:
-            raise BuildError(
-                f"{root.get('modelName', 'the model')}: variable {variable.attrib['name']!r} has no unit; "
-                f"add {name!r} to the model's UNITS ('1' if it is dimensionless)"
-            )
+            near = tuple(difflib.get_close_matches(name, idle))
+            remedy = f"add {name!r} to the dict UNITS, with '1' if it is dimensionless"
+            raise UnitError(f"the variable {whole!r} has no unit", value=whole, nearest=near, remedy=remedy)
         real.set("unit", units[name])
 
 
-def _define_units(root: Element) -> None:
+def _define_units(root: Element, base_units: Mapping[str, BaseUnit], remedy: str) -> None:
     used = {real.attrib["unit"] for real in root.iterfind("ModelVariables/ScalarVariable/Real")}
-    old = root.find("UnitDefinitions")
-    if old is not None:
+    own = {unit.attrib["name"]: unit for unit in root.iterfind("UnitDefinitions/Unit[BaseUnit]")}
+    own |= {unit: _unit(unit, attributes) for unit, attributes in base_units.items()}
+    for old in root.findall("UnitDefinitions"):
         root.remove(old)
     definitions = Element("UnitDefinitions")
     for unit in sorted(used):
-        exponents = {base: str(exponent) for base, exponent in base_exponents(unit).items()}
-        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", exponents)
+        try:
+            definitions.append(own[unit] if unit in own else _unit(unit, base_exponents(unit)))
+        except UnitError as error:
+            error.remedy = remedy
+            raise
+        _check_unit(definitions[-1])
     root.insert(sum(child.tag in _INTERFACES for child in root), definitions)
+
+
+def _unit(unit: str, attributes: BaseUnit) -> Element:
+    element = Element("Unit", name=unit)
+    SubElement(element, "BaseUnit", {name: str(value) for name, value in attributes.items()})
+    return element
+
+
+def _check_unit(unit: Element) -> None:
+    known = (*BASE_UNITS, "factor", "offset")
+    for name in [name for base in unit.iterfind("BaseUnit") for name in base.attrib if name not in known]:
+        near = tuple(difflib.get_close_matches(name, known))
+        raise UnitError(f"the unit {unit.get('name')!r} has the unknown base unit {name!r}", value=name, nearest=near)
 
 
 def _list_initial_unknowns(root: Element) -> None:
     structure = root.find("ModelStructure")
     if structure is None:
-        raise BuildError("the model description has no ModelStructure; add it, with the Outputs")
+        raise DescriptionError(
+            "the model description has no ModelStructure", value="ModelStructure", remedy="add it, with the Outputs"
+        )
     for old in structure.findall("InitialUnknowns"):
         structure.remove(old)
-    indices = [index for index, variable in enumerate(variables(root), start=1) if _is_initial_unknown(variable)]
+    dynamic = {index for pair in derivatives(root) for index in pair}
+    indices = [
+        index
+        for index, variable in enumerate(variables(root), start=1)
+        if _is_initial_unknown(variable, index in dynamic)
+    ]
     if indices:
         unknowns = SubElement(structure, "InitialUnknowns")
         for index in indices:
             SubElement(unknowns, "Unknown", index=str(index))
 
 
-def _is_initial_unknown(variable: Element) -> bool:
+def _is_initial_unknown(variable: Element, dynamic: bool) -> bool:
+    """Whether initialization computes a variable that is an output or ``dynamic``, a state or its derivative."""
     causality = variable.attrib.get("causality", "local")
     is_constant = variable.attrib.get("variability") == "constant"
     initial = variable.attrib.get("initial", "exact" if is_constant else "calculated")
-    return causality == "calculatedParameter" or (causality == "output" and initial != "exact")
+    return causality == "calculatedParameter" or ((causality == "output" or dynamic) and initial != "exact")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
-from controller_fmu.export.archive import BuildError
+from controller_fmu.errors import DescriptionError, DialectError
 from controller_fmu.export.description import array_name, variables
+
+_LATER, _ONLY_3 = "build for FMI 2 or 3", "build for FMI 3"
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """The kind of FMU a model is built for; raises :class:`BuildError` for one that does not exist."""
+    """The kind of FMU a model is built for; raises :class:`DialectError` for one that does not exist."""
 
     version: Literal[1, 2, 3] = 2
     """FMI 1.0, 2.0 or 3.0; FMI 1.0 is for co-simulation only."""
@@ -25,11 +28,12 @@ class Dialect:
 
     def __post_init__(self) -> None:
         if self.version == 1 and self.interface == "ModelExchange":
-            raise BuildError("FMI 1 is for co-simulation here; build for FMI 2 or 3 (--fmi 2), or no Model Exchange")
+            raise DialectError("FMI 1 is for co-simulation here", value=self.interface, remedy=_LATER)
         if self.version != 3 and self.arrays:
-            raise BuildError(f"FMI {self.version} has no arrays; build for FMI 3 (--fmi 3), or without arrays")
+            raise DialectError(f"FMI {self.version} has no arrays", value="arrays", remedy=_ONLY_3)
         if self.version != 3 and self.float_bits != 64:
-            raise BuildError(f"FMI {self.version} has no Float{self.float_bits}; build for FMI 3 (--fmi 3)")
+            value = f"Float{self.float_bits}"
+            raise DialectError(f"FMI {self.version} has no {value}", value=value, remedy=_ONLY_3)
 
     @property
     def guid_attribute(self) -> str:
@@ -58,8 +62,8 @@ def _copy_attributes(source: Element, names: tuple[str, ...]) -> dict[str, str]:
 def _child(root: Element, path: str) -> Element:
     child = root.find(path)
     if child is None:
-        whose = f"the variable {root.get('name')}" if root.tag == "ScalarVariable" else "the model description"
-        raise BuildError(f"{whose} has no {path}; add it")
+        whose = f"the variable {root.get('name')!r}" if root.tag == "ScalarVariable" else "the model description"
+        raise DescriptionError(f"{whose} has no {path}", value=path, remedy="add it")
     return child
 
 
@@ -110,7 +114,7 @@ def _fmi1(root: Element) -> Element:
     for experiment in root.iterfind("DefaultExperiment"):
         SubElement(translated, experiment.tag, _copy_attributes(experiment, ("startTime", "stopTime", "tolerance")))
     listed = SubElement(translated, "ModelVariables")
-    listed.extend(_variable1(variable) for variable in variables(root))
+    listed.extend([_variable1(variable) for variable in variables(root)])  # extend hides errors of a generator
     capabilities = ("canHandleVariableCommunicationStepSize", "canNotUseMemoryManagementFunctions")
     kind = SubElement(SubElement(translated, "Implementation"), "CoSimulation_StandAlone")
     SubElement(kind, "Capabilities", _copy_attributes(interface, capabilities))
@@ -136,22 +140,51 @@ _COMMON_3 = ("UnitDefinitions", "LogCategories", "DefaultExperiment")
 
 
 def _fmi3(root: Element, dialect: Dialect) -> Element:
-    kept = ("modelName", "description", "author", "version", "license", "variableNamingConvention")
+    kept = ("modelName", "description", "author", "version", "license", "generationTool", "variableNamingConvention")
     translated = Element(root.tag, {"fmiVersion": "3.0", **_copy_attributes(root, kept), "instantiationToken": ""})
     translated.append(_interface3(_child(root, "CoSimulation"), dialect))
     translated.extend(child for tag in _COMMON_3 for child in root.iterfind(tag))
     groups = _arrays(variables(root)) if dialect.arrays else [[variable] for variable in variables(root)]
     listed = SubElement(translated, "ModelVariables")
-    listed.extend(_variable3(group, dialect) for group in groups)
+    reference = _reference_of(groups, variables(root))
+    listed.extend([_variable3(group, dialect, reference) for group in groups])  # extend hides errors of a generator
     time_reference = 1 + max(int(variable.attrib["valueReference"]) for variable in variables(root))
     time = {"valueReference": str(time_reference), "causality": "independent", "variability": "continuous"}
     SubElement(listed, dialect.float_type, {"name": "time", **time, "description": "Simulation time [s]"})
-    structure = SubElement(translated, "ModelStructure")
-    outputs = [group[0].attrib["valueReference"] for group in groups if group[0].get("causality") == "output"]
-    for tag in ("Output", "InitialUnknown"):
-        for reference in outputs:
-            SubElement(structure, tag, valueReference=reference)
+    translated.append(_structure3(root, reference, dialect))
     return translated
+
+
+_STRUCTURE_3 = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative", "InitialUnknowns": "InitialUnknown"}
+
+
+Reference = Callable[[str], str]
+"""From the index of a scalar to the value reference of the variable that it is, or is an element of."""
+
+
+def _reference_of(groups: list[list[Element]], scalars: list[Element]) -> Reference:
+    owners = {id(scalar): group[0].attrib["valueReference"] for group in groups for scalar in group}
+
+    def reference(index: str) -> str:
+        if not (index.isdigit() and 1 <= int(index) <= len(scalars)):
+            raise DescriptionError(f"no variable has the index {index}: there are {len(scalars)}", value=index)
+        return owners[id(scalars[int(index) - 1])]
+
+    return reference
+
+
+def _structure3(root: Element, reference: Reference, dialect: Dialect) -> Element:
+    structure = Element("ModelStructure")
+    for old, new in _STRUCTURE_3.items():
+        listed: dict[str, Element] = {}
+        for unknown in root.iterfind(f"ModelStructure/{old}/Unknown"):
+            own = reference(unknown.attrib["index"])
+            listed.setdefault(own, Element(new, valueReference=own))
+            if "dependencies" in unknown.attrib and not dialect.arrays:
+                known = map(reference, unknown.attrib["dependencies"].split())
+                listed[own].set("dependencies", " ".join(known))
+        structure.extend(listed.values())
+    return structure
 
 
 def _interface3(interface: Element, dialect: Dialect) -> Element:
@@ -171,14 +204,20 @@ def _arrays(scalars: list[Element]) -> list[list[Element]]:
     return list(groups.values())
 
 
-def _variable3(elements: list[Element], dialect: Dialect) -> Element:
+def _variable3(elements: list[Element], dialect: Dialect, reference: Reference) -> Element:
     first = elements[0]
     attributes = _copy_attributes(first, ("name", "valueReference", "causality", "variability", "description"))
     attributes["name"] = array_name(first) if dialect.arrays else first.attrib["name"]
     reals = [_child(element, "Real") for element in elements]
     attributes["unit"] = reals[0].attrib["unit"]
-    if "start" in reals[0].attrib:
-        attributes["start"] = " ".join(real.attrib["start"] for real in reals)
+    starts = [real.attrib["start"] for real in reals if "start" in real.attrib]
+    if starts:
+        attributes["start"] = " ".join(starts)
+    if "derivative" in reals[0].attrib:
+        attributes["derivative"] = reference(reals[0].attrib["derivative"])
+    if len(starts) not in (0, len(reals)):
+        what = f"some elements of the array {attributes['name']!r} have a start value, others have none"
+        raise DescriptionError(what, value=attributes["name"])
     variable = Element(dialect.float_type, attributes)
     if len(elements) > 1:
         SubElement(variable, "Dimension", start=str(len(elements)))

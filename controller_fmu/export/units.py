@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections import Counter
 
-from controller_fmu.export.archive import BuildError
+from controller_fmu.errors import UnitError
 
-# Exponents of FMI's base units; a unit is spelled with '.' for times, one '/', and trailing exponents.
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+"""FMI's base units, in its order."""
+
+COMMON = ("1", "s", "Hz", "m", "N", "rad", "rad/s", "N.m", "N.m/rad", "N.m.s/rad", "N.m/(rad.s)")
+"""Units of controllers, offered where a unit is not understood."""
+
+# Exponents of the base units; a unit is spelled with '.' for times, one '/', and trailing exponents.
 _BASE: dict[str, dict[str, int]] = {
     "1": {},
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "rad": {"rad": 1},
+    **{base: {base: 1} for base in BASE_UNITS},
     "N": {"kg": 1, "m": 1, "s": -2},
     "Hz": {"s": -1},
 }
 _FACTOR = re.compile(r"(1|[A-Za-z]+)(\d*)")
-_ORDER = ("kg", "m", "s", "rad")
 
 
 def base_exponents(unit: str) -> dict[str, int]:
     """Return the non-zero exponents of the base units of ``unit``: ``{"m": 1, "s": -2}`` for ``"m/s2"``.
 
     Raises:
-        BuildError: the spelling is not understood.
+        UnitError: the spelling is not understood.
     """
     numerator, slash, denominator = unit.partition("/")
     exponents: Counter[str] = Counter()
@@ -36,11 +39,8 @@ def base_exponents(unit: str) -> dict[str, int]:
         for factor in product.split("."):
             match = _FACTOR.fullmatch(factor)
             if match is None or match[1] not in _BASE:
-                known = ", ".join(_BASE)
-                raise BuildError(
-                    f"unit {unit!r}: factor {factor!r} is unknown; spell the unit with {known} "
-                    f"(like 'N.m/(rad.s)'), or add the factor to {__name__}"
-                )
+                near = tuple(difflib.get_close_matches(unit, COMMON, n=2))
+                raise UnitError(f"the unit {unit!r} has the unknown factor {factor!r}", value=unit, nearest=near)
             for base, exponent in _BASE[match[1]].items():
                 exponents[base] += sign * exponent * int(match[2] or 1)
-    return {base: exponents[base] for base in _ORDER if exponents[base]}
+    return {base: exponents[base] for base in BASE_UNITS if exponents[base]}

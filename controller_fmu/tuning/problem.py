@@ -15,12 +15,14 @@ from fractions import Fraction
 import numpy as np
 
 from controller_fmu.tuning.simulator import Course, Law, simulate
+from orchestrator.benchmark import cases as case_list
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.case import Case, Configuration
-from orchestrator.benchmark.metrics import CaseResult, judge
-from orchestrator.benchmark.scorecard import Scorecard, score
-from orchestrator.cosim import signals
-from orchestrator.cosim.trajectory import Ending, Status, Trajectory
+from orchestrator.benchmark.metrics import judge, named
+from orchestrator.benchmark.results import CaseResult, Scorecard, rules
+from orchestrator.benchmark.scorecard import score
+from orchestrator.loop import random_streams, signals
+from orchestrator.loop.trajectory import Ending, Status, Trajectory
 from plant_fmu.flexible_manipulator import coefficients, equilibrium, integrator, kinematics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -65,7 +67,7 @@ def experiment(case: Case, exact: bool = True) -> Experiment:
         limit=np.array(scenario.drive.limit),
         torque_quantum=np.array(scenario.drive.quantum),
         angle_quantum=scenario.sensor.quantum,
-        noise=signals.noise(scenario.sensor.noise, scenario.samples + 1),
+        noise=random_streams.noise(scenario.sensor.noise, scenario.samples + 1),
         chirp=signals.chirp_signal(scenario.chirp),
         pulse=signals.pulse_signal(scenario.pulse),
     )
@@ -88,8 +90,8 @@ def experiments(
     for pose in poses:
         for test in (PAPER.test(name) for name in tests):
             for name in systems.get(test.systems, ()):
-                system = protocols.system(PAPER, NOMINAL, seed, pose.index, name, test)
-                case = protocols.case(PAPER, pose, system, test, seed)
+                system = case_list.system(PAPER, NOMINAL, seed, pose.index, name, test)
+                case = case_list.case(PAPER, pose, system, test, seed)
                 found.append(experiment(_shortened(case) if shortened else case, exact=False))
     return found
 
@@ -104,14 +106,14 @@ def _shortened(case: Case) -> Case:
 
 def whole_protocol(seed: int = 0) -> list[Experiment]:
     """Every case of the protocol ``paper``."""
-    return [experiment(case) for case in protocols.cases(PAPER, NOMINAL, seed)]
+    return [experiment(case) for case in case_list.cases(PAPER, NOMINAL, seed)]
 
 
 def scattered_poses(count: int, seed: int) -> list[Configuration]:
     """Poses over the workspace [rad], one in each row and each column of a ``count`` x ``count`` grid."""
     stream = np.random.RandomState(seed)
     places = (np.stack([np.arange(count), stream.permutation(count)]) + stream.uniform(size=(2, count))) / count
-    bounds = np.radians([PAPER.raw["workspace"][f"{name}_deg"] for name in ("q_a1", "q_a2")])
+    bounds = np.radians([PAPER.workspace.q_a1_deg, PAPER.workspace.q_a2_deg])
     q_a = bounds[:, :1] + places * (bounds[:, 1:] - bounds[:, :1])
     # Indices beyond the grid's give them draws of their own.
     return [Configuration(1000 * seed + k, float(q_a[0, k]), float(q_a[1, k])) for k in range(count)]
@@ -145,7 +147,7 @@ def result(experiment: Experiment, law: Law) -> CaseResult:
         u_m0=experiment.u_m0,
         ending=Ending(Status.DONE if finished else Status.UNSTABLE, float(time[-1])),
     )
-    return CaseResult(experiment.case, **judge(PAPER, experiment.case, simulated))
+    return named(experiment.case, judge(PAPER, experiment.case, simulated))
 
 
 def evaluate(
@@ -161,4 +163,4 @@ def evaluate(
 
 def scorecard(results: Sequence[CaseResult]) -> Scorecard:
     """The benchmark's scorecard of ``results``."""
-    return score(PAPER, results, len(results))
+    return score(rules(PAPER), results)

@@ -7,7 +7,6 @@ a few simulated tests. Of the candidates, the best one is kept that holds A1-A3 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import time
@@ -20,10 +19,11 @@ from typing import Any
 import numpy as np
 
 from controller_fmu.tuning import problem, stability
-from orchestrator.benchmark.metrics import CaseResult
-from orchestrator.benchmark.scorecard import Scorecard
+from orchestrator.benchmark.results import CaseResult, Scorecard
+from orchestrator.cache import PACKAGE, source_hash
 from orchestrator.errors import BenchmarkError
 
+HERE = Path(__file__).resolve().parent
 POSES = 10
 STABILITY_POSES = 16
 SEED = 1234
@@ -119,11 +119,13 @@ def finalist(
     """
     for lowest, candidate in sorted(seen)[:FINALISTS]:
         best = {name: float(f"{value:.4g}") for name, value in values(task, candidate).items()}
-        requirements = _judged(experiments, task.law_of(best)).requirements
-        broken = [requirement for requirement in requirements if not requirement.overall.passed]
+        requirements = _judged(experiments, task.law_of(best)).stability
+        broken = [
+            (name, requirement.worst_case) for name, requirement in requirements.items() if not requirement.passed
+        ]
         if not broken:
             return lowest, best
-        print(f"{lowest:.2f} does not hold {broken[0].name}: {broken[0].overall.worst_case}", flush=True)
+        print(f"{lowest:.2f} does not hold {broken[0][0]}: {broken[0][1]}", flush=True)
     raise BenchmarkError(
         f"None of the {min(len(seen), FINALISTS)} best candidates of the search holds A1-A3 in all stability tests. "
         "Add the tests that they fail, printed above, to the objective, or search longer."
@@ -133,17 +135,18 @@ def finalist(
 def verdict(law_of: problem.LawOf, seed: int = 0) -> None:
     """Simulate the whole protocol and print the scorecard's essence."""
     card = _judged(problem.whole_protocol(seed), law_of)
-    criteria = ", ".join(f"{each.criterion.name} {each.value:.4g}" for each in card.criteria)
+    criteria = ", ".join(f"{name} {each.value:.4g}" for name, each in card.criteria.items())
     print(f"protocol paper, seed {seed}: V = {card.cost:.1f}, {criteria}")
-    for requirement in card.requirements:
-        overall = requirement.overall
-        amplitude = "none" if overall.amplitude is None else f"{overall.amplitude * 1e6:.2f} um"
-        print(f"{requirement.name} {'holds' if overall.passed else 'FAILS'}: {amplitude} in {overall.worst_case}")
+    for name, requirement in card.stability.items():
+        amplitude = "none" if requirement.limit_cycle is None else f"{requirement.limit_cycle * 1e6:.2f} um"
+        print(f"{name} {'holds' if requirement.passed else 'FAILS'}: {amplitude} in {requirement.worst_case}")
 
 
 def write(file: Path, script: Path, entries: Mapping[str, Any], how: Mapping[str, Any]) -> None:
-    """Write a data file with the hash of the script that made it."""
-    tuned = {"script": script.name, "sha256": hashlib.sha256(script.read_bytes()).hexdigest(), **how}
+    """Write a data file with the hash of what made it: the script, and all that it computes with."""
+    rooms = [PACKAGE / room for room in ("loop", "benchmark")]
+    made_by = source_hash([script, HERE, HERE.parent / "lqg", *rooms, HERE.parents[1] / "plant_fmu"])
+    tuned = {"script": script.name, "sha256": made_by, **how}
     file.write_text(json.dumps({"tuned": tuned, **entries}, indent=1) + "\n", encoding="utf-8")
     print(f"written: {file.name}")
 
@@ -157,7 +160,7 @@ def _hunting(results: Sequence[CaseResult]) -> float:
     """Penalty for limit cycles in the stability tests."""
     total = 0.0
     for result in results:
-        cycle = result.measurement.limit_cycle if result.measurement else None
-        if result.case.test.requirements and not result.case.test.criteria:
-            total += 100.0 if cycle is None else 4.0 * max(0.0, math.log(max(cycle) / LIMIT_CYCLE))
+        cycle, test = result.measurements.limit_cycle, problem.PAPER.test(result.test)
+        if test.requirements and not test.criteria:
+            total += 100.0 if cycle is None else 4.0 * max(0.0, math.log(cycle / LIMIT_CYCLE))
     return total

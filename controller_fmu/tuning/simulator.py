@@ -1,6 +1,6 @@
 """The closed loop of the benchmark in one compiled function, for tuning: manipulator, imperfections, controller.
 
-What orchestrator/cosim/loop.py does with two FMUs in 4 us a sample happens here in 1 us, from the plant's own
+What orchestrator/loop/closed_loop.py does with two FMUs in 4 us per sample takes 1 us here, from the plant's own
 compiled equations. The order of events within a sample is that of docs/timing.md.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from controller_fmu.friction import flexible_manipulator_dither
 from controller_fmu.friction.flexible_manipulator_dither import Dither
-from orchestrator.cosim.signals import ChirpSignal, PulseSignal, chirp, pulse, quantize, saturate
+from orchestrator.loop.signals import ChirpSignal, PulseSignal, chirp, pulse, quantize, saturate
 from plant_fmu.flexible_manipulator.integrator import STATE, along, derivative, unpack
 from plant_fmu.flexible_manipulator.kinematics import tcp
 
@@ -36,7 +36,7 @@ class Law(NamedTuple):
 
 
 class Course(NamedTuple):
-    """One simulation, everything but the controller; arrays of shape (2,) hold one value an axis."""
+    """One simulation, everything but the controller; arrays of shape (2,) hold one value per axis."""
 
     memory: np.ndarray
     """The plant at rest, see plant_fmu/flexible_manipulator/integrator.py."""
@@ -55,10 +55,12 @@ class Course(NamedTuple):
 
 # No fast-math: the bits of a result, and with them the path of a search, would depend on the optimiser's choices.
 @numba.njit(nogil=True, error_model="numpy")
-def simulate(course, law, T_s, substeps, abort_distance, X, torque):
+def simulate(
+    course: Course, law: Law, T_s: float, substeps: int, abort_distance: float, X: np.ndarray, torque: np.ndarray
+) -> int:
     """Fill ``X`` (samples + 1, 2) with TCP positions [m] and ``torque`` (samples, 2) [N.m].
 
-    Returns the number of samples reached; fewer than asked for if the TCP came further than ``abort_distance`` [m].
+    Returns the number of samples reached; fewer than asked for if the TCP moved further than ``abort_distance`` [m].
     """
     memory = course.memory[STATE:]
     arm, joint_1, joint_2 = unpack(memory[9:])

@@ -17,7 +17,7 @@ import numpy as np
 from controller_fmu.lqg import flexible_manipulator_lqg as model
 from controller_fmu.tuning.problem import PAPER, LawOf, experiment
 from controller_fmu.tuning.simulator import Law
-from orchestrator.benchmark import protocol as protocols
+from orchestrator.benchmark import cases
 from orchestrator.benchmark.case import Configuration
 from plant_fmu.flexible_manipulator import integrator
 from plant_fmu.flexible_manipulator.dynamics import inertia
@@ -49,8 +49,8 @@ def linear_plants(
     for pose in poses:
         for system_name in SYSTEMS:
             for test in (PAPER.test(name) for name in TESTS):
-                system = protocols.system(PAPER, NOMINAL, 0, pose.index, system_name, test)
-                at = experiment(protocols.case(PAPER, pose, system, test, 0))
+                system = cases.system(PAPER, NOMINAL, 0, pose.index, system_name, test)
+                at = experiment(cases.case(PAPER, pose, system, test, 0))
                 T_s = float(at.case.scenario.sample_time)
                 for friction in frictions:
                     A, B = model.discretize(*_linearized(at.course.memory, friction), T_s)

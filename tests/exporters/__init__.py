@@ -1,9 +1,9 @@
 """The benchmark's two-axis PID, eq. (12)-(13), as other exporters make it: ``RECIPES[name].build(folder)``."""
 
 from . import casadi_pid, containers, python_tools, rumoca_pid, variants
-from .recipe import ARRAYS, Ports, Recipe, Timing
+from .recipe import Recipe
 
-__all__ = ["ARRAYS", "RECIPES", "REFUSED", "Ports", "Recipe", "Timing"]
+__all__ = ["RECIPES", "REFUSED", "Recipe"]
 
 _MODULES = (python_tools, containers, rumoca_pid, casadi_pid, variants)
 

@@ -10,48 +10,42 @@ Torques differ from the discrete controller's; ``held`` gives them exactly for a
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from pid_fmus import AXES, GAINS, T_S
+import numpy as np
+from support.pid_fmus import GAINS, T_S
 
 from controller_fmu.export.c_fmu import FMI_HEADERS
 
-from .recipe import Recipe, Timing
+from .recipe import Recipe
 
 EXPORT = Path(__file__).parent / "sources" / "casadi_export.py"
-
-TAU = tuple(-T_S / math.log(z_p) for z_p in GAINS["z_p"])
+K_P, K_I, K_D, Z_P = (np.array(GAINS[name]) for name in ("K_p", "K_i", "K_d", "z_p"))
+TAU = -T_S / np.log(Z_P)
 """Time constant of the derivative filter of each axis [s]."""
 
 
-def held(errors: Sequence[Sequence[float]], u_m0: Sequence[float]) -> list[tuple[float, ...]]:
-    """Return the torques [N.m] at the end of each step of T_s over which an error [rad] was held."""
-    filtered, integral = [0.0] * AXES, [0.0] * AXES
-    torques = []
-    for error in errors:
-        row = []
-        for i, e in enumerate(error):
-            filtered[i] = e + (filtered[i] - e) * GAINS["z_p"][i]
-            integral[i] += e * T_S
-            proportional_integral = u_m0[i] + GAINS["K_p"][i] * e + GAINS["K_i"][i] * integral[i]
-            row.append(proportional_integral + GAINS["K_d"][i] * (e - filtered[i]) / TAU[i])
-        torques.append(tuple(row))
-    return torques
+def held(errors: np.ndarray, u_m0: Sequence[float]) -> np.ndarray:
+    """Return the torques [N.m] at the end of each step of T_s over which an error [rad] was held, shape (steps, 2)."""
+    filtered, torques = np.zeros(2), []
+    for e, integral in zip(errors, T_S * np.cumsum(errors, axis=0), strict=True):
+        filtered = e + (filtered - e) * Z_P
+        torques.append(u_m0 + K_P * e + K_I * integral + K_D * (e - filtered) / TAU)
+    return np.array(torques)
 
 
 def _make(target: Path) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         # CasADi writes its files into the working folder: a process of its own has one of its own.
-        settings = json.dumps({**GAINS, "tau": TAU, "T_s": T_S, "include": str(FMI_HEADERS)})
+        settings = json.dumps({**GAINS, "tau": TAU.tolist(), "T_s": T_S, "include": str(FMI_HEADERS)})
         command = [sys.executable, "-B", str(EXPORT), settings]
         subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
         return Path(folder, "ContinuousPID.fmu").replace(target)
 
 
-RECIPES = (Recipe("casadi", _make, modules=("casadi",), needs_compiler=True, timing=Timing.CONTINUOUS),)
+RECIPES = (Recipe("casadi", _make, modules=("casadi",), needs_compiler=True),)

@@ -10,25 +10,16 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+from fmpy import model_description as md
 from fmpy import read_model_description
 from fmpy.container_fmu.cli import create_container_fmu
 from fmpy.container_fmu.config import Component, Configuration
-from fmpy.model_description import (
-    BaseUnit,
-    CoSimulation,
-    DefaultExperiment,
-    ModelDescription,
-    ModelVariable,
-    Unit,
-    Unknown,
-)
-from pid_fmus import T_S
+from support.pid_fmus import T_S
 
 from .native import CModel
 from .recipe import Recipe
 
 AXES = (1, 2)
-INPUTS = ("q_m_ref", "q_m", "u_m0")
 
 
 @contextlib.contextmanager
@@ -50,7 +41,7 @@ def _fmu_manipulation_toolbox(target: Path, fmi_version: Literal[2, 3]) -> Path:
         for axis in AXES:
             part = f"axis_{axis}.fmu"
             container.get_fmu(part)
-            for name in INPUTS:
+            for name in ("q_m_ref", "q_m", "u_m0"):
                 container.add_input(f"{name}[{axis}]", part, name)
             container.add_output(part, "u_m", f"u_m[{axis}]")
         container.make_fmu(target.name, step_size=T_S)
@@ -61,54 +52,37 @@ def _fmpy(target: Path) -> Path:
     with _axes(target) as folder:
         parts = [folder / f"axis_{axis}.fmu" for axis in AXES]
         components = [Component(part.stem, part, read_model_description(str(part))) for part in parts]
-        time = ModelVariable(name="time", type="Real", causality="independent", variability="continuous")
-        outer: list[ModelVariable] = [time]
+        # Value reference 0 is the time, which has no mapping; the others follow in the order of the mappings.
+        outer = [md.ModelVariable(name="time", type="Real", causality="independent", variability="continuous")]
         mappings = {}
         for axis, component in zip(AXES, components, strict=True):
             for inner in component.modelDescription.modelVariables:
-                variable = ModelVariable(
-                    name=f"{inner.name}[{axis}]",
-                    type="Real",
-                    causality=inner.causality,
-                    variability=inner.variability,
-                    start=inner.start,
-                    unit=inner.unit,
-                )
-                outer.append(variable)
-                mappings[variable] = [(component, inner)]
-        outputs = [Unknown(variable=variable) for variable in outer if variable.causality == "output"]
-        description = ModelDescription(
+                same = {name: getattr(inner, name) for name in ("type", "causality", "variability", "start", "unit")}
+                outer.append(md.ModelVariable(name=f"{inner.name}[{axis}]", **same))
+                mappings[outer[-1]] = [(component, inner)]
+        outputs = [md.Unknown(variable=variable) for variable in outer if variable.causality == "output"]
+        description = md.ModelDescription(
             fmiVersion="2.0",
             modelName=target.stem,
             instantiationToken=f"{{{target.stem}}}",
             variableNamingConvention="structured",
-            coSimulation=CoSimulation(fixedInternalStepSize=T_S),
-            defaultExperiment=DefaultExperiment(stepSize=str(T_S)),
-            unitDefinitions=[
-                Unit("rad", BaseUnit(rad=1)),
-                Unit("N.m", BaseUnit(kg=1, m=2, s=-2)),
-            ],
+            coSimulation=md.CoSimulation(fixedInternalStepSize=T_S),
+            defaultExperiment=md.DefaultExperiment(stepSize=str(T_S)),
+            unitDefinitions=[md.Unit("rad", md.BaseUnit(rad=1)), md.Unit("N.m", md.BaseUnit(kg=1, m=2, s=-2))],
             modelVariables=outer,
             outputs=outputs,
             initialUnknowns=outputs,
         )
-        # Value reference 0 is the time, which has no mapping; the others follow in the order of the mappings.
-        configuration = Configuration(False, description, components, [], mappings)
         unpacked = folder / "unpacked"
         unpacked.mkdir()
-        create_container_fmu(configuration, unpacked, target)
+        create_container_fmu(Configuration(False, description, components, [], mappings), unpacked, target)
     return target
 
 
+_toolbox = {"modules": ("fmu_manipulation_toolbox",), "needs_compiler": True}
+
 RECIPES = (
-    *(
-        Recipe(
-            f"container_fmi{version}",
-            partial(_fmu_manipulation_toolbox, fmi_version=version),
-            modules=("fmu_manipulation_toolbox",),
-            needs_compiler=True,
-        )
-        for version in (2, 3)
-    ),
+    Recipe("container_fmi2", partial(_fmu_manipulation_toolbox, fmi_version=2), **_toolbox),
+    Recipe("container_fmi3", partial(_fmu_manipulation_toolbox, fmi_version=3), **_toolbox),
     Recipe("container_fmpy", _fmpy, needs_compiler=True),
 )

@@ -25,68 +25,57 @@ def edited(fmu: Path, target: Path, *edits: Edit) -> Path:
     return write_atomically(pack({**contents, DESCRIPTION: to_bytes(root)}), target)
 
 
-def rename(pattern: str, replacement: str) -> Edit:
-    """Replace ``pattern`` (a regular expression) in the name of every variable."""
+def each(change: Edit) -> Edit:
+    """Apply ``change`` to every variable but the time."""
 
     def edit(root: Element) -> None:
-        for variable in _variables(root):
-            variable.set("name", re.sub(pattern, replacement, variable.attrib["name"]))
+        for variable in root.iterfind("ModelVariables/*"):
+            if variable.get("causality") != "independent":
+                change(variable)
 
     return edit
+
+
+def rename(pattern: str, replacement: str) -> Edit:
+    """Replace ``pattern`` (a regular expression) in the name of every variable."""
+    return each(lambda variable: variable.set("name", re.sub(pattern, replacement, variable.attrib["name"])))
 
 
 def without_units(root: Element) -> None:
     """Drop all units and their definitions, as most exporters do."""
     for definitions in root.findall("UnitDefinitions"):
         root.remove(definitions)
-    for variable in _variables(root):
-        _typed(variable).attrib.pop("unit", None)
+    each(lambda variable: _typed(variable).attrib.pop("unit", None))(root)
 
 
 def unit(old: str, new: str, **base_unit: str) -> Edit:
     """Rename unit ``old`` to ``new`` and define that, ``factor`` and base units as in FMI's BaseUnit."""
 
+    def change(variable: Element) -> None:
+        if _typed(variable).get("unit") == old:
+            _typed(variable).set("unit", new)
+
     def edit(root: Element) -> None:
-        for definition in root.iterfind("UnitDefinitions/Unit"):
-            if definition.get("name") == old:
-                definition.clear()
-                definition.set("name", new)
-                SubElement(definition, "BaseUnit", base_unit)
-        for variable in _variables(root):
-            if _typed(variable).get("unit") == old:
-                _typed(variable).set("unit", new)
+        for definition in root.iterfind(f"UnitDefinitions/Unit[@name='{old}']"):
+            definition.clear()
+            definition.set("name", new)
+            SubElement(definition, "BaseUnit", base_unit)
+        each(change)(root)
 
     return edit
 
 
-def declare(pattern: str, **attributes: str) -> Edit:
-    """Set attributes of the variables whose whole name matches ``pattern``: ``causality="local"``."""
+def declare(pattern: str, tag: str = "", **attributes: str) -> Edit:
+    """Set attributes of the variables whose whole name matches ``pattern``, in FMI 2.0 also the type: ``Integer``."""
 
-    def edit(root: Element) -> None:
-        for variable in _matching(root, pattern):
+    def change(variable: Element) -> None:
+        if re.fullmatch(pattern, variable.attrib["name"]):
             variable.attrib.update(attributes)
+            if tag:
+                variable[0].tag = tag
+                variable[0].attrib.pop("unit", None)
 
-    return edit
-
-
-def retype(pattern: str, tag: str) -> Edit:
-    """Declare the FMI 2.0 variables whose whole name matches ``pattern`` as ``tag``: ``Integer``, ``Boolean``."""
-
-    def edit(root: Element) -> None:
-        for variable in _matching(root, pattern):
-            variable.set("variability", "discrete")
-            variable[0].tag = tag
-            variable[0].attrib.pop("unit", None)
-
-    return edit
-
-
-def _matching(root: Element, pattern: str) -> list[Element]:
-    return [variable for variable in _variables(root) if re.fullmatch(pattern, variable.attrib["name"])]
-
-
-def _variables(root: Element) -> list[Element]:
-    return [variable for variable in root.iterfind("ModelVariables/*") if variable.get("causality") != "independent"]
+    return each(change)
 
 
 def _typed(variable: Element) -> Element:

@@ -10,14 +10,17 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from support.pid_fmus import T_S
+from support.stub_fmus import CONTROLLER, build_model, description
+
 import build_fmus
 
-from .native import describe
 from .recipe import Recipe
 
 PACKAGE = Path(build_fmus.__file__).parent / "examples" / "modelica" / "FlexibleManipulator.mo"
 BLOCK = "FlexibleManipulator.DiagonalPID"
-SOURCES = Path(__file__).parent / "sources" / "rumoca"
+MODEL = Path(__file__).parent / "sources" / "rumoca_model.c"
+DOUBLE_PRECISION = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n#define float double\n"
 
 
 def _make(target: Path) -> Path:
@@ -25,15 +28,13 @@ def _make(target: Path) -> Path:
 
     block = rumoca.Session().load(PACKAGE, model=BLOCK)
     with tempfile.TemporaryDirectory() as folder:
-        description = Path(folder, "modelDescription.xml")
-        description.write_bytes(describe(axes=2))
-        sources = list(SOURCES.glob("*.[ch]"))
+        sources = [MODEL]
         for emitted in block.codegen("embedded-c-galec").files:
             source = Path(folder, emitted.path)
             if source.suffix in (".c", ".h"):
-                source.write_text(f'#include "double_precision.h"\n{emitted.content}')
+                source.write_text(DOUBLE_PRECISION + emitted.content)
                 sources.append(source)
-        return build_fmus.c_fmu(sources, description, target)
+        return build_model(sources, description(CONTROLLER, T_S), target)
 
 
 RECIPES = (Recipe("rumoca", _make, modules=("rumoca",), needs_compiler=True),)

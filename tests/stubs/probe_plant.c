@@ -1,5 +1,4 @@
-/* A plant that shows when things happen: its angles are given functions of time, and it notes when a torque
- * other than u_m0 first acts on each axis. */
+/* A plant that shows when things happen: its angles are given functions of time, and it notes when a torque acts. */
 #include <math.h>
 #include <stdio.h>
 
@@ -11,37 +10,33 @@ enum { AXES = 2 };
 static const double CLOSE = 1e-10;
 
 typedef struct {
-    double u_m[AXES];       /* [N.m] */
-    double u_d[AXES];       /* [N.m] */
-    double F[AXES];         /* [N] */
-    double q_m[AXES];       /* [rad] */
-    double q_a[AXES];       /* [rad] */
-    double X[AXES];         /* [m] */
-    double arrival[AXES];   /* when u_m first differed from u_m0 at the beginning of a step, -1 if never [s] */
-    double acting[AXES];    /* u_m in the last step [N.m] */
-    double disturbing[AXES];/* u_d in the last step [N.m] */
-    double pushing[AXES];   /* F in the last step [N] */
-    double steps;           /* steps so far [1] */
-    double q_m_ref[AXES];   /* [rad] */
-    double u_m0[AXES];      /* [N.m] */
-    double q_a_start[AXES]; /* [rad] */
-    double rest[AXES];      /* q_m_ref to publish [rad] */
-    double hold[AXES];      /* u_m0 to publish [N.m] */
-    double rate[AXES];      /* slope of q_m over time [rad/s] */
-    double jump_at[AXES];   /* when q_m jumps [s] */
-    double jump[AXES];      /* by how much [rad] */
-    double far_from;        /* from this time on X[1] is 10 m [s] */
-    double fail_from;       /* from this time on steps fail [s] */
+    double u_m[AXES];        /* input [N.m] */
+    double u_d[AXES];        /* input [N.m] */
+    double F[AXES];          /* input [N] */
+    double q_m[AXES];        /* output [rad] */
+    double q_a[AXES];        /* output [rad] */
+    double X[AXES];          /* output [m] */
+    double arrival[AXES];    /* output [s]: when u_m first differed from u_m0 at the beginning of a step, -1 if never */
+    double acting[AXES];     /* output [N.m]: u_m in the last step */
+    double disturbing[AXES]; /* output [N.m]: u_d in the last step */
+    double pushing[AXES];    /* output [N]: F in the last step */
+    double steps;            /* output [1]: steps so far */
+    double q_m_ref[AXES];    /* calculatedParameter [rad] */
+    double u_m0[AXES];       /* calculatedParameter [N.m] */
+    double q_a_start[AXES];  /* parameter [rad] */
+    double rest[AXES];       /* parameter [rad]: q_m_ref to publish */
+    double hold[AXES];       /* parameter [N.m]: u_m0 to publish */
+    double rate[AXES];       /* parameter [rad/s]: slope of q_m over time */
+    double jump_at[AXES];    /* parameter [s] 1e9: when q_m jumps */
+    double jump[AXES];       /* parameter [rad]: by how much */
+    double far_from;         /* parameter [s] 1e9: from this time on X[1] is 10 m */
+    double fail_from;        /* parameter [s] 1e9: from this time on steps fail */
 } ProbePlant;
 
 const size_t model_size = sizeof(ProbePlant);
 const size_t model_variables = sizeof(ProbePlant) / sizeof(double);
 
-size_t model_extent(unsigned value_reference)
-{
-    (void)value_reference;
-    return 1;
-}
+size_t model_extent(unsigned value_reference) { return 1; }
 
 static void show(ProbePlant *own, double t)
 {
@@ -55,14 +50,12 @@ static void show(ProbePlant *own, double t)
 void model_start(void *model)
 {
     ProbePlant *own = model;
-    own->far_from = own->fail_from = 1e9;
-    for (int i = 0; i < AXES; i++) own->jump_at[i] = 1e9;
+    own->far_from = own->fail_from = own->jump_at[0] = own->jump_at[1] = 1e9;
 }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 {
     ProbePlant *own = model;
-    (void)message;
     for (int i = 0; i < AXES; i++) {
         own->q_m_ref[i] = own->rest[i];
         own->u_m0[i] = own->hold[i];
@@ -91,8 +84,4 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     return true;
 }
 
-double model_sample_time(const void *model)
-{
-    (void)model;
-    return 1.0;
-}
+double model_sample_time(const void *model) { return 1.0; }

@@ -1,9 +1,5 @@
-/* The PID of eq. (13) on any number of axes, with the choices that exporters differ in; build.h makes them.
- */
+/* The PID of eq. (13) on any number of axes, with the choices that exporters differ in; build.h makes them. */
 #include "model.h"
-
-#include <math.h>
-#include <stdio.h>
 
 #include "build.h" /* written by the recipe */
 #include "pid.h"
@@ -14,7 +10,6 @@ typedef struct {
     double q_m[AXES];     /* [ANGLE rad] */
     double u_m[AXES];     /* [TORQUE N.m] */
     double u_m0[AXES];    /* [TORQUE N.m] */
-
     PidState states[AXES];
     bool stepped;
 } Pid;
@@ -51,15 +46,9 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     Pid *pid = model;
-    if (fabs(h - gains[0].T_s) > 1e-9 * gains[0].T_s) {
-        snprintf(message, MODEL_MESSAGE_SIZE, "the communication step must be %g s, not %g s", gains[0].T_s,
-                 h);
-        return false;
-    }
     if (!pid->stepped && SAMPLES_TWICE_FIRST) sample(pid);
     sample(pid);
-    pid->stepped = true;
-    return true;
+    return pid->stepped = true;
 }
 
 double model_sample_time(const void *model) { return gains[0].T_s; }

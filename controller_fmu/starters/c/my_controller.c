@@ -11,6 +11,9 @@ typedef struct {
     double q_m[AXES];     /* input: measured motor position [rad] */
     double u_m[AXES];     /* output: motor torque command [N.m] */
     double u_m0[AXES];    /* parameter: torque of the initial steady state [N.m] */
+    double K_p[AXES];     /* parameter: proportional gain [N.m/rad] */
+    double K_i[AXES];     /* parameter: integral gain [N.m/(rad.s)] */
+    double K_d[AXES];     /* parameter: derivative gain [N.m.s/rad] */
 
     double e[AXES]; /* error at the last sample [rad] */
     double v[AXES]; /* its filtered derivative [rad/s] */
@@ -24,7 +27,17 @@ size_t model_extent(unsigned value_reference) { return AXES; }
 
 double model_sample_time(const void *model) { return T_S; }
 
-void model_start(void *model) {} /* all zero */
+/* The start values in modelDescription.xml; what is not set here is zero. */
+void model_start(void *model)
+{
+    static const double K_p[AXES] = {45.0, 15.0}, K_i[AXES] = {30.0, 10.0}, K_d[AXES] = {1.5, 0.5};
+    MyController *my = model;
+    for (int i = 0; i < AXES; i++) {
+        my->K_p[i] = K_p[i];
+        my->K_i[i] = K_i[i];
+        my->K_d[i] = K_d[i];
+    }
+}
 
 /* The end of initialization: start from the steady state. */
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
@@ -40,16 +53,13 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 {
     MyController *my = model;
     /* -------------------------------------------------------------------------------------------- */
-    static const double K_p[AXES] = {45.0, 15.0}; /* [N.m/rad] */
-    static const double K_i[AXES] = {30.0, 10.0}; /* [N.m/(rad.s)] */
-    static const double K_d[AXES] = {1.5, 0.5};   /* [N.m.s/rad] */
-    static const double z_p = 0.95;               /* pole of the derivative filter */
+    static const double z_p = 0.95; /* pole of the derivative filter */
     for (int i = 0; i < AXES; i++) {
         const double e = my->q_m_ref[i] - my->q_m[i];
         my->v[i] = z_p * my->v[i] + (1.0 - z_p) * (e - my->e[i]) / T_S;
-        my->s[i] = my->s[i] + K_i[i] * T_S * e;
+        my->s[i] = my->s[i] + my->K_i[i] * T_S * e;
         my->e[i] = e;
-        my->u_m[i] = K_p[i] * e + K_d[i] * my->v[i] + my->s[i];
+        my->u_m[i] = my->K_p[i] * e + my->K_d[i] * my->v[i] + my->s[i];
     }
     /* -------------------------------------------------------------------------------------------- */
     return true;

@@ -1,7 +1,6 @@
 /* The block that rumoca emitted for FlexibleManipulator.DiagonalPID as a model for the FMI glue. */
 #include "model.h"
 
-#include "double_precision.h"
 #include "FlexibleManipulator_DiagonalPID.h"
 
 /* The emitted struct begins with the block's inputs, outputs and parameters, as a model's struct must. */
@@ -18,11 +17,9 @@ void model_start(void *model)
 {
     Block *block = model;
     DiagonalPID_startup(block);
-    /* The emitted start values are float literals: give those that have no exact float their double values.
-     */
+    /* The emitted start values are float literals: give those that have no exact float their double values. */
     block->T_s = 0.25e-3;
-    for (int i = 0; i < AXES; i++)
-        block->z_p[i] = 0.95;
+    block->z_p[0] = block->z_p[1] = 0.95;
 }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])

@@ -1,0 +1,113 @@
+"""The errors of this package, one family that tells by fields what is wrong.
+
+ControllerFmuError
+    BuildError                   an FMU cannot be built
+        CompilerError            the C compiler fails, or CC is not a command
+            NoCompilerError      there is no C compiler
+        DescriptionError         the model description lacks something, or is not XML
+            UnitError            a variable has no unit, or an unknown one
+            ValueReferenceError  a value reference is not one of the model's
+        DialectError             no such kind of FMU exists
+        PlatformError            no such platform exists
+        SourceError              the sources are missing, or are ambiguous
+        TargetError              the FMU cannot be written where it is wanted
+    StarterError                 a starter kit cannot be copied
+        UnknownKitError          there is no such kit
+        ModelNameError           the name cannot be given to a model
+        FolderTakenError         something is there already, or the parent folder is missing
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(eq=False)
+class ControllerFmuError(Exception):
+    """Base of all errors that this package raises on purpose; as text it is one sentence made of its fields."""
+
+    what: str
+    """What is wrong."""
+    where: str = ""
+    """The file, folder or FMU it is about; empty if none."""
+    value: str = ""
+    """The offending value: a name, a unit, a reference, a command."""
+    nearest: tuple[str, ...] = ()
+    """Names that may have been meant, the likeliest first."""
+    remedy: str = ""
+    """What to do, in the language of the sources at hand."""
+
+    def __str__(self) -> str:
+        place = f"{self.where}: " if self.where else ""
+        near = f" (did you mean {' or '.join(self.nearest)}?)" if self.nearest else ""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{place}{self.what}{near}{remedy}"
+
+
+class BuildError(ControllerFmuError):
+    """An FMU cannot be built."""
+
+
+class CompilerError(BuildError):
+    """The C compiler fails, or the environment variable CC is not a command."""
+
+
+class NoCompilerError(CompilerError):
+    """This machine has no C compiler."""
+
+
+class DescriptionError(BuildError):
+    """The model description lacks something, or is not XML."""
+
+
+class UnitError(DescriptionError):
+    """A variable has no unit, or one that is neither known nor defined."""
+
+
+class ValueReferenceError(DescriptionError):
+    """A value reference of the description is not one of the model's."""
+
+
+class DialectError(BuildError):
+    """No such kind of FMU exists."""
+
+
+class PlatformError(BuildError):
+    """Binaries cannot be built for such a platform."""
+
+
+class SourceError(BuildError):
+    """The sources of a model are missing, ambiguous or unusable."""
+
+
+class TargetError(BuildError):
+    """The FMU cannot be written where it is wanted."""
+
+
+class StarterError(ControllerFmuError):
+    """A starter kit cannot be copied."""
+
+
+class UnknownKitError(StarterError):
+    """There is no such kit."""
+
+
+class ModelNameError(StarterError):
+    """The name cannot be given to a model."""
+
+
+class FolderTakenError(StarterError):
+    """The folder is not empty, is a file, or has no parent folder."""
+
+
+@contextmanager
+def located(where: Path) -> Iterator[None]:
+    """Name ``where`` in the errors of the block that do not say yet what they are about."""
+    try:
+        yield
+    except ControllerFmuError as error:
+        error.where = error.where or str(where)
+        raise

@@ -1,0 +1,131 @@
+"""Value references of a model in C: what the description declares, held against what the built library has."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from controller_fmu.errors import CompilerError, DescriptionError, ValueReferenceError
+from controller_fmu.export.compiler import run_compiler
+from controller_fmu.export.description import array_name, variables
+
+REMEDY = "a valueReference is the variable's place in the model's struct, counted in doubles from 0"
+
+# In a process of its own, because a model may crash, and because a library cannot be unloaded for certain.
+_ASK = """
+import ctypes, json, sys
+library, answer, *references = sys.argv[1:]
+library = ctypes.CDLL(library)
+size, count = (ctypes.c_size_t.in_dll(library, name).value for name in ("model_size", "model_variables"))
+model = (ctypes.c_double * max(-(-size // 8), count))()
+library.model_start(model)
+library.model_extent.restype = ctypes.c_size_t
+with open(answer, "w") as file:
+    json.dump([model[:count], [library.model_extent(int(reference)) for reference in references]], file)
+"""
+
+
+def check_declared(root: Element, arrays: bool) -> None:
+    """Raise :class:`ValueReferenceError` if a reference of the description is not a number, or is there twice.
+
+    With ``arrays`` also if the references of the elements of an array do not follow each other.
+    """
+    owners: dict[int, str] = {}
+    for variable in variables(root):
+        name, reference = variable.attrib["name"], variable.get("valueReference", "")
+        if not (reference.isascii() and reference.isdigit()):
+            what = f"the valueReference of {name!r} is {reference!r}, which is not a number"
+            raise ValueReferenceError(what, value=reference, remedy=REMEDY)
+        owner = owners.setdefault(int(reference), name)
+        if owner != name:
+            what = f"{owner!r} and {name!r} both have the valueReference {reference}"
+            raise ValueReferenceError(what, value=reference, remedy=REMEDY)
+    if arrays:
+        _groups(root)
+
+
+def check_model(library: Path, root: Element, arrays: bool) -> None:
+    """Hold the scalars of the description ``root`` against the model in ``library``.
+
+    Each variable of the model must be declared, each declared one exist and start with the declared value, up to
+    rounding. Variables of equal start values that were mixed up cannot be noticed.
+
+    Args:
+        library: the compiled model; it is loaded into another process.
+        root: the description, FMI 2.0 with scalars.
+        arrays: whether elements are put together to arrays, whose extents are compared then, too.
+
+    Raises:
+        ValueReferenceError: they disagree; the fields name the reference.
+        CompilerError: the library cannot be asked.
+    """
+    declared = {int(variable.attrib["valueReference"]): variable for variable in variables(root)}
+    groups = _groups(root) if arrays else {}
+    model = _ask(library, list(groups))
+    _check_places(declared, len(model.starts))
+    for reference, variable in declared.items():
+        _check_start(reference, variable, model.starts[reference])
+    for (first, names), extent in zip(groups.items(), model.extents, strict=True):
+        if extent != len(names):
+            what = f"model_extent says that the array at valueReference {first} has {extent} elements"
+            raise ValueReferenceError(f"{what}, the description has {', '.join(names)}", value=str(first))
+
+
+@dataclass(frozen=True)
+class _Model:
+    starts: list[float]
+    """By value reference."""
+    extents: list[int]
+    """Of the arrays that were asked for."""
+
+
+def _ask(library: Path, references: list[int]) -> _Model:
+    answer = library.with_name("answer.json")
+    arguments = [str(library.resolve()), str(answer.resolve()), *map(str, references)]
+    try:
+        run_compiler([sys.executable, "-I", "-S", "-c", _ASK, *arguments], answer)
+    except CompilerError as problem:
+        raise CompilerError(f"the built model cannot be asked for its variables\n{problem}") from None
+    return _Model(*json.loads(answer.read_text()))
+
+
+def _groups(root: Element) -> dict[int, list[str]]:
+    """Names of the elements of each array by its first reference."""
+    arrays: dict[str, dict[int, str]] = {}
+    for variable in variables(root):
+        arrays.setdefault(array_name(variable), {})[int(variable.attrib["valueReference"])] = variable.attrib["name"]
+    for name, elements in arrays.items():
+        if list(elements) != list(range(min(elements), min(elements) + len(elements))):
+            what = f"the elements of {name!r} do not follow each other: valueReferences {', '.join(map(str, elements))}"
+            raise ValueReferenceError(what, value=str(min(elements)), remedy=REMEDY)
+    return {min(elements): list(elements.values()) for elements in arrays.values()}
+
+
+def _check_places(declared: dict[int, Element], count: int) -> None:
+    free = tuple(str(reference) for reference in range(count) if reference not in declared)
+    last = max(declared, default=-1)
+    if last >= count:
+        what = f"{declared[last].attrib['name']!r} has the valueReference {last}, but the model has {count} variables"
+        raise ValueReferenceError(what, value=str(last), nearest=free, remedy=REMEDY)
+    if free:
+        what = f"the model has {count} variables, and no ScalarVariable has the valueReference {free[0]}"
+        remedy = "declare the variable, or correct the constant model_variables"
+        raise ValueReferenceError(what, value=free[0], remedy=remedy)
+
+
+def _check_start(reference: int, variable: Element, found: float) -> None:
+    name, real = variable.attrib["name"], variable.find("Real")
+    start = None if real is None else real.get("start")
+    if start is None:
+        return
+    try:
+        agrees = math.isclose(float(start), found, rel_tol=1e-6)
+    except ValueError:
+        raise DescriptionError(f"the start value {start!r} of {name!r} is not a number", value=start) from None
+    if not agrees:
+        what = f"{name!r} starts at {start}, but the variable at its valueReference {reference} starts at {found:g}"
+        raise ValueReferenceError(what, value=str(reference), remedy=REMEDY)

@@ -1,0 +1,74 @@
+"""A controller in Python: a PID for each axis. Replace the class Axis by your own."""
+
+from typing import Any
+
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+T_S = 0.25e-3  # sample time [s]
+
+UNITS = {
+    "q_m_ref": "rad",
+    "q_m": "rad",
+    "u_m": "N.m",
+    "u_m0": "N.m",
+    "K_p": "N.m/rad",
+    "K_i": "N.m/(rad.s)",
+    "K_d": "N.m.s/rad",
+}  # of every variable, by its name without index
+
+
+class Axis:
+    """The controller of one axis, which starts from the torque [N.m] of the steady state."""
+
+    def __init__(self, K_p: float, K_i: float, K_d: float, torque: float) -> None:
+        self.K_p, self.K_i, self.K_d = K_p, K_i, K_d
+        self.e, self.v, self.s = 0.0, 0.0, torque
+
+    def sample(self, e: float) -> float:
+        """Return the torque [N.m] for the position error ``e`` [rad]; called once every T_S."""
+        z_p = 0.95  # pole of the derivative filter
+        self.v = z_p * self.v + (1.0 - z_p) * (e - self.e) / T_S
+        self.s = self.s + self.K_i * T_S * e
+        self.e = e
+        return self.K_p * e + self.K_d * self.v + self.s
+
+
+class MyController(Fmi2Slave):
+    """What the benchmark connects, q_m_ref, q_m, u_m and u_m0, and gains to tune; each is a list of two."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.default_experiment = DefaultExperiment(step_size=T_S)
+        self.q_m_ref, self.q_m = self.variable("q_m_ref", "input"), self.variable("q_m", "input")
+        self.u_m = self.variable("u_m", "output")
+        self.u_m0 = self.variable("u_m0", "parameter")
+        self.K_p = self.variable("K_p", "parameter", 45.0, 15.0)
+        self.K_i = self.variable("K_i", "parameter", 30.0, 10.0)
+        self.K_d = self.variable("K_d", "parameter", 1.5, 0.5)
+
+    def variable(self, name: str, causality: str, *start: float) -> list[float]:
+        """Register ``name[1]`` and ``name[2]``, and return the list that holds their values."""
+        values = list(start or (0.0, 0.0))
+        variability = Fmi2Variability.fixed if causality == "parameter" else Fmi2Variability.continuous
+        for i in (0, 1):
+            self.register_variable(
+                Real(
+                    f"{name}[{i + 1}]",
+                    causality=Fmi2Causality[causality],
+                    variability=variability,
+                    getter=lambda i=i: values[i],
+                    setter=lambda value, i=i: values.__setitem__(i, value),
+                )
+            )
+        return values
+
+    def exit_initialization_mode(self) -> None:
+        """Start from the steady state; parameters have their values by now, in __init__ they have not."""
+        self.axes = [Axis(self.K_p[i], self.K_i[i], self.K_d[i], self.u_m0[i]) for i in (0, 1)]
+        self.u_m[:] = self.u_m0
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Sample the inputs once."""
+        for i in (0, 1):
+            self.u_m[i] = self.axes[i].sample(self.q_m_ref[i] - self.q_m[i])
+        return True
