@@ -26,26 +26,30 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 import numpy as np  # noqa: E402
+from msgspec.structs import replace  # noqa: E402
 
 import build_fmus  # noqa: E402
+from orchestrator.api.benchmark import available_cores  # noqa: E402
+from orchestrator.api.campaign import Bench, run_cases  # noqa: E402
+from orchestrator.benchmark import cases as case_list  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
-from orchestrator.benchmark.case import Configuration  # noqa: E402
+from orchestrator.benchmark.case import Case, Configuration  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
-from orchestrator.benchmark.scorecard import Scorecard, score  # noqa: E402
-from orchestrator.cosim.archive import open_archive  # noqa: E402
-from orchestrator.cosim.controller import Setup, Steady, prepared  # noqa: E402
-from orchestrator.cosim.jit import compiled  # noqa: E402
-from orchestrator.cosim.port import exchange  # noqa: E402
-from orchestrator.cosim.slaves import load  # noqa: E402
+from orchestrator.benchmark.results import Scorecard, rules  # noqa: E402
+from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.execution import pool  # noqa: E402
-from orchestrator.execution.evaluation import Bench, available_cores, evaluate  # noqa: E402
+from orchestrator.fmi.archive import open_archive  # noqa: E402
+from orchestrator.fmi.port import exchange  # noqa: E402
+from orchestrator.fmi.slaves import load  # noqa: E402
+from orchestrator.jit import compiled  # noqa: E402
+from orchestrator.loop.controller import Steady, prepared  # noqa: E402
+from orchestrator.loop.setup import Setup  # noqa: E402
 from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
@@ -63,25 +67,28 @@ TIMEOUT = 300.0
 """Wall time of a simulation [s]."""
 
 
-def held_out(random_only: bool) -> Protocol:
-    """The protocol ``paper`` with other poses and systems."""
+def held_out(random_only: bool) -> tuple[Protocol, list[Case]]:
+    """The protocol ``paper`` with other systems, and its cases at other poses."""
     paper = protocols.load("paper")
-    poses = [
-        Configuration(500 + k, *np.radians(pose).tolist())
-        for k, pose in enumerate((q_a1, q_a2) for q_a1 in Q_A1 for q_a2 in Q_A2)
-    ]
-    systems = ["random_3" if random_only else "compliant", "random_1", "random_2"]
-    return replace(paper, grid=tuple(poses), raw={**paper.raw, "performance": {"systems": systems}})
+    systems = ("random_3" if random_only else "compliant", "random_1", "random_2")
+    protocol = replace(paper, sets={**paper.sets, "performance": systems})
+    cases = []
+    for k, pose in enumerate((q_a1, q_a2) for q_a1 in Q_A1 for q_a2 in Q_A2):
+        at = Configuration(500 + k, *np.radians(pose).tolist())
+        for test in protocol.tests:
+            for name in protocol.sets[test.systems]:
+                system = case_list.system(protocol, NOMINAL, SEED, at.index, name, test)
+                cases.append(case_list.case(protocol, at, system, test, SEED))
+    return protocol, cases
 
 
-def scorecard(protocol: Protocol, name: str, folder: Path, jobs: int) -> Scorecard:
+def scorecard(protocol: Protocol, cases: Sequence[Case], name: str, folder: Path, jobs: int) -> Scorecard:
     """The scorecard of the FMU ``name``."""
-    cases = protocols.cases(protocol, NOMINAL, SEED)
     plant = open_archive(build_fmus.build("FlexibleManipulator", folder))
     controller = open_archive(build_fmus.build(name, folder))
     bench = Bench(plant, controller, timeout=TIMEOUT)
-    results = list(evaluate(protocol, cases, bench, functools.partial(pool.run, workers=jobs)))
-    return score(protocol, results, len(cases))
+    runs = run_cases(protocol, cases, bench, functools.partial(pool.run, workers=jobs))
+    return score(rules(protocol), [run.result for run in runs], len(cases))
 
 
 @compiled
@@ -132,18 +139,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory(prefix="controllers_") as folder:
         for name, (microseconds, ratio) in step_costs(names, Path(folder)).items():
             good &= ratio <= LARGEST_COST
-            print(f"{name:16s} {microseconds:6.2f} us a step, {ratio:.2f} of {BASELINE}'s", flush=True)
-        protocol = held_out(options.random_only)
+            print(f"{name:16s} {microseconds:6.2f} us per step, {ratio:.2f} of {BASELINE}'s", flush=True)
+        protocol, cases = held_out(options.random_only)
         baseline = None
         for name in () if options.cost else names:
-            card = scorecard(protocol, name, Path(folder), options.jobs)
+            card = scorecard(protocol, cases, name, Path(folder), options.jobs)
             assert card.cost is not None, "a performance case has no value"
             baseline = baseline or card.cost
             share = card.cost / baseline
             good &= share <= WANTED.get(name, 1.0)
-            good &= name == BASELINE or all(bool(r.overall.passed) for r in card.requirements)
-            verdicts = " ".join(f"{r.name} {'holds' if r.overall.passed else 'FAILS'}" for r in card.requirements)
-            criteria = " ".join(f"{c.criterion.name} {c.value:.4g}" for c in card.criteria)
+            good &= name == BASELINE or all(bool(r.passed) for r in card.stability.values())
+            verdicts = " ".join(f"{key} {'holds' if r.passed else 'FAILS'}" for key, r in card.stability.items())
+            criteria = " ".join(f"{key} {c.value:.4g}" for key, c in card.criteria.items())
             print(f"{name:16s} V {card.cost:6.1f} ({share:.1%}), {verdicts}, {criteria}", flush=True)
     return 0 if good else 1
 

@@ -1,7 +1,7 @@
 """What it costs to run every group of cases in a process of its own, and whether 10,000 simulations leave anything.
 
     python benchmarks/execution.py                     cost of a case beyond its simulation
-    python benchmarks/execution.py --throughput        cases a second at 1 and 2 processes, and on Dask workers
+    python benchmarks/execution.py --throughput        cases per second at 1 and 2 processes, and on Dask workers
     python benchmarks/execution.py --endurance 10000   memory, descriptors, files, processes over many simulations
 
 The cost is processor time, which others' use of the machine does not change; throughput is not. The exit code is 1
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import os
 import statistics
 import sys
 import tempfile
@@ -28,18 +27,21 @@ sys.path.insert(0, str(HERE.parent))
 
 import psutil  # noqa: E402
 
-from orchestrator.benchmark import protocol as protocols  # noqa: E402
+from orchestrator import Benchmark, Controller  # noqa: E402
+from orchestrator.api import campaign  # noqa: E402
+from orchestrator.api import stored as stored_runs  # noqa: E402
+from orchestrator.api.campaign import GROUP_SIZE, Bench, rehearse, run_cases  # noqa: E402
+from orchestrator.api.work import CaseTask  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
-from orchestrator.benchmark.metrics import CaseResult, judge  # noqa: E402
+from orchestrator.benchmark.metrics import judge, named  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
-from orchestrator.commands import nominal_parameters, open_fmus  # noqa: E402
-from orchestrator.cosim.master import simulate  # noqa: E402
-from orchestrator.cosim.slaves import Slave  # noqa: E402
-from orchestrator.cosim.trajectory import Status  # noqa: E402
+from orchestrator.benchmark.results import Judgement  # noqa: E402
+from orchestrator.codec import Struct, pack, unpack  # noqa: E402
 from orchestrator.execution import cluster, pool, store  # noqa: E402
-from orchestrator.execution.evaluation import GROUP_SIZE, Bench, evaluate, rehearse  # noqa: E402
-from orchestrator.execution.isolation import run_isolated  # noqa: E402
-from orchestrator.execution.job import Finished  # noqa: E402
+from orchestrator.execution.job import Done  # noqa: E402
+from orchestrator.execution.supervision import run_isolated  # noqa: E402
+from orchestrator.fmi.slaves import Slave  # noqa: E402
+from orchestrator.loop.master import simulate  # noqa: E402
 
 TARGET = 0.05
 SHORT = Fraction("0.01")
@@ -66,37 +68,57 @@ class Cost:
         return (self.child + self.parent) / self.simulations
 
 
-def timed(protocol: Protocol, bench: Bench, plant: Slave, controller: Slave, case: Case) -> dict[str, Any]:
+class Times(Struct, frozen=True):
+    """Processor times of a worker [s]: of a simulation, and of all so far; ``started`` is the time of day."""
+
+    judgement: Judgement
+    simulation: float
+    end: float
+    started: float
+
+
+def prepare() -> None:
+    """What a fork server does first."""
+    from orchestrator.api import work
+
+    work.prepare()
+
+
+def timed(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """A case as in an evaluation, with processor times of this process."""
+    wanted = unpack(task, CaseTask)
     begin, started = time.process_time(), time.time()
-    trajectory = simulate(plant, controller, case.scenario, bench.setup)
+    trajectory = simulate(plant, controller, wanted.case.scenario, wanted.setup)
     simulated = time.process_time()
-    judge(protocol, case, trajectory)
-    return {"simulation": simulated - begin, "end": time.process_time(), "started": started}
+    judgement = judge(wanted.protocol, wanted.case, trajectory)
+    return pack(Times(judgement, simulated - begin, time.process_time(), started))
 
 
 def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) -> Cost:
     """Run one group, storing its results as an evaluation does."""
-    work = functools.partial(timed, protocol, bench)
     with store.opened(folder) as results:
-        keys = store.keys(protocol, cases, bench)
+        keys = stored_runs.keys(protocol, cases, bench)
         begin, wall, started = time.process_time(), time.perf_counter(), time.time()
+        tasks = [CaseTask(protocol, bench.setup, case) for case in cases]
+        limits = tuple(60.0 for _ in cases)
         found = []
-        for outcome in run_isolated(bench.job(cases, [case.scenario for case in cases], work, 30.0)):
-            assert isinstance(outcome, Finished), outcome
+        job = bench.raw_job("benchmarks.execution:timed", tasks, limits, lambda _, value: unpack(value, Times))
+        for outcome in run_isolated(job):
+            assert isinstance(outcome, Done), outcome
             case = cases[outcome.index]
-            results.put(keys[case], CaseResult(case, Status.DONE, float(case.scenario.duration)))
+            result = named(case, outcome.value.judgement)
+            stored_runs.keep(results, keys[case.id], campaign.CaseRun(case, result, outcome.wall_time), bench)
             found.append(outcome.value)
         parent, wall = time.process_time() - begin, time.perf_counter() - wall
-    simulations = sum(value["simulation"] for value in found)
-    return Cost(simulations, found[-1]["end"] - simulations, parent, wall, found[0]["started"] - started)
+    simulations = sum(value.simulation for value in found)
+    return Cost(simulations, found[-1].end - simulations, parent, wall, found[0].started - started)
 
 
-def show_cost(protocol: Protocol, bench: Bench, rounds: int) -> bool:
+def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Bench, rounds: int) -> bool:
     """Print what a case costs beyond its simulation; whether the target is met."""
-    cases = protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)
     with tempfile.TemporaryDirectory() as folder:
-        groups = [cases[GROUP_SIZE * i : GROUP_SIZE * (i + 1)] for i in range(rounds)]
+        groups = [all_cases[GROUP_SIZE * i : GROUP_SIZE * (i + 1)] for i in range(rounds)]
+        cost(protocol, bench, groups[0][:1], Path(folder))  # starts the fork server
         costs = [cost(protocol, bench, group, Path(folder)) for group in groups]
     simulated = sum(float(case.scenario.duration) for group in groups for case in group) / rounds / GROUP_SIZE
 
@@ -104,7 +126,7 @@ def show_cost(protocol: Protocol, bench: Bench, rounds: int) -> bool:
         return statistics.median(getattr(entry, name) for entry in costs) * 1e3 / GROUP_SIZE
 
     ratio = statistics.median(entry.ratio for entry in costs)
-    print(f"{rounds} groups of {GROUP_SIZE} cases, {simulated:.1f} s of simulated time each; medians, ms a case")
+    print(f"{rounds} groups of {GROUP_SIZE} cases, {simulated:.1f} s of simulated time each; medians, ms per case")
     print(f"  simulation           {median('simulations'):8.2f}")
     print(f"  rest of the process  {median('child'):8.2f}   start, loading two FMUs, judging, sending")
     print(f"  parent               {median('parent'):8.2f}   starting, watching, storing")
@@ -116,19 +138,18 @@ def show_cost(protocol: Protocol, bench: Bench, rounds: int) -> bool:
 # ---- Throughput ----
 
 
-def show_throughput(protocol: Protocol, bench: Bench, number: int) -> None:
-    """Print cases a second of wall time, here and on Dask."""
-    cases = protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)[:number]
+def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> None:
+    """Print cases per second of wall time, here and on Dask."""
 
     def speed(execute: Callable[..., Any]) -> float:
         begin = time.perf_counter()
-        found = list(evaluate(protocol, cases, bench, execute))
-        assert all(result.measurement is not None for result in found)
+        found = list(run_cases(protocol, cases, bench, execute))
+        assert all(run.result.judged for run in found)
         return len(found) / (time.perf_counter() - begin)
 
     single = speed(functools.partial(pool.run, workers=1))
     double = speed(functools.partial(pool.run, workers=2))
-    print(f"{number} cases, cases a second")
+    print(f"{len(cases)} cases, cases per second")
     print(f"  1 process            {single:8.2f}")
     print(f"  2 processes          {double:8.2f}   {double / single / 2:.0%} of twice the speed")
     for name, dask in on_dask(speed):
@@ -154,12 +175,12 @@ def on_dask(speed: Callable[..., float]) -> Iterator[tuple[str, float]]:
 
 @dataclass(frozen=True)
 class Traces:
-    """What many simulations may leave behind: memory [MB] of this process and of the fork server and its children,
-    open descriptors, entries in the folder of temporary files, child processes."""
+    """What many simulations may leave behind: memory [MB] of this process and of the fork server and its workers, open
+    descriptors, folders of workers, processes."""
 
     simulations: int
     parent: float
-    children: float
+    workers: float
     descriptors: int
     files: int
     processes: int
@@ -167,27 +188,20 @@ class Traces:
 
 def endure(bench: Bench, number: int, workers: int, looks: int = 10) -> list[Traces]:
     """Run ``number`` short simulations as one evaluation; returns what is there after each tenth of them."""
-    protocol = protocols.load("quick")
-    nominal = nominal_parameters(bench.plant, {})
     cases: list[Case] = []
-    seed = 0
     while len(cases) < number:
-        noisy = [case for case in protocols.cases(protocol, nominal, seed) if case.test.name == "noise"]
+        benchmark = Benchmark("paper", seed=len(cases))
+        noisy = [case for case in benchmark.cases if case.test.name == "noise"]
         cases += [replace(case, scenario=replace(case.scenario, duration=SHORT)) for case in noisy]
-        seed += 1
-    cases = cases[:number]
+    jobs = [campaign.judging(benchmark.rules, cases[n : n + GROUP_SIZE], bench) for n in range(0, number, GROUP_SIZE)]
     found, peak = [], 0.0
-    with tempfile.TemporaryDirectory() as folder, store.opened(Path(folder)) as results:
-        keys = store.keys(protocol, cases, bench)
-        stream = evaluate(protocol, cases, bench, functools.partial(pool.run, workers=workers))
-        for count, result in enumerate(stream, start=1):
-            assert result.status is Status.DONE, result
-            results.put(keys[result.case], result)
-            if count % 50 == 0:
-                peak = max(peak, memory_of_children())
-            if count % max(1, number // looks) == 0:
-                found.append(look(count, max(peak, memory_of_children())))
-                peak = 0.0
+    for count, (_, outcome) in enumerate(pool.run(jobs, workers), start=1):
+        assert isinstance(outcome, Done), outcome
+        if count % 50 == 0:
+            peak = max(peak, memory_of_children())
+        if count % max(1, number // looks) == 0:
+            found.append(look(count, max(peak, memory_of_children())))
+            peak = 0.0
     return found
 
 
@@ -197,9 +211,9 @@ def look(count: int, peak: float) -> Traces:
     return Traces(
         simulations=count,
         parent=own.memory_info().rss / 1e6,
-        children=peak,
+        workers=peak,
         descriptors=own.num_fds(),
-        files=len(os.listdir(tempfile.gettempdir())),
+        files=len(list(Path(tempfile.gettempdir()).glob("flexible-manipulator-*"))),
         processes=len(own.children(recursive=True)),
     )
 
@@ -219,11 +233,11 @@ def show_endurance(bench: Bench, number: int, workers: int) -> None:
     """Print what many simulations leave behind."""
     begin = time.perf_counter()
     found = endure(bench, number, workers)
-    print("simulations  parent MB  largest child MB  descriptors  temporary files  processes")
+    print("simulations  parent MB  largest worker MB  descriptors  temporary folders  processes")
     for entry in found:
         print(
-            f"{entry.simulations:11}  {entry.parent:9.1f}  {entry.children:16.1f}  {entry.descriptors:11}"
-            f"  {entry.files:15}  {entry.processes:9}"
+            f"{entry.simulations:11}  {entry.parent:9.1f}  {entry.workers:17.1f}  {entry.descriptors:11}"
+            f"  {entry.files:17}  {entry.processes:9}"
         )
     left = psutil.Process().children(recursive=True)
     print(f"after {time.perf_counter() - begin:.0f} s; still there: {len(left)} processes, the fork server's")
@@ -238,16 +252,16 @@ def main() -> int:
     parser.add_argument("--endurance", type=int, metavar="SIMULATIONS")
     parser.add_argument("--jobs", type=int, default=2, help="processes of the endurance test (default: 2)")
     options = parser.parse_args()
-    bench = Bench(*open_fmus(options.controller), timeout=600.0)
-    protocol = protocols.load("paper")
-    rehearse(protocols.cases(protocol, nominal_parameters(bench.plant, {}), 0)[0], bench)  # compiles
+    benchmark, controller = Benchmark("paper"), Controller(options.controller)
+    bench = Bench(benchmark.plant, controller.archive, timeout=600.0)
+    rehearse(benchmark.cases[0], bench)  # compiles
     if options.throughput:
-        show_throughput(protocol, bench, options.throughput)
+        show_throughput(benchmark.rules, benchmark.cases[: options.throughput], bench)
         return 0
     if options.endurance:
         show_endurance(bench, options.endurance, options.jobs)
         return 0
-    return 0 if show_cost(protocol, bench, options.rounds) else 1
+    return 0 if show_cost(benchmark.rules, benchmark.cases, bench, options.rounds) else 1
 
 
 if __name__ == "__main__":

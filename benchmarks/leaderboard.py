@@ -4,25 +4,27 @@
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept
 
-The figures are kept in docs/leaderboard.json, each with the controller's hash; nothing in the tables is typed.
+The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results;
+nothing in the tables is typed.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from orchestrator.cosim.archive import read_description
-from orchestrator.fmus import own_fmu
-from orchestrator.report.comparison import standing
-from orchestrator.report.wording import SHOWN, number
-
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from orchestrator import Benchmark, Controller  # noqa: E402
+from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
+from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
+
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
@@ -42,21 +44,35 @@ Figures = Mapping[str, Any]
 """What is kept of a ``results.json``, under the same names."""
 
 
+CODE = ("fmi", "loop", "benchmark", "jit.py")
+"""What of the package computes the figures."""
+
+
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
     """The figures of one controller on the protocol ``paper``."""
-    fmu = own_fmu(name)
-    command = [sys.executable, "-m", "orchestrator.evaluate", str(fmu), "--output-dir", str(folder / name)]
-    subprocess.run([*command, "--no-report"], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
-    results = json.loads((folder / name / "results.json").read_text(encoding="utf-8"))
+    controller = Controller.built_in(name)
+    results = Benchmark().evaluate(controller, folder=folder / name, recordings=False).results
+    cases = hashlib.sha256((folder / name / "cases.csv").read_bytes()).hexdigest()
     return {
-        "guid": read_description(fmu).guid,
-        **{key: results[key] for key in ("controller", "benchmark", "protocol", "seed", "cost")},
-        "criteria": {
-            key: {part: entry[part] for part in ("value", "unit", "share")}
-            for key, entry in results["criteria"].items()
+        "guid": controller.archive.description.guid,
+        "plant": results.plant.sha256,
+        "code": source_hash(PACKAGE / part for part in CODE),
+        "cases": cases,
+        "controller": {
+            key: getattr(results.controller, key) for key in ("file", "sha256", "fmi_version", "generation_tool")
         },
-        "stability": {key: {"passed": entry["passed"]} for key, entry in results["stability"].items()},
+        **{key: getattr(results, key) for key in ("benchmark", "protocol", "seed", "cost")},
+        "criteria": {
+            key: {"value": entry.value, "unit": entry.unit, "share": entry.share}
+            for key, entry in results.criteria.items()
+        },
+        "stability": {key: {"passed": entry.passed} for key, entry in results.stability.items()},
     }
+
+
+def standing(figures: Figures) -> tuple[bool, float]:
+    """What the order goes by, as in a comparison: those that hold all requirements first, then V."""
+    return not all(entry["passed"] for entry in figures["stability"].values()), figures["cost"]
 
 
 def name_of(figures: Figures) -> str:
@@ -72,8 +88,8 @@ def row(figures: Figures, name: str) -> str:
 
 
 def leaderboard(kept: Sequence[Figures]) -> str:
-    """The README's table, in the order that ``orchestrator.compare`` has."""
-    lines = (row(each, f"[{name_of(each)}]({PAGES[name_of(each)]})") for each in sorted(kept, key=standing))
+    """The README's table, in the order that a comparison has."""
+    lines = (row(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing))
     return HEAD + "".join(lines)
 
 

@@ -37,13 +37,15 @@ import numpy as np  # noqa: E402
 from fmpy.fmi2 import FMU2Slave  # noqa: E402
 
 import build_fmus  # noqa: E402
+from orchestrator.benchmark import cases as case_list  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
-from orchestrator.cosim import signals  # noqa: E402
-from orchestrator.cosim.archive import Archive, open_archive  # noqa: E402
-from orchestrator.cosim.master import simulate  # noqa: E402
-from orchestrator.cosim.scenario import Scenario, seconds  # noqa: E402
-from orchestrator.cosim.slaves import Slave, load  # noqa: E402
-from orchestrator.cosim.trajectory import Status, Trajectory  # noqa: E402
+from orchestrator.exact_time import seconds  # noqa: E402
+from orchestrator.fmi.archive import Archive, open_archive  # noqa: E402
+from orchestrator.fmi.slaves import Slave, load  # noqa: E402
+from orchestrator.loop import signals  # noqa: E402
+from orchestrator.loop.master import simulate  # noqa: E402
+from orchestrator.loop.scenario import Scenario  # noqa: E402
+from orchestrator.loop.trajectory import Status, Trajectory  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
 SAMPLE_TIME = 0.25e-3
@@ -249,8 +251,8 @@ def set_up(folder: Path, duration: float) -> Bench:
     plant, stub_plant, controller = (load(open_archive(file)) for file in files)
     paper = protocols.load("paper")
     test = paper.test("disturbance")
-    system = protocols.system(paper, NOMINAL, 0, 4, "random_1", test)
-    case = protocols.case(paper, paper.grid[4], system, test, 0)
+    system = case_list.system(paper, NOMINAL, 0, 4, "random_1", test)
+    case = case_list.case(paper, case_list.grid(paper)[4], system, test, 0)
     scenario = replace(case.scenario, duration=seconds(duration))
     return Bench(plant, stub_plant, controller, _compiled_c_loop(folder), scenario)
 

@@ -1,18 +1,58 @@
-"""Robust control benchmark of a flexible manipulator: closed-loop co-simulation of a plant and a controller FMU."""
+"""Robust control benchmark of a flexible manipulator: any controller FMU, evaluated in closed loop.
 
-import sys
-from types import TracebackType
+>>> from orchestrator import Benchmark, Controller
+>>> evaluation = Benchmark("quick").evaluate(Controller("my_controller.fmu"))  # doctest: +SKIP
+>>> evaluation.cost, evaluation.requirements["A2"].passed  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-if sys.argv[:1] == ["-m"]:  # a command whose imports are about to begin, which take a second
-    _excepthook = sys.excepthook
+if TYPE_CHECKING:
+    from .api.benchmark import Benchmark
+    from .api.comparing import compare
+    from .api.controller import Controller
+    from .api.evaluation import Evaluation
+    from .api.simulation import Simulation
+    from .benchmark.variation import Variation
+    from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
 
-    def _told(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-        """Tell a Ctrl-C that comes before a command can do so itself."""
-        if issubclass(kind, KeyboardInterrupt):
-            print("interrupted", file=sys.stderr)
-        else:
-            _excepthook(kind, error, traceback)
+__all__ = [
+    "Benchmark",
+    "BenchmarkError",
+    "Controller",
+    "Crash",
+    "EnvironmentFault",
+    "Evaluation",
+    "FmuError",
+    "InputError",
+    "Simulation",
+    "Variation",
+    "__version__",
+    "compare",
+]
 
-    sys.excepthook = _told
+_HOMES = {
+    "Benchmark": ".api.benchmark",
+    "Controller": ".api.controller",
+    "Evaluation": ".api.evaluation",
+    "Simulation": ".api.simulation",
+    "Variation": ".benchmark.variation",
+    "compare": ".api.comparing",
+}
+"""Modules that define public names: imported when first used, so that importing the package is free; the other names
+are errors."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOMES.get(name, ".errors"), __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,4 +1,20 @@
-"""The family of errors a user may meet. Every message says what happened, where, and how to mend it."""
+"""The family of errors a user may meet.
+
+::
+
+    BenchmarkError
+    ├── InputError          what the user gave cannot be used
+    ├── EnvironmentFault    this machine, or another one, failed; never the controller's fault
+    ├── FmuError            an FMU failed in an FMI call
+    └── Crash               the process of a single simulation ended before the simulation did
+
+A message says what happened and where. What to do about it depends on how the library is used, so remedies that name
+options are added by the commands, by ``what``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
 
 
 class BenchmarkError(Exception):
@@ -6,7 +22,36 @@ class BenchmarkError(Exception):
 
 
 class InputError(BenchmarkError):
-    """What the user gave cannot be used: a file, a name, a value. The commands exit with code 2."""
+    """A file, a name or a value cannot be used.
+
+    Attributes
+    ----------
+    what : str
+        Stable code of the problem, such as ``"connector-missing"``.
+    where : str
+        The file, FMU or variable concerned; empty if there is none.
+    value : str
+        The offending value.
+    nearest : tuple of str
+        Names that exist and resemble the value.
+    """
+
+    def __init__(
+        self, message: str, what: str = "", where: object = "", value: object = "", nearest: Iterable[str] = ()
+    ) -> None:
+        super().__init__(message)
+        self.what, self.where, self.value, self.nearest = what, str(where), str(value), tuple(nearest)
+
+
+class EnvironmentFault(BenchmarkError):
+    """The machine, its file system or a cluster failed. What is finished is kept; nothing is held against an FMU.
+
+    ``what`` is a stable code as in :class:`InputError`.
+    """
+
+    def __init__(self, message: str, what: str = "") -> None:
+        super().__init__(message)
+        self.what = what
 
 
 class Crash(BenchmarkError):
@@ -16,17 +61,6 @@ class Crash(BenchmarkError):
 class FmuError(BenchmarkError):
     """An FMU failed in an FMI call. ``call`` names the function, ``log`` holds the FMU's own last messages."""
 
-    def __init__(self, message: str, call: str = "", log: tuple[str, ...] = ()) -> None:
+    def __init__(self, message: str, call: str = "", log: Iterable[str] = ()) -> None:
         super().__init__(message + "".join(f"\n  {line}" for line in log))
-        self.call = call
-        self.log = log
-
-    def __reduce__(self) -> tuple[object, ...]:
-        # The log stands in the message already; it must not be added again when the error crosses processes.
-        return (_restore, (str(self), self.call, self.log))
-
-
-def _restore(message: str, call: str, log: tuple[str, ...]) -> FmuError:
-    error = FmuError(message, call)
-    error.log = log
-    return error
+        self.call, self.log = call, tuple(log)

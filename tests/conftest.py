@@ -59,6 +59,18 @@ def plant_file(fmu_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def native_plant_file(fmu_folder: Path) -> Path:
+    """The manipulator's FMU in C."""
+    return build_or_skip(lambda: build_fmus.build("FlexibleManipulatorNative", fmu_folder))
+
+
+@pytest.fixture(scope="session", params=["plant_file", "native_plant_file"])
+def each_plant_file(request: pytest.FixtureRequest) -> Path:
+    """The manipulator's FMU, in Python and in C."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
 def pid_file(fmu_folder: Path) -> Path:
     """The default controller's FMU, the one in Python."""
     return build_fmus.build("DiagonalPID", fmu_folder)
@@ -71,9 +83,27 @@ def pid_c_file(fmu_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def quick_folder(pid_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of one quick evaluation of the default controller, with the cases a report shows."""
+    from orchestrator import Benchmark, Controller
+
+    folder = tmp_path_factory.mktemp("quick")
+    Benchmark("quick", workers=2).evaluate(Controller(pid_file), folder=folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def quick(quick_folder: Path):
+    """The evaluation stored there."""
+    from orchestrator import Evaluation
+
+    return Evaluation.load(quick_folder)
+
+
+@pytest.fixture(scope="session")
 def probe_plant_file(fmu_folder: Path) -> Path:
     """The stub of ``tests/stubs/probe_plant.c``."""
-    from stub_fmus import PROBE_PLANT, build_stub
+    from support.stub_fmus import PROBE_PLANT, build_stub
 
     return build_or_skip(lambda: build_stub("probe_plant", PROBE_PLANT, fmu_folder))
 
@@ -81,7 +111,7 @@ def probe_plant_file(fmu_folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def feedthrough_file(fmu_folder: Path) -> Path:
     """The stub of ``tests/stubs/feedthrough.c``."""
-    from stub_fmus import FEEDTHROUGH, build_stub
+    from support.stub_fmus import FEEDTHROUGH, build_stub
 
     return build_or_skip(lambda: build_stub("feedthrough", FEEDTHROUGH, fmu_folder))
 

@@ -7,7 +7,6 @@ import io
 import shutil
 import stat
 import struct
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -16,14 +15,15 @@ import pytest
 from conftest import build_or_skip
 from hostile import fmus
 from hostile.fmus import LIBRARY, hostile_fmu
+from support.refusals import refusal
 
 from controller_fmu.export.archive import pack
-from orchestrator import evaluate
-from orchestrator.commands import EXIT_BAD_INPUT, guarded
-from orchestrator.cosim import archive
-from orchestrator.cosim.archive import open_archive
-from orchestrator.errors import InputError
-from orchestrator.folders import VARIABLE
+from orchestrator import Benchmark, Controller
+from orchestrator.cache import VARIABLE
+from orchestrator.errors import EnvironmentFault, FmuError
+from orchestrator.fmi import archive
+from orchestrator.fmi.archive import open_archive, restore
+from orchestrator.loop.sampling import controller_sample_time
 
 DESCRIPTION = "modelDescription.xml"
 
@@ -95,92 +95,84 @@ EXTERNAL = b"""<?xml version="1.0"?><!DOCTYPE b [<!ENTITY secret SYSTEM "file://
 <ModelVariables/><ModelStructure/></fmiModelDescription>"""
 
 REFUSED = {
-    "empty": (lambda good: b"", "no zip archive"),
-    "text": (lambda good: b"this is not a zip archive\n" * 40, "no zip archive"),
-    "truncated": (lambda good: pack(good)[:-200], "no zip archive"),
-    "half": (lambda good: pack(good)[: len(pack(good)) // 2], "no zip archive"),
-    "no entries": (lambda good: zipped([]), "no modelDescription.xml"),
-    "no description": (lambda good: pack({"readme.txt": b"hello"}), "no modelDescription.xml"),
-    "description in a folder": (lambda good: pack({"fmu/modelDescription.xml": b"<a/>"}), "no modelDescription.xml"),
+    "empty": (lambda good: b"", "not-an-fmu"),
+    "text": (lambda good: b"this is not a zip archive\n" * 40, "not-an-fmu"),
+    "truncated": (lambda good: pack(good)[:-200], "not-an-fmu"),
+    "half": (lambda good: pack(good)[: len(pack(good)) // 2], "not-an-fmu"),
+    "no entries": (lambda good: zipped([]), "not-an-fmu"),
+    "no description": (lambda good: pack({"readme.txt": b"hello"}), "not-an-fmu"),
+    "description in a folder": (lambda good: pack({"fmu/modelDescription.xml": b"<a/>"}), "not-an-fmu"),
     "two descriptions": (
         lambda good: with_name(
             zipped([*good.items(), ("modelDescription.xmX", b"<other/>")]),
             b"modelDescription.xmX",
             DESCRIPTION.encode(),
         ),
-        "more than one modelDescription.xml",
+        "bad-description",
     ),
-    "path traversal": (lambda good: zipped([*good.items(), ("../../precious", b"gone")]), "points outside"),
+    "path traversal": (lambda good: zipped([*good.items(), ("../../precious", b"gone")]), "bad-entry"),
     "traversal in the middle": (
         lambda good: zipped([*good.items(), ("resources/../../../precious", b"gone")]),
-        "points outside",
+        "bad-entry",
     ),
     "absolute path": (
         lambda good: with_name(zipped([*good.items(), ("Xtmp/hostile", b"gone")]), b"Xtmp/hostile", b"/tmp/hostile"),
-        "points outside",
+        "bad-entry",
     ),
     "backslashes": (
         lambda good: with_name(zipped([*good.items(), ("..Xprecious", b"gone")]), b"..Xprecious", b"..\\precious"),
-        "points outside",
+        "bad-entry",
     ),
-    "drive letter": (lambda good: zipped([*good.items(), ("c:/precious", b"gone")]), "points outside"),
-    "link": (lambda good: zipped([*good.items(), link("resources/passwords", "/etc/passwd")]), "is a link"),
+    "drive letter": (lambda good: zipped([*good.items(), ("c:/precious", b"gone")]), "bad-entry"),
+    "link": (lambda good: zipped([*good.items(), link("resources/passwords", "/etc/passwd")]), "bad-entry"),
     "link as folder": (
         lambda good: zipped([*good.items(), link("resources", ".."), ("resources/precious", b"gone")]),
-        "is a link",
+        "bad-entry",
     ),
-    "encrypted": (lambda good: encrypted(pack(good)), "is encrypted"),
-    "bomb": (lambda good: zipped([*good.items(), ("resources/zeros", bytes(80 << 20))]), "a ratio of 200"),
+    "encrypted": (lambda good: encrypted(pack(good)), "bad-entry"),
+    "bomb": (lambda good: zipped([*good.items(), ("resources/zeros", bytes(80 << 20))]), "archive-limit"),
     "too many files": (
         lambda good: zipped([*good.items(), *((f"resources/{i}", b"") for i in range(10_001))]),
-        "10000 files",
+        "archive-limit",
     ),
     "huge description": (
         lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION] + b"<!-- -->" * (5 << 20)}),
-        "its modelDescription.xml has 42 MB, more than the 34 MB that are read",
+        "bad-entry",
     ),
     "huge list of sources": (
         lambda good: pack({**good, "sources/buildDescription.xml": b"<!-- -->" * (5 << 20)}),
-        "its sources/buildDescription.xml has 42 MB",
+        "bad-entry",
     ),
-    "empty description": (lambda good: pack({DESCRIPTION: b""}), "modelDescription.xml"),
-    "malformed description": (lambda good: pack({DESCRIPTION: b"<fmiModelDescription>"}), "modelDescription.xml"),
-    "binary description": (lambda good: pack({DESCRIPTION: bytes(range(256)) * 4}), "modelDescription.xml"),
-    "another root": (lambda good: pack({DESCRIPTION: b"<html><body>404</body></html>"}), "modelDescription.xml"),
+    "empty description": (lambda good: pack({DESCRIPTION: b""}), "bad-description"),
+    "malformed description": (lambda good: pack({DESCRIPTION: b"<fmiModelDescription>"}), "bad-description"),
+    "binary description": (lambda good: pack({DESCRIPTION: bytes(range(256)) * 4}), "bad-description"),
+    "another root": (lambda good: pack({DESCRIPTION: b"<html><body>404</body></html>"}), "bad-description"),
     "another version": (
         lambda good: pack({DESCRIPTION: b'<fmiModelDescription fmiVersion="9.0" modelName="x"/>'}),
-        "modelDescription.xml",
+        "bad-description",
     ),
-    "entity bomb": (lambda good: pack({DESCRIPTION: ENTITY_BOMB}), "modelDescription.xml"),
-    "external entity": (lambda good: pack({DESCRIPTION: EXTERNAL}), "modelDescription.xml"),
+    "entity bomb": (lambda good: pack({DESCRIPTION: ENTITY_BOMB}), "bad-description"),
+    "external entity": (lambda good: pack({DESCRIPTION: EXTERNAL}), "bad-description"),
     "identifier that leaves the folder": (
         lambda good: pack({**good, DESCRIPTION: fmus.edited(modelIdentifier="../../../../precious")}),
-        "is no C identifier",
+        "bad-description",
     ),
     "identifier of another library": (
         lambda good: pack({**good, DESCRIPTION: fmus.edited(modelIdentifier="Another")}),
-        "the modelIdentifier does not fit",
-    ),
-    "a step size that fills the memory": (
-        lambda good: pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], "1e9999999999")}),
-        "is no number of seconds",
-    ),
-    "a step size divided by zero": (
-        lambda good: pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], "1/0")}),
-        "is no number of seconds",
+        "bad-description",
     ),
     "a start value in words": (
         lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION].replace(b'start="0"', b'start="much"')}),
-        "is no number for each element",
+        "bad-start",
     ),
-    "no binary": (lambda good: pack({DESCRIPTION: good[DESCRIPTION]}), "no binary for this platform"),
+    "no binary": (lambda good: pack({DESCRIPTION: good[DESCRIPTION]}), "no-binary"),
     "sources that are none": (
         lambda good: pack({DESCRIPTION: good[DESCRIPTION], "sources/model.c": b'#error "never mind"\n'}),
-        "do not compile",
+        "bad-sources",
     ),
     "sources outside": (
         lambda good: pack({DESCRIPTION: with_source(good[DESCRIPTION], "../../../precious"), "sources/model.c": b""}),
-        "lies outside the FMU",
+        "bad-sources",
     ),
 }
 
@@ -191,20 +183,26 @@ def with_step_size(text: bytes, value: str) -> bytes:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_bad_archive_is_refused_with_the_reason(name, good, room, capsys):
-    build, reason = REFUSED[name]
+def test_a_bad_archive_is_refused_with_the_reason(name, good, room):
+    build, what = REFUSED[name]
     file = room / "bad.fmu"
     file.write_bytes(build(good))
     before = outside_of_the_cache(room)
-    assert guarded(evaluate.main, [str(file), "--quick", "--output-dir", str(room / "out")]) == EXIT_BAD_INPUT
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert reason in error
-    assert "Traceback" not in error
-    assert len(error) < 1000
+    error = refusal(open_archive, file)
+    assert error.what == what
+    assert "bad.fmu" in error.where or what == "bad-start"
+    assert len(str(error)) < 1000
     assert outside_of_the_cache(room) == before
     assert (room / "precious").read_text() == "untouched"
     assert not list(room.glob("cache/fmus/incomplete-*"))
+
+
+@pytest.mark.parametrize("size", ["1e9999999999", "1/0"])
+def test_a_step_size_that_would_fill_the_memory_or_divide_by_zero(size, good, room):
+    file = room / "bad.fmu"
+    file.write_bytes(pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], size)}))
+    error = refusal(controller_sample_time, open_archive(file), Benchmark("quick").rules.sample_time)
+    assert (error.what, error.value) == ("bad-sample-time", size)
 
 
 def outside_of_the_cache(room: Path) -> dict[str, bytes]:
@@ -224,66 +222,48 @@ def test_a_size_that_is_a_lie_is_noticed(good, room):
         struct.pack_into("<I", data, at + offset, 10)
     file = room / "liar.fmu"
     file.write_bytes(bytes(data))
-    with pytest.raises(InputError, match="cannot be extracted"):
-        open_archive(file)
+    assert refusal(open_archive, file).what == "cannot-extract"
     assert sum(path.stat().st_size for path in room.rglob("zeros")) == 0
 
 
+@pytest.mark.parametrize("name", ["absent.fmu", "folder", "x" * 300 + ".fmu"])
+def test_what_is_not_a_file(name, room):
+    (room / "folder").mkdir()
+    error = refusal(open_archive, room / name)
+    assert (error.what, error.where) == ("no-file", str(room / name))
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes on Linux")
-def test_a_name_that_is_no_utf8_is_refused(good, room):
+def test_a_name_that_is_not_utf8_is_refused(good, room):
     file = room / "\udcff.fmu"
     file.write_bytes(pack(good))
-    with pytest.raises(InputError, match="Rename it"):
-        open_archive(file)
+    assert refusal(open_archive, file).what == "bad-file-name"
 
 
-@pytest.mark.parametrize("what", ["missing", "folder", "long name"])
-def test_what_is_no_file(what, room, capsys):
-    path = room / ("x.fmu" if what != "long name" else "x" * 300 + ".fmu")
-    if what == "folder":
-        path.mkdir()
-    assert guarded(evaluate.main, [str(path), "--quick", "--output-dir", str(room / "out")]) == EXIT_BAD_INPUT
-    assert capsys.readouterr().err.startswith(f"error: {'There is no file ' if what != 'long name' else ''}{path}")
-
-
-# ---- Libraries that are none ----
+# ---- Libraries that cannot be loaded ----
 
 
 BROKEN_LIBRARIES = {
     "text": lambda library: b"not a library\n",
     "empty": lambda library: b"",
     "truncated": lambda library: library[: len(library) // 2],
-    "cut in the header": lambda library: library[:100],
     "zeros": lambda library: library[:64] + bytes(len(library) - 64),
+    "of another program": lambda library: Path(sys.modules["_ctypes"].__file__).read_bytes(),
 }
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="shared objects of Linux")
 @pytest.mark.parametrize("name", BROKEN_LIBRARIES)
-def test_a_broken_library_has_no_verdict_and_no_traceback(name, good, tmp_path, capsys):
+def test_a_broken_library_has_no_verdict(name, good, tmp_path):
     file = tmp_path / "broken.fmu"
     file.write_bytes(pack({**good, LIBRARY: BROKEN_LIBRARIES[name](good[LIBRARY])}))
-    code = guarded(evaluate.main, [str(file), "--quick", "--output-dir", str(tmp_path / "out"), "--only", "c00.*"])
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err + captured.out
-    if code == EXIT_BAD_INPUT:
-        assert "broken.fmu cannot be loaded" in captured.err
+    try:
+        evaluation = Benchmark("quick").evaluate(Controller(file), only="c00.compliant.noise", recordings=False)
+    except FmuError as error:
+        assert error.call == "load" and "broken.fmu" in str(error)
     else:  # a truncated library may end the process that loads it, with SIGBUS
-        assert code == 1
-        assert "loading its library" in (tmp_path / "out" / "cases.csv").read_text()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="shared objects of Linux")
-def test_a_library_without_fmi_functions(good, tmp_path, capsys):
-    (tmp_path / "empty.c").write_text("int nothing(void) { return 0; }\n")
-    target = tmp_path / "empty.so"
-    subprocess.run(["cc", "-shared", "-fPIC", str(tmp_path / "empty.c"), "-o", str(target)], check=True)
-    file = tmp_path / "broken.fmu"
-    file.write_bytes(pack({**good, LIBRARY: target.read_bytes()}))
-    code = guarded(evaluate.main, [str(file), "--quick", "--output-dir", str(tmp_path / "out"), "--only", "c00.*"])
-    error = capsys.readouterr().err
-    assert (code, "Traceback" in error) == (EXIT_BAD_INPUT, False)
-    assert "cannot be loaded" in error
+        (case,) = evaluation.cases
+        assert not case.judged and "loading its library" in case.message
 
 
 # ---- The cache ----
@@ -320,16 +300,26 @@ def test_what_was_compiled_beside_the_files_stays(good, room):
 def test_a_cache_that_cannot_be_written(good, room):
     (room / "cache").mkdir()
     (room / "cache" / "fmus").write_text("a file in the way")
-    with pytest.raises(InputError, match="cannot be extracted into the cache"):
+    with pytest.raises(EnvironmentFault) as caught:
         open_archive(hostile_fmu(room))
+    assert caught.value.what == "no-cache"
+
+
+@pytest.mark.parametrize("file_stays", [True, False])
+def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, good, room):
+    fmu = hostile_fmu(room)
+    opened = open_archive(fmu)
+    assert not restore(opened), "nothing to do"
+    shutil.rmtree(room / "cache")
+    if not file_stays:
+        fmu.unlink()
+    assert restore(opened) and (opened.folder / LIBRARY).is_file()
 
 
 def test_a_file_that_is_too_large_is_not_unpacked(good, room, monkeypatch):
     file = hostile_fmu(room)
     monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size)
-    with pytest.raises(InputError, match="The limits are 10000 files, 0 MB"):
-        open_archive(file)
+    assert refusal(open_archive, file).what == "archive-limit", "its contents"
     monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size - 1)
-    with pytest.raises(InputError, match="it has more than 0 MB"):
-        open_archive(file)
+    assert refusal(open_archive, file).what == "archive-limit", "the file itself"
     assert not (room / "cache").exists()

@@ -1,118 +1,257 @@
-"""Child processes: how they start, what their parent never does, and that none stays behind."""
+"""Worker processes: whoever starts them, how they start, and that nothing of them stays behind."""
 
 from __future__ import annotations
 
+import csv
+import multiprocessing
 import os
+import resource
+import signal
+import subprocess
 import sys
+import threading
+from ast import literal_eval
 from dataclasses import replace
 from fractions import Fraction
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import psutil
 import pytest
 from hostile import fmus
-from hostile.commands import command, finished
+from hostile.commands import wait_for
 from hostile.fmus import Fault
-from hostile.runs import STRUCK, bench, run, short_cases
+from hostile.runs import STRUCK, bench, job, noise_cases, run, short_cases
 
-from orchestrator.execution import evaluation, pool
-from orchestrator.execution.evaluation import rehearse
-from orchestrator.execution.job import Finished, Job
+from orchestrator import Benchmark, Controller
+from orchestrator.api import work
+from orchestrator.errors import EnvironmentFault
+from orchestrator.execution import launch, pool
+from orchestrator.execution.supervision import run_isolated
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the corpus is written for Linux")
 
+CASE = "c00.compliant.noise"
+GOLDEN = Path(__file__).parent / "golden" / "DiagonalPID.quick.csv"
 
-# ---- The start of a child ----
 
-REPORTING = """
-import sys
+# ---- Callers: whatever they are, they get the right numbers ----
 
-def work(plant, controller, task):
-    main = sys.modules.get("__mp_main__")
-    return getattr(getattr(main, "__spec__", None), "name", ""), "orchestrator.evaluate" in sys.modules
+
+def golden() -> list[str]:
+    """B1 and B2 of the case, as published."""
+    with GOLDEN.open(encoding="utf-8") as table:
+        (row,) = (row for row in csv.DictReader(table) if row["id"] == CASE)
+    return [row[name] for name in row if name.startswith(("B1", "B2"))]
+
+
+def evaluated(file: str) -> list[str]:
+    """B1 and B2 of the case."""
+    (case,) = Benchmark("quick", workers=1).evaluate(Controller(file), only=CASE, recordings=False).cases
+    return [repr(case.measurements.B1), repr(case.measurements.B2)]
+
+
+SCRIPT = """
+from orchestrator import Benchmark, Controller
+(case,) = Benchmark("quick", workers=1).evaluate(Controller({file!r}), only={case!r}, recordings=False).cases
+print([repr(case.measurements.B1), repr(case.measurements.B2)])
+"""
+THREADED = "import threading\ndef work():\n{}\nthreading.Thread(target=work).start()\n"
+
+
+def printed(arguments: list[str], folder: Path, text: str = "") -> list[str]:
+    """What a Python process prints."""
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, input=text, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return literal_eval(done.stdout)
+
+
+def test_a_script_without_a_guard_and_one_from_standard_input(pid_file, tmp_path):
+    script = SCRIPT.format(file=str(pid_file), case=CASE)
+    (tmp_path / "script.py").write_text(script)
+    assert printed(["script.py"], tmp_path) == golden()
+    assert printed(["-"], tmp_path, script) == golden()
+
+
+def test_a_thread_that_outlives_the_main_thread(pid_file, tmp_path):
+    lines = SCRIPT.format(file=str(pid_file), case=CASE).replace("\n", "\n    ")
+    (tmp_path / "script.py").write_text(THREADED.format(lines))
+    assert printed(["script.py"], tmp_path) == golden()
+
+
+def test_a_notebook(pid_file, tmp_path):
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    cell = nbformat.v4.new_code_cell(SCRIPT.format(file=str(pid_file), case=CASE))
+    notebook = nbformat.v4.new_notebook(cells=[cell])
+    nbclient.NotebookClient(notebook, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
+    assert literal_eval("".join(output.text for output in cell.outputs if output.name == "stdout")) == golden()
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize("method", ["spawn", "fork"])
+def test_daemonic_processes(method, pid_file):
+    """A fork inherits the fork server of this process, which stays this one's."""
+    assert evaluated(str(pid_file)) == golden()
+    with multiprocessing.get_context(method).Pool(1) as callers:
+        assert callers.apply(evaluated, [str(pid_file)]) == golden()
+    assert evaluated(str(pid_file)) == golden()
+
+
+def test_a_fork_while_another_thread_starts_a_server(pid_file):
+    with launch._servers_lock:
+        pid = os.fork()
+    if pid == 0:
+        try:
+            os._exit(0 if evaluated(str(pid_file)) == golden() else 1)
+        finally:
+            os._exit(2)
+    assert os.waitpid(pid, 0)[1] == 0
+
+
+# ---- The start ----
+
+
+@pytest.fixture
+def own(plant_file, faulty):
+    """The plant with the hostile controller, without a fault."""
+    return bench(plant_file, faulty(fmus.NONE))
+
+
+def test_a_worker_has_nothing_of_its_owner(own):
+    (outcome,) = run_isolated(job(own, "surroundings", b""))
+    folder, files, sockets, main = literal_eval(outcome.value.decode())
+    assert (files, sockets, main) == ([], 1, None)
+    assert not Path(folder).exists()  # it goes with the worker
+
+
+def test_the_owner_never_loads_an_fmu(own):
+    run(own, short_cases((STRUCK,)))
+    assert "/fmus/" not in Path("/proc/self/maps").read_text()
+
+
+def test_an_owner_with_many_open_files(own):
+    """select() refuses descriptors above 1023."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (4096, before[1]))
+    opened = [os.open(os.devnull, os.O_RDONLY) for _ in range(1100)]
+    try:
+        assert [outcome.value for outcome in run_isolated(job(own, "echo", b"a"))] == [b"a"]
+    finally:
+        for descriptor in opened:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def test_jobs_of_different_modules_do_not_end_each_others_workers(own):
+    """Each module has a fork server of its own."""
+    first = run_isolated(job(own, "echo", b"a", b"b"))
+    assert next(first).value == b"a"
+    task = replace(job(own, "echo", b""), work=f"{work.__name__}:judge_case")
+    list(run_isolated(task))  # it fails, since that is no task of its
+    before = set(launch._servers.values())
+    assert next(first).value == b"b"
+    assert set(launch._servers.values()) == before and len(before) >= 2
+
+
+@pytest.mark.parametrize("disturb", ["kill", "terminate"])
+def test_a_fork_server_that_is_lost_costs_nothing(disturb, own):
+    outcomes = run_isolated(job(own, "echo", b"a", b"b", b"c"))
+    assert next(outcomes).value == b"a"
+    (server,) = (server for key, server in launch._servers.items() if key[0] == "hostile.works")
+    getattr(server._process, disturb)()
+    server._process.wait()
+    assert [outcome.value for outcome in outcomes] == [b"b", b"c"]
+    assert [outcome.value for outcome in run_isolated(job(own, "echo", b"d"))] == [b"d"]
+    assert not Path(server._scratch).exists()
+
+
+def test_a_machine_that_can_start_no_process_is_an_environment_fault(own, monkeypatch):
+    monkeypatch.setattr(launch, "_received", lambda status: -11)
+    with pytest.raises(EnvironmentFault) as told:
+        list(run_isolated(job(own, "echo", b"a")))
+    assert told.value.what == "no-process"
+
+
+@pytest.mark.parametrize("where", ["_received", "ProcessTree", "frame"])
+def test_an_interruption_while_a_worker_starts_leaves_nothing(where, own, monkeypatch):
+    list(run_isolated(job(own, "echo", b"a")))
+    before = left_behind()
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(launch, where, interrupted)
+        list(run_isolated(job(own, "echo", b"a")))
+    assert wait_for(lambda: left_behind() == before)
+
+
+def test_time_limits_follow_the_simulated_time(own):
+    scenarios = [replace(noise_cases()[0].scenario, duration=Fraction(duration)) for duration in (13, 26)]
+    made = replace(own, timeout=52.0).job("judge_case", [], scenarios, lambda *_: None, 5.0)
+    assert made.time_limits == (5.0 + 26.0, 5.0 + 52.0)
+
+
+# ---- The end ----
+
+
+def test_nothing_stays_after_many_jobs(plant_file, faulty, own):
+    """As many descriptors, folders and processes as after the first few, through successes, errors and crashes."""
+    bad = [bench(plant_file, faulty(Fault(what)), limit=20.0) for what in ("abort", "exit:0", "status:3")]
+    cases = short_cases((STRUCK,) * 3)
+
+    def everything(count: int) -> None:
+        for each in bad:
+            run(each, cases, workers=2)
+        outcomes = list(pool.run([job(own, "echo", b"x")] * count, 2))
+        assert [outcome.value for _, outcome in outcomes] == [b"x"] * count
+
+    everything(1)
+    before = left_behind()
+    everything(100)
+    assert wait_for(lambda: left_behind() == before)
+
+
+def left_behind() -> tuple[int, int, int]:
+    """Open descriptors, folders for workers, and living processes below this one's fork servers."""
+    servers = list(launch._servers.values())
+    below = [each for server in servers for each in psutil.Process(server._process.pid).children()]
+    folders = [name for server in servers for name in os.listdir(server._scratch)]
+    return len(os.listdir("/proc/self/fd")), len(folders), len(below)
+
+
+def test_a_pool_that_is_closed_ends_its_workers(own):
+    outcomes = pool.run([job(own, "echo", b"x")] * 50, 2)
+    next(outcomes)
+    outcomes.close()
+    assert not [thread for thread in threading.enumerate() if "drive" in thread.name]
+
+
+OWNER = """
+import os, sys
+from pathlib import Path
+from hostile.runs import bench, job
+from orchestrator.execution import launch, supervision
+outcomes = supervision.run_isolated(job(bench(Path(sys.argv[1]), Path(sys.argv[2])), "echo", b"a", b"b"))
+next(outcomes)
+(server,) = launch._servers.values()
+print(server._process.pid, server._scratch, flush=True)
+sys.stdin.read()
 """
 
 
-def test_a_child_does_not_import_the_command(plant_file, faulty, tmp_path, monkeypatch):
-    (tmp_path / "reporting.py").write_text(REPORTING)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(sys.modules["__main__"], "__spec__", find_spec("orchestrator.evaluate"))
-    main = sys.modules["__main__"]
-    own = bench(plant_file, faulty(fmus.NONE))
-    jobs = [Job(own.plant, own.controller, (0,), import_module("reporting").work, (60.0,)) for _ in range(6)]
-    for _, outcome in pool.run(jobs, workers=3):
-        assert isinstance(outcome, Finished), outcome
-        assert outcome.value[0] != "orchestrator.evaluate"
-        assert not outcome.value[1]
-    assert sys.modules["__main__"] is main
-
-
-def test_work_of_a_script_of_ones_own_is_found(plant_file, faulty, tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(f"""
-from orchestrator.cosim.archive import open_archive
-from orchestrator.execution.isolation import run_isolated
-from orchestrator.execution.job import Job
-from pathlib import Path
-
-def work(plant, controller, task):
-    return task + 1
-
-if __name__ == "__main__":
-    plant, controller = (open_archive(Path(file)) for file in {(str(plant_file), str(faulty(fmus.NONE)))!r})
-    print(next(run_isolated(Job(plant, controller, (41,), work, (60.0,)))).value)
-""")
-    assert finished([sys.executable, str(script)]).stdout == "42\n"
-
-
-def test_a_folder_of_temporary_files_with_a_long_path(tmp_path):
-    folder = tmp_path / ("x" * 100)
-    folder.mkdir()
-    refused = finished(command(tmp_path / "out", "--quick"), environment={"TMPDIR": str(folder)})
-    assert refused.returncode == 2
-    assert (
-        f"error: No child process can be started: AF_UNIX path too long. It needs a socket in {folder}: set TMPDIR"
-        in refused.stderr
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_an_owner_that_is_killed_leaves_nothing(number, plant_file, faulty):
+    owner = subprocess.Popen(
+        [sys.executable, "-c", OWNER, str(plant_file), str(faulty(fmus.NONE))],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
-
-
-# ---- The parent ----
-
-
-def test_the_parent_never_loads_an_fmu(plant_file, faulty):
-    """It may build and unpack, but no library of an FMU is mapped into it."""
-    own = bench(plant_file, faulty(fmus.NONE))
-    run(own, short_cases(own.plant, (STRUCK,)))
-    mapped = Path("/proc/self/maps").read_text()
-    assert "/fmus/" not in mapped
-
-
-def test_no_descriptor_or_child_stays_after_many_faults(plant_file, faulty):
-    benches = [bench(plant_file, faulty(Fault(what)), limit=20.0) for what in ("abort", "exit:0", "status:3")]
-    cases = short_cases(benches[0].plant, (STRUCK,) * 3)
-    run(benches[0], cases)
-    before = descriptors()
-    for own in benches:
-        run(own, cases, workers=2)
-    assert descriptors() <= before
-    assert children_of_fork_server() == []
-
-
-def descriptors() -> int:
-    """Open files of this process."""
-    return len(os.listdir("/proc/self/fd"))
-
-
-def children_of_fork_server() -> list[psutil.Process]:
-    """Simulations that are still running below this process."""
-    servers = [child for child in psutil.Process().children() if "forkserver" in " ".join(child.cmdline())]
-    return [child for server in servers for child in server.children()]
-
-
-def test_time_limits_follow_the_simulated_time(plant_file, faulty, monkeypatch):
-    monkeypatch.setattr(evaluation, "START_TIME", 5.0)
-    own = replace(bench(plant_file, faulty(fmus.NONE)), timeout=52.0)
-    scenarios = [case.scenario for case in short_cases(own.plant, (Fraction(13), Fraction(26)))]
-    assert own.job(scenarios, scenarios, rehearse, 5.0).time_limits == (5.0 + 26.0, 5.0 + 52.0)
+    with owner:
+        pid, scratch = owner.stdout.readline().split()
+        members = [psutil.Process(int(pid)), *psutil.Process(int(pid)).children()]
+        assert os.listdir(scratch)
+        owner.send_signal(number)
+    assert not psutil.wait_procs(members, timeout=60)[1]
+    assert not Path(scratch).exists()

@@ -2,113 +2,127 @@
 
 from __future__ import annotations
 
+import io
 import json
+from pathlib import Path
 
 import pytest
-from reports import TABLE_2, evaluation, stored
-from results import everything
+from msgspec.structs import replace
 from rich.console import Console
+from support.reports import RECORDINGS, recording, results_of, scaled
+from support.results import RULES, result
 
-from orchestrator.compare import main
-from orchestrator.cosim.controller import Setup
-from orchestrator.report.comparison import compare, comparison_document
-from orchestrator.report.leaderboard import show_comparison
-from orchestrator.report.run import load_run
+from orchestrator.benchmark.results import CaseResult, Results, SampleTimeRecord
+from orchestrator.cli.comparison_tables import show_comparison
+from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.compare_page import compare_html
+from orchestrator.reporting.comparison import Group, compare, comparison_document
+from orchestrator.reporting.run import Run
 
-
-@pytest.fixture
-def make(tmp_path, plant_file, pid_file):
-    """Makes a run named ``name`` with B1..B7 of ``factor`` times the paper's."""
-
-    def made(name, factor=1.0, document=None, configurations=range(18), **changes):
-        results = everything({key: factor * value for key, value in TABLE_2.items()}, configurations)
-        changes.setdefault("setup", Setup({"K": factor}))
-        run = stored(tmp_path / name, evaluation(plant_file, pid_file, results, **changes))
-        if document:
-            contents = {**run.document, **document}
-            (run.folder / "results.json").write_text(json.dumps(contents))
-        return run.folder
-
-    return made
+CYCLING = result(0, "slippery", "delay_2", {}, (1e-3, 0.0))
 
 
-def compared(folders, capsys, *options):
-    """The comparison of the runs in ``folders`` as plain values."""
-    assert main([*map(str, folders), "--json", "--output-dir", str(folders[0].parent / "out"), *options]) == 0
-    return json.loads(capsys.readouterr().out)["groups"]
+def results_with(other: CaseResult, factor: float = 1.0) -> Results:
+    """Results in which one case is another."""
+    return results_of([other if case.id == other.id else case for case in scaled(factor).cases])
 
 
-def test_the_lowest_cost_is_first(make, capsys):
-    (group,) = compared([make("a", 1.2), make("b", 0.8), make("c", 1.0)], capsys)
-    assert [entry["rank"] for entry in group["ranked"]] == [1, 2, 3]
-    assert [round(entry["cost"] / 140.71, 2) for entry in group["ranked"]] == [0.8, 1.0, 1.2]
-    assert group["unranked"] == [] and group["difference"] == ""
+def compared(*results: Results, folders: bool = True) -> tuple[Group, ...]:
+    return compare([Run(of, (), Path(f"runs/{i}") if folders else None) for i, of in enumerate(results)])
 
 
-def test_those_that_fail_a_requirement_come_after_those_that_hold_all(make, capsys):
-    fails = {"passed": False, "limit_cycle": 1e-3, "rest_error": None, "worst_case": "c00.slippery.delay_2", "axes": {}}
-    stability = {name: {**fails, "axes": dict.fromkeys(("1", "2"), fails)} for name in ("A1", "A2", "A3")}
-    (group,) = compared([make("cheap", 0.5, {"stability": stability}), make("a", 1.2), make("b", 0.8)], capsys)
-    assert [round(entry["cost"] / 140.71, 2) for entry in group["ranked"]] == [0.8, 1.2, 0.5]
+def costs(group: Group) -> list[float]:
+    """V of the ranked runs, relative to that of Table 2."""
+    return [round(entry.run.results.cost / 140.7324, 2) for entry in group.ranked]
 
 
-def test_the_order_of_plant_parameters_does_not_matter(make, capsys):
-    first, second = {"m[1]": 50.0, "m[2]": 140.0}, {"m[2]": 140.0, "m[1]": 50.0}
-    groups = compared([make("a", plant_parameters=first), make("b", 0.8, plant_parameters=second)], capsys)
-    assert [len(group["ranked"]) for group in groups] == [2]
+def test_the_lowest_cost_is_first_and_those_that_fail_a_requirement_come_last():
+    (group,) = compared(scaled(1.2), scaled(0.8), results_with(CYCLING, 0.5), scaled(1.0))
+    assert costs(group) == [0.8, 1.0, 1.2, 0.5]
+    assert group.unranked == () and group.difference == ""
+    parameters = {"m[1]": 50.0, "m[2]": 140.0}
+    swapped = dict(reversed(parameters.items()))
+    (group,) = compared(*(scaled(1, plant={"parameters": given}) for given in (parameters, swapped)))
+    assert len(group.ranked) == 2, "whatever their order"
+
+
+OTHER_LIMIT = replace(RULES, stability=replace(RULES.stability, limit_cycle=2e-5))
 
 
 @pytest.mark.parametrize(
-    ("change", "reason"),
+    ("change", "field", "reason"),
     [
-        ({"benchmark": "FlexibleManipulator-v2"}, "benchmark FlexibleManipulator-v2, not FlexibleManipulator-v1"),
-        ({"protocol": "quick"}, "protocol quick, not paper"),
-        ({"seed": 3}, "seed 3, not 0"),
-        ({"sample_time": {"seconds": 1e-3, "as_in_benchmark": False}}, "sample time 1 ms, not 0.25"),
+        ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v1"),
+        ({"protocol": "quick"}, "protocol", "protocol quick, not protocol paper"),
+        ({"seed": 3}, "seed", "seed 3, not seed 0"),
+        ({"sample_time": SampleTimeRecord(1e-3, False)}, "sample_time", "sample time 1 ms, not sample time 0.25 ms"),
+        ({"plant": {"sha256": "b2" * 32}}, "plant", "plant with SHA-256 b2b2b2b2b2b2..., not plant with SHA-256 a1a1"),
+        ({"plant": {"parameters": {"m[1]": 60.0}}}, "plant_parameters", "plant parameters m[1]=60, not plant"),
+        ({"rules": OTHER_LIMIT}, "rules", "other rules (stability)"),
     ],
 )
-def test_unequal_conditions_are_not_ranked_together(make, capsys, change, reason):
-    groups = compared([make("other", 0.1, change), make("a", 1.2), make("b", 0.8)], capsys)
-    assert [len(group["ranked"]) for group in groups] == [2, 1]
-    assert groups[1]["difference"] == reason
-    assert groups[1]["ranked"][0]["rank"] == 1
+def test_unequal_conditions_are_not_ranked_together(change, field, reason):
+    first, second = compared(scaled(0.1, **change), scaled(1.2), scaled(0.8))
+    assert (len(first.ranked), len(second.ranked)) == (2, 1)
+    assert second.difference.startswith(reason)
+    assert getattr(second.conditions, field) != getattr(first.conditions, field)
 
 
-def test_a_changed_plant_is_a_condition_too(make, capsys):
-    other = make("other", plant_parameters={"m[1]": 60.0})
-    groups = compared([make("a"), make("b", 0.8), other], capsys)
-    assert groups[1]["difference"] == "plant parameters m[1]=60, not as nominal"
+def test_values_are_in_si_units():
+    (group,) = comparison_document(compared(scaled(1)))["groups"]
+    assert group["conditions"]["sample_time"] == 0.25e-3
+    assert group["ranked"][0]["criteria"]["B5"] == pytest.approx(10.2e-3)
+    assert group["ranked"][0]["requirements"] == dict.fromkeys(["A1 1", "A1 2", "A2 1", "A2 2", "A3"], True)
+    assert json.dumps(group, allow_nan=False)
 
 
-def test_an_incomplete_run_has_no_rank(make, capsys):
-    (group,) = compared([make("part", 0.5, configurations=range(3)), make("whole")], capsys)
-    assert [entry["name"] for entry in group["ranked"]] == ["DiagonalPID [K=1]"]
-    assert group["unranked"][0]["reason"] == "incomplete: not all cases of the protocol were run"
+def test_an_incomplete_run_has_no_rank():
+    crashed = replace(CYCLING, status=Status.CRASHED)
+    (group,) = compared(scaled(0.5, configurations=range(3)), scaled(1), results_with(crashed))
+    assert [entry.name for entry in group.ranked] == ["PID [K=1]"]
+    assert [why.removeprefix("incomplete: ") for _, why in group.unranked] == [
+        *("not all cases of the protocol were run", "1 crashed")
+    ]
 
 
-def test_equal_names_are_told_apart_by_their_folders(make, capsys):
-    (group,) = compared([make("a"), make("b")], capsys)
-    names = [entry["name"] for entry in group["ranked"]]
-    assert len(set(names)) == 2 and all("DiagonalPID" in name for name in names)
+@pytest.mark.parametrize("folders", [True, False])
+def test_equal_names_are_told_apart(folders):
+    (group,) = compared(scaled(1), scaled(1), folders=folders)
+    names = [entry.name for entry in group.ranked]
+    assert len(set(names)) == 2 and all("PID [K=1]" in name for name in names)
 
 
-@pytest.mark.parametrize("width", [50, 80, 200])
-def test_terminal_table(make, width):
-    groups = compare([load_run(make("a", 1.2)), load_run(make("b", 0.8)), load_run(make("c", 1.0, {"seed": 4}))])
-    console = Console(width=width)
-    with console.capture() as capture:
-        show_comparison(groups, console)
-    text = capture.get()
+@pytest.mark.parametrize("protocol", ["paper", "quick"])
+def test_quick_is_said_to_depend_on_the_seed(protocol):
+    groups = compared(scaled(1, protocol=protocol))
+    told = (groups[0].notes, shown(groups, 80), compare_html(groups))
+    assert ["depends on the seed" in str(text) for text in told] == [protocol == "quick"] * 3
+
+
+def shown(groups, width: int) -> str:
+    console = Console(width=width, file=io.StringIO(), emoji=False)
+    show_comparison(groups, console)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_terminal_table(width):
+    evil = {"file": "\x1b[31m\u202e=[bold]x.fmu"}
+    text = shown(compared(scaled(1.2), scaled(0.8, controller=evil), scaled(1, seed=4)), width)
     assert text.index("112.6") < text.index("168.9")
-    assert "Not ranked with the above: seed 4, not 0" in " ".join(text.split())
+    assert "Not ranked with the above: seed 4, not seed 0" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
-    assert "controller" in text and "1  DiagonalPID" in text
-    assert comparison_document(groups)["groups"][1]["conditions"]["seed"] == 4
+    assert "paper's PID" in text and "141.0" in text
+    assert "2  PID [K" in text and "\x1b" not in text and "\u202e" not in text
+    assert text.count("holds") == 15
 
 
-def test_page_says_the_same(make, capsys):
-    folders = [make("a", 1.2), make("b", 0.8), make("c", 1.0, {"protocol": "quick"})]
-    compared(folders, capsys)
-    html = (folders[0].parent / "out" / "compare.html").read_text(encoding="utf-8")
-    assert "Not ranked with the above: protocol quick, not paper." in html
-    assert html.index("112.6") < html.index("168.9")
+def test_page_says_the_same():
+    recordings = (*RECORDINGS, recording(("B7",), "c03.random_2.disturbance"))
+    runs = [Run(results_with(CYCLING), recordings), Run(scaled(0.8)), Run(scaled(1.0, protocol="quick"))]
+    html = compare_html(compare(runs))
+    assert "Not ranked with the above: protocol quick, not protocol paper." in html
+    assert html.index("112.6") < html.index("140.7")
+    assert "1000.0 µm" in html, "a verdict with its number"
+    assert html.count("paper&#39;s PID</th>") == 2
+    assert "simulate 'my controllers/PID.fmu' --case c03.random_2.disturbance" in html

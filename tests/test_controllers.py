@@ -1,4 +1,4 @@
-"""The controllers beyond the paper's: the design's steps, the laws, their FMUs, and the simulator that tuned them."""
+"""The controllers beyond the paper's: the design's steps, the linear loops, and their data files."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmpy import read_model_description, simulate_fmu
 from hypothesis import given, settings
-from manipulators import CORNERS, constants, table, uncertain_tables, workspace
 from numpy.testing import assert_allclose
-from pid_fmus import INPUTS, T_S, Signals, in_child, random_signals, slave
 from scipy import linalg
+from support.closed_loops import GRID
+from support.manipulators import CORNERS, constants, table, uncertain_tables, workspace
+from support.pid_fmus import GAINS, T_S, law, random_signals
+from test_pid import TUNED
 
-import build_fmus
 from controller_fmu.friction import flexible_manipulator_dither as shaking
 from controller_fmu.friction import tune as friction
 from controller_fmu.lqg import flexible_manipulator_lqg as lqg
@@ -28,21 +28,6 @@ from plant_fmu.flexible_manipulator.dynamics import accelerations, spring
 
 WEIGHTS = lqg.read_weights(plain.WEIGHTS)
 POSES = [*CORNERS, (0.4, -1.1), (1.2, -2.6)]
-NAMES = ("TunedPID", "ManipulatorLQG", "DitheredLQG")
-U_M0 = (1.7, -0.3)
-AT = (60.0, -180.0)
-"""Motor angles of a pose in the workspace [rad]."""
-
-
-@pytest.fixture(scope="module", params=NAMES)
-def fmu(request, fmu_folder):
-    return build_fmus.build(request.param, fmu_folder)
-
-
-def near_rest(samples: int, size: float, seed: int = 3) -> Signals:
-    """Measurements scattered by ``size`` [rad] about the reference AT."""
-    scatter = size * np.random.default_rng(seed).normal(size=(samples, 2))
-    return Signals(np.tile(AT, (samples, 1)), np.array(AT) + scatter, U_M0)
 
 
 # --- the design's steps ---
@@ -89,21 +74,16 @@ def test_model_is_the_linearized_manipulator(q_a):
 
 
 @pytest.mark.parametrize("q_a", POSES)
-def test_tool_jacobian_is_the_derivative_of_the_kinematics(q_a):
+def test_jacobian_and_discretization_at_a_pose(q_a):
     arm, _ = constants(table())
     for column in range(2):
         change = 1e-6 * np.eye(2)[column]
         slope = np.subtract(kinematics.tcp(arm, *(q_a + change)), kinematics.tcp(arm, *(q_a - change))) / 2e-6
         assert_allclose(lqg.tool_jacobian(q_a)[:, column], slope, atol=1e-8)
-
-
-@pytest.mark.parametrize("q_a", POSES)
-def test_discretization_is_the_matrix_exponential(q_a):
     A, B = lqg.linearize(WEIGHTS, lqg.Pose(q_a, lqg.K_HIGH))
-    A_d, B_d = lqg.discretize(A, B, T_S)
-    expected = linalg.expm(np.block([[A, B], [np.zeros((4, 12))]]) * T_S)
-    assert_allclose(A_d, expected[:8, :8], rtol=1e-10, atol=1e-12 * abs(expected).max())
-    assert_allclose(B_d, expected[:8, 8:], rtol=1e-10, atol=1e-12 * abs(expected[:8, 8:]).max())
+    expected = linalg.expm(np.block([[A, B], [np.zeros((4, 12))]]) * T_S)[:8]
+    for found, block in zip(lqg.discretize(A, B, T_S), (expected[:, :8], expected[:, 8:]), strict=True):
+        assert_allclose(found, block, rtol=1e-10, atol=1e-12 * abs(block).max())
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -120,24 +100,26 @@ def test_riccati_equation_without_solution_is_refused():
         lqg.riccati(np.array([[2.0]]), np.array([[0.0]]), np.eye(1), np.eye(1))
 
 
+@pytest.fixture(scope="module")
+def plants_never_tuned_for():
+    """Linearized plants over poses and frictions."""
+    frictions = itertools.product((0.001, 0.1, 0.3, 1.0, 3.0, 8.0, 20.0), (0.001, 0.1, 0.3, 1.0, 3.0, 7.0, 14.0))
+    return stability.linear_plants(problem.scattered_poses(12, seed=99), list(frictions))
+
+
 @pytest.mark.parametrize(
-    ("law_of", "name"),
-    [
-        (plain.law_of(WEIGHTS), "lqg"),
-        (plain.law_of(lqg.read_weights(friction.WEIGHTS)), "friction"),
-        (pid.law_of(json.loads(pid.GAINS.read_text())["gains"]), "pid_tuned"),
-    ],
+    "law_of",
+    [plain.law_of(WEIGHTS), plain.law_of(lqg.read_weights(friction.WEIGHTS)), pid.law_of(TUNED)],
+    ids=["lqg", "friction", "pid_tuned"],
 )
-def test_linear_loop_is_stable_over_poses_and_frictions_never_tuned_for(law_of, name):
-    frictions = list(itertools.product((0.001, 0.1, 0.3, 1.0, 3.0, 8.0, 20.0), (0.001, 0.1, 0.3, 1.0, 3.0, 7.0, 14.0)))
-    plants = stability.linear_plants(problem.scattered_poses(12, seed=99), frictions)
-    assert stability.decay_rates(plants, law_of).min() > 0.0
+def test_linear_loop_is_stable_over_poses_and_frictions_never_tuned_for(law_of, plants_never_tuned_for):
+    assert stability.decay_rates(plants_never_tuned_for, law_of).min() > 0.0
 
 
-def test_linear_loop_tells_what_fails_a2():
+def test_linear_loop_shows_what_fails_a2():
     """The paper's gains oscillate with more delay on axis 2 when friction is low."""
-    paper = pid.law_of({"K_p": (45.0, 15.0), "K_i": (30.0, 10.0), "K_d": (1.5, 0.5), "z_p": (0.95, 0.95)})
-    assert stability.decay_rates(stability.linear_plants(problem.PAPER.grid[:1]), paper).min() < -1.0
+    plants = stability.linear_plants(GRID[:1])
+    assert stability.decay_rates(plants, pid.law_of(GAINS)).min() < -1.0
 
 
 # --- the dither ---
@@ -166,107 +148,15 @@ def test_data_file_is_what_the_tuning_script_made(module):
     file = getattr(module, "WEIGHTS", None) or module.GAINS
     script = Path(module.__file__)
     tuned = json.loads(file.read_text())["tuned"]
-    assert tuned["script"] == script.name
-    assert tuned["sha256"] == hashlib.sha256(script.read_bytes()).hexdigest()
+    assert (tuned["script"], tuned["sha256"]) == (script.name, hashlib.sha256(script.read_bytes()).hexdigest())
 
 
-# --- the FMUs ---
-
-
-def torques_of(path: Path, signals: Signals) -> list[tuple[float, ...]]:
-    with slave(path) as controller:
-        start(controller, signals)
-        return controller.run(signals.rows)
-
-
-def start(controller, signals: Signals) -> None:
-    controller.fmu.setupExperiment(startTime=0.0)
-    controller.set(("u_m0[1]", "u_m0[2]"), signals.u_m0)
-    controller.fmu.enterInitializationMode()
-    controller.set(INPUTS, (*signals.q_m_ref[0], *signals.q_m_ref[0]))
-    controller.fmu.exitInitializationMode()
-
-
-def recursion(signals: Signals, weights_file: Path, constants: shaking.Dither | None) -> np.ndarray:
-    """Torques [N.m] of the design in ``weights_file``, as plainly as can be."""
-    design = lqg.controller(lqg.read_weights(weights_file), lqg.pose(AT, U_M0), T_S)
-    z, u, level, torques = np.zeros(12), np.zeros(2), 0.0, []
-    for k, (reference, measured) in enumerate(zip(signals.q_m_ref, signals.q_m, strict=True)):
-        z = design.step @ np.concatenate([z, u, measured - reference])
-        u = -design.gain @ z
-        if constants:
-            level, *shake = shaking.dither(constants, level, float(np.linalg.norm(design.tool @ z)), k)
-            u = np.clip(np.add(U_M0, u) + shake, [-35.0, -20.0], [35.0, 20.0]) - U_M0
-        torques.append(np.add(U_M0, u))
-    return np.array(torques)
-
-
-@pytest.mark.parametrize("size", [1e-4, 0.03], ids=["small", "into the limits"])
-def test_lqg_fmus_follow_their_laws(size, fmu_folder):
-    signals = near_rest(400, size)
-    for name, file, shake in (
-        ("ManipulatorLQG", plain.WEIGHTS, None),
-        ("DitheredLQG", friction.WEIGHTS, friction.read_dither(friction.WEIGHTS)),
-    ):
-        expected = recursion(signals, file, shake)
-        found = in_child(torques_of, build_fmus.build(name, fmu_folder), signals)
-        assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
-
-
-def test_tuned_pid_is_the_pid_with_other_gains(fmu_folder):
-    gains = json.loads(pid.GAINS.read_text())["gains"]
-    file = build_fmus.build("TunedPID", fmu_folder)
-    starts = {variable.name: variable.start for variable in read_model_description(str(file)).modelVariables}
-    for (name, pair), i in itertools.product(gains.items(), (0, 1)):
-        assert float(starts[f"{name}[{i + 1}]"]) == pair[i]
+def test_the_pid_of_the_tuning_is_the_law():
+    """The FMU is held against the same law, with the same gains."""
     signals = random_signals(100)
-    matrix = pid.law_of(gains)((0.0, 0.0), signals.u_m0).matrix
-    z, expected = np.zeros(10), []
+    matrix = pid.law_of(TUNED)((0.0, 0.0), signals.u_m0).matrix
+    z, found = np.zeros(10), []
     for e in signals.q_m - signals.q_m_ref:
         z = matrix @ np.concatenate([z[:8], e])
-        expected.append(z[6:8] + signals.u_m0)
-    assert_allclose(in_child(torques_of, file, signals), expected, rtol=1e-9)
-
-
-def alone(path: Path) -> np.ndarray:
-    return simulate_fmu(str(path), stop_time=0.05, output_interval=T_S, start_values={"u_m0[1]": 1.5})["u_m[1]"]
-
-
-def test_fmu_runs_alone_in_fmpy(fmu):
-    assert_allclose(in_child(alone, fmu), 1.5, atol=0.5)
-
-
-def saved_and_restored(path: Path, signals: Signals) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-    with slave(path) as controller:
-        start(controller, signals)
-        controller.run(signals.rows[:40])
-        state = controller.fmu.getFMUstate()
-        bytes_of_it = controller.fmu.serializeFMUstate(state)
-        first = controller.run(signals.rows[40:], first=40)
-        controller.fmu.setFMUstate(controller.fmu.deSerializeFMUstate(bytes_of_it))
-        return first, controller.run(signals.rows[40:], first=40)
-
-
-def test_state_can_be_saved_and_restored(fmu):
-    first, second = in_child(saved_and_restored, fmu, near_rest(80, 1e-3))
-    assert first == second
-
-
-def refusals(path: Path) -> list[str]:
-    with slave(path) as controller:
-        start(controller, near_rest(1, 0.0))
-        with pytest.raises(Exception, match="fmi2DoStep"):
-            controller.fmu.doStep(0.0, 2 * T_S)
-    with slave(path) as other:
-        other.fmu.setupExperiment(startTime=0.0)
-        other.set(("T_s",), (0.0,))
-        other.fmu.enterInitializationMode()
-        with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
-            other.fmu.exitInitializationMode()
-    return [*controller.log, *other.log]
-
-
-def test_wrong_steps_and_sample_times_are_refused_in_words(fmu):
-    text = " ".join(in_child(refusals, fmu))
-    assert "must equal the sample time T_s = 0.00025 s" in text
-    assert "T_s = 0.0 s: the sample time must be positive" in text
+        found.append(z[6:8] + signals.u_m0)
+    assert_allclose(found, law(signals, TUNED), rtol=1e-9)

@@ -13,13 +13,14 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
+from conftest import build_or_skip
 from hypothesis import given
 from hypothesis import strategies as st
-from manipulators import CORNERS, at_rest, constants, table, uncertain_tables, workspace
-from scipy.integrate import solve_ivp
+from support.manipulators import constants, table, uncertain_tables, workspace
+from support.native_plants import NativePlant
 
+import build_fmus
 from plant_fmu.flexible_manipulator import dynamics
-from plant_fmu.flexible_manipulator.integrator import STATE
 
 EPS = float(np.finfo(float).eps)
 
@@ -106,35 +107,6 @@ def test_spring_is_the_integral_of_its_stiffness(values, axis, delta):
     assert dynamics.spring(joint, delta) == pytest.approx(torque, rel=20 * EPS, abs=1e-300)
 
 
-@given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), delta=deflections)
-def test_spring_is_odd_and_rises(values, axis, delta):
-    joint = constants(values)[1][axis - 1]
-    assert dynamics.spring(joint, -delta) == -dynamics.spring(joint, delta)
-    step = 1e-6
-    slope = (dynamics.spring(joint, delta + step) - dynamics.spring(joint, delta)) / step
-    ends = sorted((values[f"k_low[{axis}]"], values[f"k_high[{axis}]"]))
-    rounding = 4 * EPS * abs(dynamics.spring(joint, abs(delta) + step)) / step
-    assert ends[0] - rounding <= slope <= ends[1] + rounding
-
-
-@pytest.mark.parametrize("axis", [1, 2])
-def test_spring_has_the_shape_of_figure_3(axis):
-    values = table()
-    joint = constants(values)[1][axis - 1]
-    psi, k_low, k_high = (values[f"{symbol}[{axis}]"] for symbol in ("psi", "k_low", "k_high"))
-
-    def slope(delta, step):
-        return (dynamics.spring(joint, delta + step) - dynamics.spring(joint, delta - step)) / (2 * step)
-
-    assert dynamics.spring(joint, 0.0) == 0.0
-    # A step of 1e-3 psi adds (k_high - k_low) 1e-6 / 3 to the slope at zero, and half of 2e-3 (k_high - k_low) at psi.
-    assert slope(0.0, 1e-3 * psi) == pytest.approx(k_low, rel=1e-6)
-    assert slope(2 * psi, 1e-3 * psi) == pytest.approx(k_high, rel=1e-9)
-    assert slope(psi, 1e-3 * psi) == pytest.approx(k_high, abs=1.1e-3 * (k_high - k_low))
-    # Continuous at the breakpoint: over two neighbouring numbers the torque rises by no more than rounding.
-    assert dynamics.spring(joint, math.nextafter(psi, 1.0)) == pytest.approx(dynamics.spring(joint, psi), rel=4 * EPS)
-
-
 @given(values=uncertain_tables(), axis=st.sampled_from((1, 2)), v=motor_speeds)
 def test_friction_is_equation_8(values, axis, v):
     f_d, f_c, mu_k, beta, alpha = (
@@ -153,24 +125,6 @@ def test_friction_is_odd_and_dissipates(values, axis, v):
     joint = constants(values)[1][axis - 1]
     assert dynamics.friction(joint, -v) == -dynamics.friction(joint, v)
     assert dynamics.friction(joint, v) * v >= 0.0
-
-
-@pytest.mark.parametrize("axis", [1, 2])
-def test_friction_has_the_shape_of_figure_4(axis):
-    """Figure 4: a steep rise to a maximum near standstill, a valley, and the viscous rise at high speed."""
-    values = table()
-    joint = constants(values)[1][axis - 1]
-    f_d, f_c, mu_k = (values[f"{symbol}[{axis}]"] for symbol in ("f_d", "f_c", "mu_k"))
-    v = np.linspace(0.0, 200.0, 20001)
-    torque = np.array([dynamics.friction(joint, x) for x in v])
-    turning = np.flatnonzero(np.diff(np.sign(np.diff(torque)))) + 1
-    assert torque[0] == 0.0
-    assert len(turning) == 2, "one maximum and one minimum"
-    peak, valley = turning
-    assert 0.0 < v[peak] < 1.0 < v[valley] < 30.0
-    assert mu_k * f_c < torque[valley] < torque[peak] < f_c + f_d * v[peak]
-    # At 200 rad/s sech(0.4 v) is below 1e-34: Coulomb friction has come down to its kinetic share.
-    assert torque[-1] == pytest.approx(f_d * v[-1] + mu_k * f_c, rel=4 * EPS)
 
 
 def test_friction_and_spring_stand_extreme_arguments():
@@ -213,12 +167,38 @@ def lagrange_accelerations(values, x, tau, F):
     return accelerations, np.concatenate([np.abs(inverse).sum(axis=1) * rounding, motor_rounding / of["j_m"]])
 
 
-@given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
-def test_accelerations_solve_lagranges_equations(values, x, tau, F):
-    expected, rounding = lagrange_accelerations(values, x, np.array(tau), np.array(F))
+def python_accelerations(values, x, tau, F):
     arm, joints = constants(values)
-    computed = np.array(dynamics.accelerations(arm, *joints, x, *tau, *F))
-    assert np.all(np.abs(computed - expected) <= rounding)
+    return np.array(dynamics.accelerations(arm, *joints, x, *tau, *F))
+
+
+@pytest.fixture(scope="module")
+def native_accelerations(fmu_folder):
+    """The same by the derivatives of the native plant's Model Exchange FMU."""
+    plant = NativePlant(build_or_skip(lambda: build_fmus.build("FlexibleManipulatorNative_me2", fmu_folder)))
+
+    def accelerations(values, x, tau, F):
+        plant.initialize(values)
+        return plant.derivative(x, (0.0, 0.0, *tau, *F))[4:]
+
+    return accelerations
+
+
+@pytest.fixture(scope="module", params=["python", "native"])
+def accelerations(request):
+    return python_accelerations if request.param == "python" else request.getfixturevalue("native_accelerations")
+
+
+@given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
+def test_accelerations_solve_lagranges_equations(accelerations, values, x, tau, F):
+    expected, rounding = lagrange_accelerations(values, x, np.array(tau), np.array(F))
+    assert np.all(np.abs(accelerations(values, x, tau, F) - expected) <= rounding)
+
+
+@given(values=uncertain_tables(), x=states(), tau=st.tuples(torques, torques), F=st.tuples(forces, forces))
+def test_native_accelerations_are_those_of_python(native_accelerations, values, x, tau, F):
+    found, wanted = native_accelerations(values, x, tau, F), python_accelerations(values, x, tau, F)
+    np.testing.assert_array_equal(found, wanted)
 
 
 def energy(values, x):
@@ -258,21 +238,3 @@ def test_power_in_is_energy_gained_and_heat(values, x, tau, F):
     tolerance = 100 * EPS * size / step + 1e-4 * (abs(heat) + abs(supplied) + 1)
     assert heat >= 0.0
     assert change == pytest.approx(supplied - heat, abs=tolerance)
-
-
-@pytest.mark.parametrize("q_a", CORNERS)
-def test_energy_is_conserved_without_damping_friction_and_input(q_a):
-    values = table(d=0.0, f_d=0.0, f_c=0.0)
-    arm, joints = constants(values)
-
-    def derivative(_t, x):
-        a = dynamics.accelerations(arm, *joints, tuple(x), 0.0, 0.0, 0.0, 0.0)
-        return [*x[4:], *a]
-
-    start = at_rest(values, (q_a[0] + 0.2, q_a[1] + 0.1))[STATE : STATE + 8]
-    motion = solve_ivp(derivative, (0.0, 1.0), start, method="DOP853", rtol=1e-10, atol=1e-10)
-    energies = [energy(values, x) for x in motion.y.T]
-    moved = np.ptp([evaluated(values, x[:2], (0.0, 0.0))[3] for x in motion.y.T])
-    assert moved > 50.0, "the arm falls: there is an energy to conserve"
-    # The solver's relative error a step, times the number of steps, of the energy that moves to and fro.
-    assert np.ptp(energies) < 1e-10 * len(energies) * moved

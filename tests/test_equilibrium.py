@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from manipulators import CORNERS, T_S, at_rest, constants, table, tcp_distance, uncertain_tables, workspace
+from support.manipulators import CORNERS, T_S, at_rest, constants, table, tcp_distance, uncertain_tables, workspace
 
 from plant_fmu.flexible_manipulator import dynamics, equilibrium, integrator
 

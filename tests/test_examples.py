@@ -1,96 +1,95 @@
-"""The starter kits: the commands of their READMEs work, and what they build is the benchmark's PID."""
+"""The starter kits: copied under another name they build as their READMEs say, and are the benchmark's PID."""
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
-import sys
+import shlex
 from pathlib import Path
 
-import numpy as np
 import pytest
-from exporters import ARRAYS, Ports, Recipe
-from exporters.drive import Errors, torques
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from pid_fmus import Signals, law
+from support.pid_fmus import GAINS, fmpys_torques, in_child, law, random_signals
+from support.refusals import refusal
 
 import build_fmus
-from controller_fmu.export.__main__ import EXIT_BAD_INPUT, EXIT_FAILED
+from controller_fmu import errors, starters
+from controller_fmu.export import Dialect, build_folder, unpack
 from controller_fmu.export.__main__ import main as export
 
-ROOT = Path(build_fmus.__file__).parent
-UNDERSCORES = Ports(*((f"{name}_1", f"{name}_2") for name in ("q_m_ref", "q_m", "u_m", "u_m0")))
+needs_compiler = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
 
 
-def follow_readme(kit: str, folder: Path) -> Path:
-    """Copy a kit into ``folder``, run the shell commands of its README there, and return the copy."""
-    copy = Path(shutil.copytree(ROOT / "examples" / kit, folder / kit))
-    commands = re.findall(r"^```sh\n(.*?)^```", (copy / "README.md").read_text(), re.DOTALL | re.MULTILINE)
-    assert commands
-    environment = {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(ROOT),
-    }
-    for command in commands:
-        subprocess.run(["bash", "-euc", command], cwd=copy, env=environment, check=True, capture_output=True)
-    return copy
-
-
-def test_python_kit(tmp_path):
-    copy = follow_readme("python", tmp_path)
-    check_torques("MyController", copy, UNDERSCORES)
-
-
-@pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
-def test_c_kit(tmp_path):
-    copy = follow_readme("c", tmp_path)
-    for fmu in copy.glob("*.fmu"):
-        assert validate_fmu(str(fmu)) == []
-    check_torques("MyController", copy, Ports())
-    check_torques("MyController3", copy, ARRAYS)
-
-
-def check_torques(name: str, folder: Path, ports: Ports) -> None:
-    """The FMU ``name`` in ``folder`` gives the torques of eq. (13), to the last bit."""
-    errors = ((0.25, -0.5), (0.125, 0.75), (-1.0, 0.0), (0.5, 0.5))
-    kit = Recipe(name, make=lambda path: path, ports=ports)
-    wanted = law(Signals(np.array(errors), np.zeros((len(errors), 2)), (1.75, -0.25)))
-    assert torques(kit, folder, Errors((0.0, 0.0), errors), (1.75, -0.25)) == [(1.75, -0.25), *wanted]
-
-
-def test_c_command_says_what_is_missing(tmp_path, capsys):
-    assert export(["--fmi", "3", str(tmp_path), str(tmp_path / "X.fmu")]) == EXIT_BAD_INPUT
-    assert "needs the model's .c files and a modelDescription.xml" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
-def test_c_command_shows_what_the_compiler_says(tmp_path, capsys):
-    folder = Path(shutil.copytree(ROOT / "examples" / "c", tmp_path / "c"))
-    with (folder / "my_controller.c").open("a") as source:
-        source.write("this is not C\n")
-    assert export([str(folder), str(tmp_path / "X.fmu")]) == EXIT_FAILED
-    assert "my_controller.c" in capsys.readouterr().err
-
-
-def test_modelica_kit_compiles(tmp_path):
-    pytest.importorskip("rumoca")
-    follow_readme("modelica", tmp_path)
+@pytest.mark.parametrize("kind", ["python", pytest.param("c", marks=needs_compiler)])
+def test_commands_of_the_readme_build_the_pid(kind, tmp_path, monkeypatch):
+    """With units everywhere, gains to tune, and the torques of eq. (13) to the last bit."""
+    folder = starters.copy(kind, tmp_path / "fast_arm")
+    assert not [file for file in folder.iterdir() if "controller" in file.name]
+    monkeypatch.chdir(folder)
+    block = re.search(r"^```sh\n(.*?)^```", Path("README.md").read_text(), re.DOTALL | re.MULTILINE)
+    for command in block[1].splitlines():
+        interpreter, option, module, *arguments = shlex.split(command)
+        assert (interpreter, option, module) == ("python", "-m", "controller_fmu.export")
+        assert export(arguments) == 0
+    built = sorted(folder.glob("*.fmu"))
+    assert [file.stem for file in built] == (["FastArm"] if kind == "python" else ["FastArm", "FastArm3"])
+    signals = random_signals(20)
+    assert in_child(fmpys_torques, built, signals) == [[signals.u_m0, *law(signals)]] * len(built)
+    for file in built:
+        assert validate_fmu(str(file)) == []
+    variables = {v.name: v for v in read_model_description(str(built[0])).modelVariables}
+    assert all(v.unit for v in variables.values())
+    for name, values in GAINS.items():
+        starts = [float(variables[f"{name}[{i}]"].start) for i in (1, 2) if f"{name}[{i}]" in variables]
+        assert starts == ([] if name == "z_p" else list(values))
 
 
 @pytest.mark.parametrize(
-    ("right", "wrong", "complaint"),
+    ("kind", "name", "error", "nearest"),
     [
-        ("K_p .* e", "K_q .* e", "unresolved component reference"),
-        ("e = q_m_ref - q_m", "e = q_m_ref - T_s", "shape mismatch"),
-        ("u_m = K_p .* e + K_d .* v + s;", "", "unbalanced model"),
+        ("pyhton", "fast_arm", errors.UnknownKitError, "python"),
+        ("rust", "fast_arm", errors.UnknownKitError, "c"),
+        ("c", "fast-arm", errors.ModelNameError, "fast_arm"),
+        ("c", "2nd", errors.ModelNameError, "nd"),
+        ("c", "component", errors.ModelNameError, "component_controller"),
+        ("python", "axis", errors.ModelNameError, "axis_controller"),
+        ("python", "none", errors.ModelNameError, "none_controller"),
+        ("c", "taken", errors.FolderTakenError, None),
+        ("c", "file", errors.FolderTakenError, None),
+        ("c", "nowhere/fast_arm", errors.FolderTakenError, None),
     ],
 )
-def test_modelica_checker_finds_mistakes(right, wrong, complaint):
-    rumoca = pytest.importorskip("rumoca")
-    source = (ROOT / "examples" / "modelica" / "FlexibleManipulator.mo").read_text()
-    assert right in source
-    with pytest.raises(rumoca.RumocaError, match=complaint):
-        rumoca.Session().loads(source.replace(right, wrong), model="FlexibleManipulator.DiagonalPID")
+def test_copies_that_cannot_be_made(kind, name, error, nearest, tmp_path):
+    (tmp_path / "taken").mkdir()
+    for file in ("taken/mine.c", "file"):
+        (tmp_path / file).write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(error) as refused:
+        starters.copy(kind, tmp_path / name)
+    assert nearest is None or nearest in refused.value.nearest
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("slaves", [[], ["one_fmu.py", "two_fmu.py"]])
+def test_a_folder_must_hold_one_controller(slaves, tmp_path):
+    for name in ["notes.py", *slaves]:
+        (tmp_path / name).write_text("")
+    error = refusal(build_folder, tmp_path, kind=errors.SourceError)
+    assert error.where == str(tmp_path) and list(error.nearest) == slaves
+    assert export([str(tmp_path)]) == 2
+
+
+def test_what_lies_beside_a_slave_travels_with_it(tmp_path):
+    (tmp_path / "fast_arm").mkdir()  # an empty folder may be there
+    folder = starters.copy("python", tmp_path / "fast_arm")
+    script = folder / "fast_arm_fmu.py"
+    script.write_text("import fast_arm_filters, fast_arm_package\n" + script.read_text())
+    (folder / "fast_arm_package").mkdir()
+    for name in ("fast_arm_filters.py", "fast_arm_package/__init__.py", "gains.json", "plot.png"):
+        (folder / name).write_text("")
+    with pytest.raises(errors.DialectError):
+        build_folder(folder, dialect=Dialect(3))
+    build_folder(folder, tmp_path / "Arm.fmu")
+    resources = {path.removeprefix("resources/") for path in unpack(tmp_path / "Arm.fmu")}
+    assert {"fast_arm_filters.py", "fast_arm_package/__init__.py", "gains.json"} <= resources
+    assert "plot.png" not in resources

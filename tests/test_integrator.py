@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from manipulators import CORNERS, T_S, at_rest, constants, table, tcp_distance
 from scipy.integrate import DOP853
+from support.manipulators import CORNERS, T_S, at_rest, constants, table, tcp_distance
+from support.native_plants import NativePlant
 
 from plant_fmu.flexible_manipulator import integrator, kinematics
 from plant_fmu.flexible_manipulator.integrator import STATE
@@ -35,6 +36,17 @@ def own(memory):
         memory[0:6] = inputs
         integrator.advance(memory, T_S)
         return memory[STATE : STATE + 8].copy()
+
+    return solve
+
+
+def native(plant, values, q_a):
+    """The same by the co-simulation of the native plant, whose speeds are no variables."""
+    plant.initialize({**values, "q_a_start[1]": q_a[0], "q_a_start[2]": q_a[1]})
+
+    def solve(_x, inputs):
+        plant.step(inputs.tolist(), T_S)
+        return np.array([*plant.get("q_a[1]", "q_a[2]", "q_m[1]", "q_m[2]"), *[math.nan] * 4])
 
     return solve
 
@@ -89,11 +101,23 @@ def tool_positions(values, states):
 @pytest.mark.parametrize("q_a", POSES)
 def test_one_second_of_chirp_and_force_is_as_accurate_as_asked(values, q_a, held_in_place):
     states = one_second(values, q_a, own(at_rest(values, q_a)), held_in_place)
-    reference = one_second(values, q_a, adaptive(values), held_in_place)
+    assert_accurate(values, states, one_second(values, q_a, adaptive(values), held_in_place))
+
+
+def assert_accurate(values, states, reference):
     exact, computed = tool_positions(values, reference), tool_positions(values, states)
     assert np.ptp(exact, axis=0).max() > 1e-4, "the tool does move"
     assert np.hypot(*(computed - exact).T).max() <= TCP_ACCURACY
     assert np.abs(states[:, 2:4] - reference[:, 2:4]).max() <= MOTOR_ACCURACY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("values", [NOMINAL, STIFFEST], ids=["nominal", "stiffest"])
+@pytest.mark.parametrize("q_a", POSES)
+def test_the_native_plant_is_as_accurate(values, q_a, native_plant_file):
+    """Without the law that holds the manipulator, as it wants the speeds."""
+    found = one_second(values, q_a, native(NativePlant(native_plant_file), values, q_a), False)
+    assert_accurate(values, found, one_second(values, q_a, adaptive(values), False))
 
 
 # ---- Order ----

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import pytest
 
-from orchestrator.cosim import jit as master
+from orchestrator import jit as master
 from plant_fmu.flexible_manipulator import jit as plant
 
 

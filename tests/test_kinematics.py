@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from manipulators import constants, table, workspace
+from support.manipulators import constants, table, workspace
 
 from plant_fmu.flexible_manipulator import kinematics
 

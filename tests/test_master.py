@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
-from closed_loops import PAPER, T_S, case, quiet, simulate_all
 from conftest import build_or_skip
 from hostile.fmus import NONE, Fault, hostile_fmu
-from stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
+from support.closed_loops import PAPER, T_S, case, quiet, simulate_all
+from support.refusals import refusal
+from support.stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
 
-from orchestrator.benchmark import protocol as protocols
-from orchestrator.cosim.scenario import Drive, Noise, Sensor
-from orchestrator.cosim.trajectory import Status
-from orchestrator.errors import FmuError, InputError
-from plant_fmu.flexible_manipulator.parameters import NOMINAL
+from orchestrator.errors import FmuError
+from orchestrator.loop.scenario import Drive, Noise, Sensor
+from orchestrator.loop.trajectory import Status
 
 CORNERS = (0, 2, 15, 17)
 
@@ -32,14 +32,12 @@ def samples(trajectory):
 @pytest.mark.parametrize("controller", ["pid_file", "pid_c_file"])
 def test_with_all_imperfections_off_the_arm_stays_at_rest(controller, plant_file, request):
     """Every system of the protocol and random ones, in the corners and in between: less than 1 nm in 2 s."""
-    names = [*PAPER.raw["systems"], *(f"random_{i}" for i in range(1, 5))]
-    scenarios = []
-    for index in (*CORNERS, 7):
-        for name in names:
-            system = protocols.system(PAPER, NOMINAL, 3, index, name, PAPER.test("noise"))
-            point = PAPER.grid[index]
-            pose = {"q_a_start[1]": point.q_a1, "q_a_start[2]": point.q_a2}
-            scenarios.append(quiet("2", {**pose, **dict(system.parameters)}, drive=Drive(delay=(T_S, T_S))))
+    names = [*PAPER.systems, *(f"random_{i}" for i in range(1, 5))]
+    scenarios = [
+        quiet("2", dict(case(index, name, "noise", seed=3).scenario.parameters), drive=Drive(delay=(T_S, T_S)))
+        for index in (*CORNERS, 7)
+        for name in names
+    ]
     trajectories = simulate_all(plant_file, request.getfixturevalue(controller), scenarios)
     assert {trajectory.ending.status for trajectory in trajectories} == {Status.DONE}
     assert max(trajectory.tcp_error.max() for trajectory in trajectories) < 1e-9
@@ -48,7 +46,7 @@ def test_with_all_imperfections_off_the_arm_stays_at_rest(controller, plant_file
 def test_python_and_c_controller_give_identical_trajectories(plant_file, pid_file, pid_c_file):
     """With noise, disturbances, quantization, delay and gain: to the last bit, in Python and in C."""
     scenarios = [
-        replace(case(5, system, test, seed=1).scenario, duration=12)
+        replace(case(5, system, test, seed=1).scenario, duration=Fraction(12))
         for system, test in (("random_1", "disturbance"), ("slippery", "gain_2"), ("sticky", "delay_1"))
     ]
     for one, other in zip(*(simulate_all(plant_file, file, scenarios) for file in (pid_file, pid_c_file)), strict=True):
@@ -58,8 +56,8 @@ def test_python_and_c_controller_give_identical_trajectories(plant_file, pid_fil
 
 
 def test_a_simulation_does_not_depend_on_those_before_it(plant_file, pid_file):
-    scenario = replace(case(5, "compliant", "noise").scenario, duration=1)
-    other = replace(case(9, "random_2", "noise").scenario, duration=1)
+    scenario = replace(case(5, "compliant", "noise").scenario, duration=Fraction(1))
+    other = replace(case(9, "random_2", "noise").scenario, duration=Fraction(1))
     first, _, again = simulate_all(plant_file, pid_file, [scenario, other, scenario])
     (alone,) = simulate_all(plant_file, pid_file, [scenario])
     for one, two, three in zip(samples(first), samples(again), samples(alone), strict=True):
@@ -68,7 +66,7 @@ def test_a_simulation_does_not_depend_on_those_before_it(plant_file, pid_file):
 
 
 def test_observed_outputs_are_recorded(plant_file, pid_file):
-    scenario = replace(case(5, "random_1", "noise").scenario, duration=1)
+    scenario = replace(case(5, "random_1", "noise").scenario, duration=Fraction(1))
     (trajectory,) = simulate_all(plant_file, pid_file, [scenario], ("q_a[2]", "q_m[1]"))
     assert list(trajectory.extra) == ["q_a[2]", "q_m[1]"]
     np.testing.assert_array_equal(trajectory.extra["q_m[1]"], trajectory.q_m[:, 0])
@@ -96,45 +94,35 @@ def test_controller_parameters_are_set(plant_file, pid_file):
 # ---- Bad names and values ----
 
 
-def test_unknown_plant_parameter_is_answered_with_the_nearest(plant_file, pid_file):
-    with pytest.raises(InputError, match=r"FlexibleManipulator\.fmu has no parameter k_hihg\[1\].*k_high\[1\]"):
-        simulate_all(plant_file, pid_file, [quiet("0.01", {"k_hihg[1]": 1.0})])
+@pytest.mark.parametrize(
+    ("plant", "parameters", "observe", "what", "value", "near"),
+    [
+        ({"k_hihg[1]": 1.0}, {}, (), "no-parameter", "k_hihg[1]", "k_high[1]"),
+        ({"u_m[1]": 1.0}, {}, (), "not-settable", "u_m[1]", "m[1]"),
+        ({}, {"K_pp[1]": 1.0}, (), "no-parameter", "K_pp[1]", "K_p[1]"),
+        ({}, {}, ("q_b[1]",), "no-output", "q_b[1]", "q_a[1]"),
+    ],
+)
+def test_unknown_names_come_back_from_the_worker_with_the_nearest(
+    plant_file, pid_file, plant, parameters, observe, what, value, near
+):
+    error = refusal(simulate_all, plant_file, pid_file, [quiet("0.01", plant)], observe, parameters)
+    assert (error.what, error.value) == (what, value) and near in error.nearest
 
 
-def test_unknown_controller_parameter_is_answered_with_the_nearest(plant_file, pid_file):
-    with pytest.raises(InputError, match=r"DiagonalPID\.fmu has no parameter K_pp\[1\].*K_p\[1\]"):
-        simulate_all(plant_file, pid_file, [quiet("0.01")], parameters={"K_pp[1]": 1.0})
-
-
-def test_an_input_is_no_parameter(plant_file, pid_file):
-    with pytest.raises(InputError, match=r"u_m\[1\] is a Real input and cannot be set: .* Nearest: "):
-        simulate_all(plant_file, pid_file, [quiet("0.01", {"u_m[1]": 1.0})])
-
-
-def test_unknown_output_is_answered_with_the_nearest(plant_file, pid_file):
-    with pytest.raises(InputError, match=r"no output q_b\[1\].*q_a\[1\]"):
-        simulate_all(plant_file, pid_file, [quiet("0.01")], ("q_b[1]",))
-
-
-def test_a_parameter_the_plant_refuses_is_told_in_the_plants_words(plant_file, pid_file):
+def test_a_parameter_the_plant_refuses_is_reported_in_the_plants_words(plant_file, pid_file):
     with pytest.raises(FmuError, match=r"psi\[2\] = 0 rad is outside its physical range") as caught:
         simulate_all(plant_file, pid_file, [quiet("0.01", {"psi[2]": 0.0})])
     assert "FlexibleManipulator.fmu" in str(caught.value)
     assert "xitInitializationMode" in caught.value.call
 
 
-def test_a_plant_that_lacks_a_connector_is_refused(pid_file, tmp_path, probe_plant_file):
-    rows = [(name.replace("X[", "Y["), *rest) for name, *rest in PROBE_PLANT]
-    plant = build_stub("probe_plant", rows, tmp_path)
-    with pytest.raises(InputError, match=r"probe_plant\.fmu has no output X\[1\]"):
-        simulate_all(plant, pid_file, [quiet("0.01", {})])
-
-
-def test_a_controller_that_lacks_a_connector_is_refused(plant_file, tmp_path, feedthrough_file):
-    rows = [(name.replace("u_m[", "torque["), *rest) for name, *rest in FEEDTHROUGH]
-    controller = build_stub("feedthrough", rows, tmp_path)
-    with pytest.raises(InputError, match=r"feedthrough\.fmu has no output u_m\[1\]"):
-        simulate_all(plant_file, controller, [quiet("0.01")])
+def test_an_fmu_that_lacks_a_connector_is_refused(plant_file, pid_file, tmp_path, probe_plant_file, feedthrough_file):
+    for name, rows, old in (("probe_plant", PROBE_PLANT, "X["), ("feedthrough", FEEDTHROUGH, "u_m[")):
+        stub = build_stub(name, [(row[0].replace(old, "other["), *row[1:]) for row in rows], tmp_path)
+        pair = (stub, pid_file) if name == "probe_plant" else (plant_file, stub)
+        error = refusal(simulate_all, *pair, [quiet("0.01", {})])
+        assert (error.what, error.value) == ("connector-missing", old[:-1]) and f"{name}.fmu" in error.where
 
 
 # ---- Simulations that end early ----
@@ -164,11 +152,11 @@ def test_leaving_is_noticed_at_the_very_sample(probe_plant_file, feedthrough_fil
     assert (trajectory.ending.status, trajectory.ending.time) == (Status.UNSTABLE, 0.003)
 
 
-def test_a_torque_that_is_no_number_is_an_error_at_its_sample(plant_file, feedthrough_file):
+def test_a_torque_that_is_not_a_number_is_an_error_at_its_sample(plant_file, feedthrough_file):
     scenario = quiet("0.01")
     (trajectory,) = simulate_all(plant_file, feedthrough_file, [scenario], parameters={"nan_from": 0.004})
     assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.004)
-    assert "feedthrough.fmu asked for a torque that is no number" in trajectory.ending.message
+    assert "feedthrough.fmu asked for a torque that is not a number" in trajectory.ending.message
     assert consistent(trajectory, 16)
     assert np.all(np.isfinite(trajectory.torque))
 
@@ -178,17 +166,30 @@ def test_an_absurd_torque_is_an_error(probe_plant_file, feedthrough_file, K):
     scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": 1.0, "rest[2]": 0.0})
     (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": K})
     assert trajectory.ending.status is Status.ERROR
-    assert "a torque that is no number or beyond 1e+12 N.m" in trajectory.ending.message
+    assert "a torque that is not a number or beyond 1e+12 N.m" in trajectory.ending.message
 
 
-def test_a_plant_without_numbers_is_not_the_controllers_fault(probe_plant_file, feedthrough_file):
-    scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": math.nan})
+@pytest.mark.parametrize("change", [{"jump": math.nan}, {"jump": math.inf}, {"far": 1.0, "jump": 1e40}])
+def test_a_plant_that_fails_is_not_the_controllers_fault(change, probe_plant_file, feedthrough_file):
+    """Neither when its outputs are not numbers, nor when they are and no limited torque can have caused them."""
+    parameters = {"jump_at[1]": 0.002, "jump[1]": change["jump"], **({"far_from": 0.002} if "far" in change else {})}
+    scenario = quiet("0.01", parameters, drive=Drive(limit=(35.0, 20.0)), abort_distance=1.0)
     (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": 1.0})
     assert trajectory.ending.status is Status.ERROR
-    assert "gave outputs that are no numbers" in trajectory.ending.message
+    assert trajectory.ending.message.startswith("probe_plant.fmu gave ")
+    assert "feedthrough" not in trajectory.ending.message
 
 
-def test_a_controller_step_that_fails_is_told_in_its_own_words(plant_file, feedthrough_file):
+def test_a_plant_too_stiff_for_its_step_is_to_blame_itself(plant_file, pid_file):
+    """If nobody refuses it before, its integration blows up."""
+    scenario = replace(case(7, "nominal", "disturbance").scenario, duration=Fraction(1))
+    given = {**dict(scenario.parameters), "d[1]": 1e12}
+    (trajectory,) = simulate_all(plant_file, pid_file, [replace(scenario, parameters=tuple(given.items()))])
+    assert trajectory.ending.status is Status.ERROR
+    assert trajectory.ending.message.startswith("FlexibleManipulator.fmu gave ")
+
+
+def test_a_controller_step_that_fails_is_reported_in_its_own_words(plant_file, feedthrough_file):
     (trajectory,) = simulate_all(plant_file, feedthrough_file, [quiet("0.01")], parameters={"fail_from": 0.005})
     assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.005)
     assert "feedthrough.fmu: fmi2DoStep returned error" in trajectory.ending.message
@@ -196,7 +197,7 @@ def test_a_controller_step_that_fails_is_told_in_its_own_words(plant_file, feedt
     assert consistent(trajectory, 20)
 
 
-def test_a_plant_step_that_fails_is_told_in_its_own_words(probe_plant_file, feedthrough_file):
+def test_a_plant_step_that_fails_is_reported_in_its_own_words(probe_plant_file, feedthrough_file):
     (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [quiet("0.01", {"fail_from": 0.005})])
     assert (trajectory.ending.status, trajectory.ending.time) == (Status.ERROR, 0.005)
     assert "probe_plant.fmu: fmi2DoStep returned error" in trajectory.ending.message

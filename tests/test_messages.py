@@ -1,102 +1,153 @@
-"""What a child process may send to its parent: results as every Python writes them, and nothing else."""
+"""Messages: what is sent arrives, and whatever else comes through a channel is refused."""
 
 from __future__ import annotations
 
-import copyreg
+import math
 import os
-import pickle
-from fractions import Fraction
-from multiprocessing import Pipe
+import socket
+from contextlib import contextmanager
 
-import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from orchestrator.cosim.trajectory import Ending, Status
-from orchestrator.errors import FmuError
-from orchestrator.execution.job import Failed, Finished
-from orchestrator.execution.messages import Garbage, Inbox, send
+from orchestrator.codec import pack
+from orchestrator.errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
+from orchestrator.execution.messages import (
+    OVERHEAD,
+    Failed,
+    Finished,
+    FmuFiles,
+    Garbage,
+    Inbox,
+    Loaded,
+    Order,
+    error_of,
+    error_record,
+    frame,
+    read_order,
+    readable,
+)
+
+LARGEST = 1000
 
 
-class Reduced:
-    """Pickles as a call of ``function`` with ``arguments``."""
+@contextmanager
+def channel(*pieces: bytes):
+    """An inbox, and a function that sends to it."""
+    near, far = socket.socketpair()
+    with near, far:
+        for piece in pieces:
+            far.sendall(piece)
+        yield Inbox(near.fileno(), LARGEST), far
 
-    def __init__(self, function, *arguments):
-        self._call = (function, arguments)
 
-    def __reduce__(self):
-        return self._call
-
-
-def received(message):
-    """``message`` after its way through a pipe."""
-    reader, writer = Pipe(duplex=False)
-    with reader, writer:
-        send(writer, message)
-        inbox = Inbox(reader.fileno())
+def received(data: bytes) -> list:
+    """The messages in ``data``."""
+    with channel(data) as (inbox, _):
         assert inbox.receive()
-        (found,) = inbox.messages()
-    return found
+        return list(inbox.messages())
 
 
-def test_outcomes_arrive():
-    values = {"time": Fraction(1, 4000), "torque": np.arange(4.0).reshape(2, 2), "last": np.float64(0.1)}
-    found = received(Finished(3, values, 0.5))
-    assert (found.index, found.wall_time) == (3, 0.5) and found.value["time"] == Fraction(1, 4000)
-    np.testing.assert_array_equal(found.value["torque"], values["torque"])
-    assert received(Ending(Status.DONE, 1.0)) == Ending(Status.DONE, 1.0)
-    assert str(received(Failed(0, FmuError("it failed", "fmi2DoStep", ("why",)), 0.1)).error) == "it failed\n  why"
+@given(index=st.integers(0, 2**53), value=st.binary(max_size=LARGEST), wall_time=st.floats(0.0, 1e300))
+def test_messages_arrive(index, value, wall_time):
+    sent = [Loaded(), Finished(index, value, wall_time), Failed(index, error_record(FmuError("x", "call")), wall_time)]
+    assert received(b"".join(map(frame, sent))) == sent
 
 
-def test_what_others_have_registered_with_pickle_plays_no_part(monkeypatch):
-    """Dask registers a way to pickle every exception, wherever it is imported."""
-    monkeypatch.setitem(copyreg.dispatch_table, FmuError, lambda error: (os.getcwd, ()))
-    assert str(received(Failed(0, FmuError("it failed"), 0.1)).error) == "it failed"
+ERRORS = [
+    FmuError("it failed", "fmi2DoStep", ("why", "and where")),
+    InputError("no such", "no-case", "file", "value", ("near", "nearer")),
+    EnvironmentFault("no disk", "disk"),
+    BenchmarkError("otherwise"),
+]
 
 
-def test_members_of_enumerations_as_python_3_11_0_to_3_11_3_write_them():
-    """Debian 12 has such a Python."""
-    assert received(Reduced(getattr, Status, "DONE")) is Status.DONE
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_errors_keep_type_words_and_fields(error):
+    found = error_of(error_record(error))
+    assert (type(found), str(found), vars(found)) == (type(error), str(error), vars(error))
+
+
+@pytest.mark.parametrize("kind", [FmuError, InputError, EnvironmentFault, Crash])
+def test_any_error_fits_into_a_message(kind):
+    """Words of FMUs may be long, and of characters that cannot be sent."""
+    huge = "\N{GRINNING FACE}\ud800" * 10**6
+    error = kind(huge)
+    error.log = error.nearest = (huge,) * 1000
+    error.call = error.what = error.value = huge
+    assert len(frame(Failed(0, error_record(error), 0.1))) < OVERHEAD
 
 
 @pytest.mark.parametrize(
     "message",
     [
-        Reduced(os.getcwd),
-        Reduced(getattr, Status, "__class__"),
-        Reduced(getattr, Ending, "__init__"),
-        Reduced(getattr, Reduced(getattr, Status, "DONE"), "title"),
-        Reduced(eval, "1 + 1"),
-        os.system,
-        Reduced,
+        b"hello",
+        b"",
+        pack(None),
+        pack(["Loaded"]),
+        pack({"type": "Order"}),
+        pack({"type": "Loaded", "more": 1}),
+        pack({"type": "Finished", "index": 0, "value": b""}),
+        pack({"type": "Finished", "index": -1, "value": b"", "wall_time": 0.0}),
+        pack({"type": "Finished", "index": 2**60, "value": b"", "wall_time": 0.0}),
+        pack({"type": "Finished", "index": 0.5, "value": b"", "wall_time": 0.0}),
+        pack({"type": "Finished", "index": 0, "value": "text", "wall_time": 0.0}),
+        *(
+            pack({"type": "Finished", "index": 0, "value": b"", "wall_time": time})
+            for time in (math.nan, math.inf, -1.0, "1")
+        ),
+        pack({"type": "Failed", "index": 0, "error": {"kind": "other", "message": "x"}, "wall_time": 0.0}).replace(
+            b"\xa1x",
+            b"\xa3\xed\xa0\x80",  # a lone surrogate
+        ),
+        pack({"type": "Failed", "index": 0, "error": {"kind": "SystemExit", "message": "x"}, "wall_time": 0.0}),
+        b"\x91" * 900,
     ],
-    ids=lambda message: str(getattr(message, "_call", message)),
+    ids=lambda data: repr(data[:40]),
 )
-def test_nothing_else_is_made(message):
-    with pytest.raises(Garbage, match="has no place in a message"):
-        received(message)
-
-
-def test_what_is_no_message_is_refused():
-    reader, writer = os.pipe()
-    os.write(writer, b"\x00\x00\x00\x05hello")
-    inbox = Inbox(reader)
-    assert inbox.receive()
+def test_what_is_no_message_is_refused(message):
     with pytest.raises(Garbage):
-        list(inbox.messages())
-    os.close(writer)
-    os.close(reader)
+        received(len(message).to_bytes(4, "big") + message)
 
 
-def test_a_message_in_pieces_is_awaited():
-    reader, writer = os.pipe()
-    whole = pickle.dumps("goodbye")
-    frame = len(whole).to_bytes(4, "big") + whole
-    inbox = Inbox(reader)
-    for piece in (frame[:2], frame[2:7]):
-        os.write(writer, piece)
-        assert inbox.receive() and list(inbox.messages()) == []
-    os.write(writer, frame[7:])
-    assert inbox.receive() and list(inbox.messages()) == ["goodbye"]
-    os.close(writer)
-    assert not inbox.receive()
-    os.close(reader)
+@pytest.mark.parametrize("length", [LARGEST + OVERHEAD + 1, 2**31, 2**32 - 1])
+def test_a_length_beyond_the_limit_is_refused_before_anything_is_waited_for(length):
+    with pytest.raises(Garbage):
+        received(length.to_bytes(4, "big"))
+
+
+def test_a_message_in_pieces_is_waited_for():
+    whole = frame(Finished(1, b"x", 0.5))
+    with channel() as (inbox, far):
+        for piece in (whole[:2], whole[2:7], whole[7:-1]):
+            far.sendall(piece)
+            assert inbox.receive() and list(inbox.messages()) == []
+        far.sendall(whole[-1:])
+        assert inbox.receive() and list(inbox.messages()) == [Finished(1, b"x", 0.5)]
+        far.close()
+        assert not inbox.receive()
+
+
+def test_an_order_arrives_and_one_that_is_cut_short_does_not():
+    files = FmuFiles("x.fmu", "0" * 64, "/nowhere")
+    order = Order(files, files, "module:function", (b"task",), (1.0,))
+    near, far = socket.socketpair()
+    with near, far:
+        far.sendall(frame(order) + frame(order)[:-1])
+        far.shutdown(socket.SHUT_WR)
+        assert read_order(near.fileno()) == order
+        with pytest.raises(EOFError):
+            read_order(near.fileno())
+
+
+def test_readable_is_what_can_be_read():
+    silent, one = os.pipe()
+    closed, other = os.pipe()
+    os.close(other)
+    try:
+        assert readable((silent, closed), 10.0) == {closed}
+        assert readable((silent,), -1.0) == set()
+    finally:
+        for descriptor in (silent, one, closed):
+            os.close(descriptor)

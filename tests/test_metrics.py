@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loops import PAPER, case
-from results import trajectory
+from support.closed_loops import PAPER, case
+from support.results import trajectory
 
 from orchestrator.benchmark import metrics
-from orchestrator.cosim.trajectory import Ending, Status
+from orchestrator.benchmark.results import Judgement
+from orchestrator.loop.trajectory import Ending, Status
 
 DISTURBANCE = case(3, "compliant", "disturbance")
 T_3, T_1, T_2 = DISTURBANCE.scenario.chirp.start, 10.0, 10.5
@@ -36,13 +37,13 @@ def measured(case, **signals):
 
 def test_B1_and_B2_are_distances_from_the_start_torque():
     noise = measured(NOISE, torque=(spike(0.5, 3.2, 3.0), spike(0.7, -2.5, -2.0)), u_m0=(3.0, -2.0), duration=2.0)
-    assert noise.criteria == {"B1": pytest.approx(0.2), "B2": pytest.approx(0.5)}
-    assert noise.limit_cycle is None and noise.rest_error is None, "nothing is required of this test"
+    assert pytest.approx((0.2, 0.5)) == (noise.B1, noise.B2)
+    assert noise.names == {"B1", "B2"}, "nothing is required of this test"
 
 
 def test_B3_and_B4_count_gravity():
-    figures = measured(DISTURBANCE, torque=(spike(9.0, -8.0, -3.0), 2.0), u_m0=(-3.0, 2.0)).criteria
-    assert (figures["B3"], figures["B4"]) == (8.0, 2.0)
+    figures = measured(DISTURBANCE, torque=(spike(9.0, -8.0, -3.0), 2.0), u_m0=(-3.0, 2.0))
+    assert (figures.B3, figures.B4) == (8.0, 2.0)
 
 
 # ---- Windows of B5 and B7 ----
@@ -61,9 +62,9 @@ def test_B3_and_B4_count_gravity():
     ],
 )
 def test_force_errors_count_from_t_1_and_chirp_errors_between_t_3_and_t_1(at, B5, B7):
-    figures = measured(DISTURBANCE, error_x=spike(at, 3e-3), error_z=spike(at, -4e-3)).criteria
-    assert figures["B5"] == pytest.approx(B5, abs=EXACT)
-    assert figures["B7"] == pytest.approx(B7, abs=EXACT)
+    figures = measured(DISTURBANCE, error_x=spike(at, 3e-3), error_z=spike(at, -4e-3))
+    assert pytest.approx(B5, abs=EXACT) == figures.B5
+    assert pytest.approx(B7, abs=EXACT) == figures.B7
 
 
 # ---- Settling ----
@@ -78,13 +79,13 @@ def decay(start, rate):
 def test_B6_is_the_time_of_the_last_sample_outside_the_circle(rate):
     settled = measured(DISTURBANCE, error_x=decay(T_2, rate))
     crossing = math.log(10.0) / rate
-    assert crossing - 0.25e-3 <= settled.criteria["B6"] <= crossing
+    assert crossing - 0.25e-3 <= settled.B6 <= crossing
     assert settled.settled is True
 
 
 def test_B6_counts_an_error_that_comes_back():
     figures = measured(DISTURBANCE, error_x=decay(T_2, 10.0), error_z=spike(15.0, 0.11e-3))
-    assert figures.criteria["B6"] == pytest.approx(4.5, abs=1e-12)
+    assert pytest.approx(4.5, abs=1e-12) == figures.B6
     assert figures.settled is True
 
 
@@ -94,12 +95,12 @@ def test_B6_counts_an_error_of_exactly_the_limit():
 
 
 def test_B6_of_one_that_never_leaves_is_zero():
-    assert measured(DISTURBANCE, error_x=0.09e-3).criteria["B6"] == 0.0
+    assert measured(DISTURBANCE, error_x=0.09e-3).B6 == 0.0
 
 
 def test_B6_of_one_that_does_not_settle_is_the_whole_rest_and_marked():
     figures = measured(DISTURBANCE, error_x=0.2e-3)
-    assert figures.criteria["B6"] == pytest.approx(26.0 - 10.5, abs=1e-12)
+    assert pytest.approx(26.0 - 10.5, abs=1e-12) == figures.B6
     assert figures.settled is False
 
 
@@ -111,7 +112,8 @@ def test_limit_cycle_is_half_the_peak_to_peak_of_each_coordinate(frequency):
     def wave(amplitude):
         return lambda t: 3e-5 + amplitude * np.sin(2 * np.pi * frequency * t)
 
-    x, z = measured(GAIN, error_x=wave(12e-6), error_z=wave(4e-6)).limit_cycle
+    figures = measured(GAIN, error_x=wave(12e-6), error_z=wave(4e-6))
+    x, z = figures.limit_cycle_x, figures.limit_cycle_z
     # A peak between two samples, 0.25 ms apart, is missed by at most 1 - cos(pi f 0.25 ms).
     missed = 1 - math.cos(math.pi * frequency * 0.25e-3)
     assert 12e-6 * (1 - missed) - EXACT <= x <= 12e-6 + EXACT
@@ -119,10 +121,9 @@ def test_limit_cycle_is_half_the_peak_to_peak_of_each_coordinate(frequency):
 
 
 def test_limit_cycle_looks_at_the_last_three_seconds():
-    before = measured(GAIN, error_x=spike(22.9, 1e-3)).limit_cycle
-    within = measured(GAIN, error_x=spike(23.1, 1e-3)).limit_cycle
-    assert before == (0.0, 0.0)
-    assert within == pytest.approx((0.5e-3, 0.0), abs=EXACT)
+    before, within = (measured(GAIN, error_x=spike(at, 1e-3)) for at in (22.9, 23.1))
+    assert (before.limit_cycle_x, before.limit_cycle_z) == (0.0, 0.0)
+    assert (within.limit_cycle_x, within.limit_cycle_z) == pytest.approx((0.5e-3, 0.0), abs=EXACT)
 
 
 def test_rest_error_looks_at_the_last_second():
@@ -135,24 +136,27 @@ def test_rest_error_looks_at_the_last_second():
 
 def test_judgement_of_a_loop_at_rest():
     verdict = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3))
-    assert (verdict["status"], verdict["message"]) == (Status.DONE, "")
-    assert verdict["measurement"].rest_error == pytest.approx(0.09e-3, abs=EXACT)
+    assert (verdict.status, verdict.message) == (Status.DONE, "")
+    assert verdict.measurements.rest_error == pytest.approx(0.09e-3, abs=EXACT)
 
 
 def test_a_loop_that_does_not_come_to_rest_is_unstable_and_still_measured():
     verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3))
-    assert verdict["status"] is Status.UNSTABLE
-    assert "0.2 mm in the last 1 s" in verdict["message"]
-    assert verdict["measurement"].criteria["B5"] == pytest.approx(0.2e-3, abs=EXACT)
+    assert verdict.status is Status.UNSTABLE
+    assert "0.2 mm in the last 1 s" in verdict.message
+    assert pytest.approx(0.2e-3, abs=EXACT) == verdict.measurements.B5
 
 
 def test_a_test_without_requirements_asks_for_no_rest():
-    assert metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0))["status"] is Status.DONE
+    assert metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0)).status is Status.DONE
 
 
 @pytest.mark.parametrize("status", [Status.UNSTABLE, Status.ERROR])
 def test_what_ended_early_is_not_measured(status):
     ended = replace(trajectory(), ending=Ending(status, 3.5, "because", 2))
-    assert metrics.judge(PAPER, DISTURBANCE, ended) == {
-        "status": status, "time": 3.5, "message": "because", "warnings": 2,
-    }  # fmt: skip
+    assert metrics.judge(PAPER, DISTURBANCE, ended) == Judgement(status=status, time=3.5, message="because", warnings=2)
+
+
+@pytest.mark.parametrize("case", [NOISE, DISTURBANCE, GAIN], ids=lambda case: case.test.name)
+def test_figures_are_those_that_are_expected(case):
+    assert measured(case, error_x=1e-5).names == metrics.expected(case.test)

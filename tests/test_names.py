@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestrator.cosim.connectors import CONTROLLER, PLANT
-from orchestrator.cosim.names import ARRAY, Spelling, canonical, spelling, zero_based
+from orchestrator.fmi.connectors import CONTROLLER, PLANT
+from orchestrator.fmi.names import ARRAY, Spelling, canonical, spelling, zero_based
 
 CONNECTORS = sorted({connector.name for connector in (*CONTROLLER, *PLANT)})
 

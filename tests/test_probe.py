@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import functools
 from fractions import Fraction
 
 import pytest
-from closed_loops import T_S
-from conftest import build_or_skip
 from exporters import RECIPES
-from python_controllers import python_controller
-from stub_fmus import build_stub, pair
+from support.closed_loops import T_S, probed, quiet
+from support.python_controllers import python_controller
 
-from orchestrator.cosim.archive import open_archive
-from orchestrator.cosim.controller import Setup, Steady
-from orchestrator.cosim.probe import Convention, probe
-from orchestrator.execution import isolation
-from orchestrator.execution.job import Finished, Job
+from orchestrator.loop.probe import Convention
 
-STEADY = Steady((0.4, -1.1), (9.0, -6.0), (0.3, -0.9))
-
-
-def measure(setup, sample_time, plant, controller, task):
-    return probe(controller, setup, STEADY, sample_time)
+STEADY = {"rest[1]": 0.4, "rest[2]": -1.1, "hold[1]": 9.0, "hold[2]": -6.0, "q_a_start[1]": 0.3, "q_a_start[2]": -0.9}
 
 
 def timing(plant, controller, parameters=None, sample_time=T_S):
-    """What the probe says of a controller, found out in a child."""
-    work = functools.partial(measure, Setup(parameters or {}), sample_time)
-    (outcome,) = isolation.run_isolated(Job(open_archive(plant), open_archive(controller), (0,), work, (60.0,)))
-    assert isinstance(outcome, Finished), outcome
-    return outcome.value
+    """Latency and convention of a controller."""
+    found = probed(plant, controller, quiet(sample_time, STEADY, sample_time=sample_time), parameters)
+    return found.latency, Convention(found.convention)
 
 
 @pytest.mark.parametrize(
@@ -49,52 +36,27 @@ def test_conventions_of_exporters(name, convention, probe_plant_file, exporter_f
     recipe = RECIPES[name]
     if recipe.missing():
         pytest.skip(recipe.missing())
-    found = timing(probe_plant_file, recipe.build(exporter_folder))
-    assert (found.convention, found.latency) == (convention, 0)
-    assert found.first_torque == pytest.approx(STEADY.u_m0, abs=1e-8)
+    assert timing(probe_plant_file, recipe.build(exporter_folder)) == (0, convention)
 
 
-DELAYED = [
-    *pair("q_m_ref", "input", "rad", 0.0),
-    *pair("q_m", "input", "rad", 0.0),
-    *pair("u_m", "output", "N.m"),
-    *pair("u_m0", "parameter", "N.m", 0.0),
-    ("K", "parameter", "N.m/rad", 45.0),
-    ("lag", "parameter", "1", 0.0),
-    ("forgetful", "parameter", "1", 0.0),
-]
-
-
-@pytest.fixture(scope="module")
-def delayed_file(fmu_folder):
-    """The stub of ``tests/stubs/delayed.c``."""
-    return build_or_skip(lambda: build_stub("delayed", DELAYED, fmu_folder))
-
-
-@pytest.mark.parametrize("lag", [0, 1, 2, 7])
-def test_every_sample_of_latency_is_seen(lag, probe_plant_file, delayed_file):
-    found = timing(probe_plant_file, delayed_file, {"lag": float(lag)})
-    assert (found.latency, found.convention) == (lag, Convention.STEP_START)
-    assert found.first_torque == STEADY.u_m0
-
-
-def test_latency_counts_in_the_controllers_own_samples(probe_plant_file, delayed_file):
-    assert timing(probe_plant_file, delayed_file, {"lag": 1.0}, Fraction(1, 1000)).latency == 1
-
-
-def test_no_answer_is_told(probe_plant_file, delayed_file):
-    found = timing(probe_plant_file, delayed_file, {"K": 0.0})
-    assert found.convention is Convention.SILENT and found.latency is None
-
-
-def test_an_answer_that_comes_too_late_is_none(probe_plant_file, delayed_file):
-    assert timing(probe_plant_file, delayed_file, {"lag": 8.0}).convention is Convention.SILENT
-
-
-def test_a_response_that_depends_on_when_it_begins_is_told(probe_plant_file, delayed_file):
-    """A controller whose gain fades with time."""
-    found = timing(probe_plant_file, delayed_file, {"forgetful": 1.0})
-    assert found.convention is Convention.UNKNOWN and found.latency == 0
+@pytest.mark.parametrize(
+    ("parameters", "sample_time", "latency", "convention"),
+    [
+        ({}, T_S, 0, Convention.STEP_START),
+        ({"lag": 1.0}, T_S, 1, Convention.STEP_START),
+        ({"lag": 7.0}, T_S, 7, Convention.STEP_START),
+        ({"lag": 1.0}, Fraction(1, 1000), 1, Convention.STEP_START),
+        ({"lag": 8.0}, T_S, None, Convention.SILENT),
+        ({"K": 0.0}, T_S, None, Convention.SILENT),
+        ({"forgetful": 1.0}, T_S, 0, Convention.UNKNOWN),
+    ],
+    ids=["none", "one", "most", "in its own samples", "too late", "no response", "a gain that fades with time"],
+)
+def test_every_sample_of_latency_is_seen(
+    parameters, sample_time, latency, convention, probe_plant_file, feedthrough_file
+):
+    found = timing(probe_plant_file, feedthrough_file, {"K": 45.0, **parameters}, sample_time)
+    assert found == (latency, convention)
 
 
 def test_a_unit_delay_in_python_costs_a_sample(probe_plant_file, tmp_path):
@@ -103,5 +65,4 @@ def test_a_unit_delay_in_python_costs_a_sample(probe_plant_file, tmp_path):
     body += "{'u_m[1]': before['u_m0[1]'], 'u_m[2]': before['u_m0[2]']})}, {name: self.own[name] for name in "
     body += "('u_m[1]', 'u_m[2]')}); return True"
     controller = python_controller(tmp_path, "UnitDelay", 45.0, step_body=body)
-    found = timing(probe_plant_file, controller)
-    assert (found.latency, found.convention) == (1, Convention.STEP_START)
+    assert timing(probe_plant_file, controller) == (1, Convention.STEP_START)

@@ -10,23 +10,23 @@ import stat
 import subprocess
 import sys
 import tempfile
+from ast import literal_eval
 from contextlib import suppress
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import psutil
 import pytest
 from hostile import fmus
 from hostile.commands import ROOT, command, finished, kill, started, wait_for
-from hostile.runs import STRUCK, bench, run, short_cases
+from hostile.runs import STRUCK, bench, job, run, short_cases
 
-from orchestrator.cosim.trajectory import Status
+from orchestrator.api import campaign
 from orchestrator.errors import InputError
-from orchestrator.execution import evaluation, sandbox
-from orchestrator.execution.evaluation import simulate_isolated
-from orchestrator.execution.isolation import run_isolated
-from orchestrator.execution.job import Finished, Job
+from orchestrator.execution import sandbox
+from orchestrator.execution.job import Done
+from orchestrator.execution.supervision import run_isolated
+from orchestrator.loop.trajectory import Status
 
 
 def problem() -> str:
@@ -38,7 +38,9 @@ def problem() -> str:
     return "" if tried.returncode == 0 else f"bubblewrap may not work here: {tried.stderr.strip()}"
 
 
-REPORT = 6
+EXIT, SPAWN, REPORT = 2, 4, 6
+"""Faults of ``tests/hostile/slave.py``."""
+
 PROBLEM = problem()
 sandboxed = pytest.mark.skipif(bool(PROBLEM), reason=PROBLEM or "-")
 
@@ -52,28 +54,14 @@ def slave(fmu_folder) -> Path:
 @pytest.fixture
 def own(plant_file, pid_file):
     """The plant with the default controller."""
-    return bench(plant_file, pid_file, limit=120.0)
+    return bench(plant_file, pid_file, limit=120.0, sandbox=True)
 
 
-@pytest.fixture
-def work_from(tmp_path_factory, monkeypatch):
-    """A function that makes a module of a text, in a hidden folder, and returns its function ``work``."""
-
-    def make(text: str):
-        folder = tmp_path_factory.mktemp("module")
-        name = f"lies_in_tmp_{folder.name}"
-        (folder / f"{name}.py").write_text(text)
-        monkeypatch.syspath_prepend(str(folder))
-        return import_module(name).work
-
-    return make
-
-
-def inside(own, work, task):
-    """What ``work`` returns for ``task`` in a sandbox."""
-    (outcome,) = run_isolated(Job(own.plant, own.controller, (task,), work, (120.0,), sandbox=True))
-    assert isinstance(outcome, Finished), outcome
-    return outcome.value
+def inside(own, function: str, task: str = "") -> str:
+    """What a function of ``hostile.works`` returns in a sandbox."""
+    (outcome,) = run_isolated(job(own, function, task.encode(), limit=120.0))
+    assert isinstance(outcome, Done), outcome
+    return outcome.value.decode()
 
 
 def with_fault(own, fault: int, **changes):
@@ -85,122 +73,67 @@ def with_fault(own, fault: int, **changes):
 def test_the_sandbox_stops_what_is_allowed_without_it(plant_file, slave, tmp_path, monkeypatch):
     """The controller connects to a server on this machine, reads where it may, and writes into the user's home."""
     monkeypatch.setenv("HOME", str(tmp_path))
-    own = bench(plant_file, slave, limit=120.0)
-    (case,) = short_cases(own.plant, (STRUCK,))
-    reports = {}
+    own, reports = bench(plant_file, slave, limit=120.0), {}
     for boxed in (False, True):
-        (result,) = run(with_fault(own, REPORT, sandbox=boxed), [case])
-        assert result.status is Status.ERROR
-        reports[boxed] = result.message
-    assert "home: written" in reports[False]
-    assert "own folder: written" in reports[False]
-    assert "home: refused" in reports[True]
-    assert "network: refused" in reports[True]
-    assert "processes: 3 or fewer" in reports[True]
-    assert "temporary files: written" in reports[True]
+        (found,) = run(with_fault(own, REPORT, sandbox=boxed), short_cases((STRUCK,)))
+        assert found.result.status is Status.ERROR
+        reports[boxed] = found.result.message
+    for word in ("home: written", "own folder: written"):
+        assert word in reports[False]
+    for word in ("home: refused", "network: refused", "processes: 3 or fewer", "temporary files: written"):
+        assert word in reports[True]
 
 
 @sandboxed
-def test_the_numbers_are_the_same(plant_file, pid_file):
-    own = bench(plant_file, pid_file, limit=120.0)
-    scenario = short_cases(own.plant, (STRUCK,))[0].scenario
-    free, boxed = (simulate_isolated(scenario, replace(own, sandbox=option)) for option in (False, True))
-    assert free.torque.tobytes() == boxed.torque.tobytes()
-    assert free.X.tobytes() == boxed.X.tobytes()
+def test_as_a_command_with_the_same_numbers(tmp_path):
+    tables = set()
+    for option in ((), ("--sandbox",)):
+        folder = tmp_path / "-".join(("out", *option))
+        done = finished(command(folder, "--only", "c00.compliant.noise", *option))
+        assert done.returncode == 0, done.stderr
+        tables.add((folder / "cases.csv").read_bytes())
+    assert len(tables) == 1
 
 
 @sandboxed
-def test_what_python_needs_of_the_hidden_folder_is_there(own, work_from):
-    """The sandbox has a /tmp of its own; a package that lies in the outer one is found all the same."""
-    work = work_from("def work(plant, controller, task):\n    return task + 1\n")
-    assert str(Path(work.__code__.co_filename)).startswith("/tmp/") or sys.platform != "linux"
-    assert inside(own, work, 41) == 42
-
-
-@sandboxed
-def test_nothing_is_mounted_writable_again(own, work_from):
+def test_nothing_is_mounted_writable_again(own):
     """Not by root either, who needs no capability to write what concerns the whole machine."""
-    work = work_from(
-        """
-import ctypes, os
-
-REMOUNT, BIND = 32, 4096
-
-def work(plant, controller, task):
-    folder, libc = os.path.dirname(__file__), ctypes.CDLL(None)
-    found = [libc.mount(None, name.encode(), None, REMOUNT | BIND, None) for name in ("/", "/proc", folder)]
-    for name in (folder + "/new", "/proc/sys/kernel/core_pattern"):
-        try:
-            os.close(os.open(name, os.O_WRONLY | os.O_CREAT))
-            found.append("open")
-        except OSError as problem:
-            found.append(type(problem).__name__)
-    return found
-"""
-    )
-    assert inside(own, work, None)[:3] == [-1, -1, -1]
-    assert "open" not in inside(own, work, None)
+    assert inside(own, "remount") == "-1 -1 -1 refused refused"
 
 
 @sandboxed
 @pytest.mark.parametrize("folder", ["/tmp", "/var/tmp", "/run", "elsewhere"])
-def test_sockets_of_other_programs_are_out_of_reach(own, work_from, folder, tmp_path, monkeypatch):
+def test_sockets_of_other_programs_are_out_of_reach(own, folder, tmp_path, monkeypatch):
     if folder == "elsewhere":  # where this machine's temporary files are
         folder = str(tmp_path)
         monkeypatch.setattr(tempfile, "tempdir", folder)
     if not os.access(folder, os.W_OK):
         pytest.skip(f"{folder} cannot be written")
-    work = work_from(
-        """
-import socket
-
-def work(plant, controller, path):
-    with socket.socket(socket.AF_UNIX) as caller:
-        return caller.connect_ex(path)
-"""
-    )
     with tempfile.TemporaryDirectory(dir=folder) as own_folder, socket.socket(socket.AF_UNIX) as listening:
         path = os.path.join(own_folder, "s")
         listening.bind(path)
         listening.listen()
-        assert work(None, None, path) == 0
-        assert inside(own, work, path) == errno.ENOENT
+        with socket.socket(socket.AF_UNIX) as caller:
+            assert caller.connect_ex(path) == 0
+        assert inside(own, "connect", path) == str(errno.ENOENT)
 
 
 @sandboxed
-def test_the_environment_is_not_handed_on(own, work_from, monkeypatch):
+def test_the_environment_is_not_handed_on(own, monkeypatch):
     monkeypatch.setenv("A_TOKEN", "secret")
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    work = work_from(
-        """
-import os
-
-def work(plant, controller, names):
-    own, first = open("/proc/self/environ").read(), open("/proc/1/environ").read()
-    return [os.environ.get(name) for name in names], "secret" in own + first
-"""
-    )
-    values, leaked = inside(own, work, ["A_TOKEN", "OMP_NUM_THREADS", "PATH"])
+    values, leaked = literal_eval(inside(own, "environment_of", "A_TOKEN OMP_NUM_THREADS PATH"))
     assert values == [None, "1", os.environ["PATH"]]
     assert not leaked
 
 
 @sandboxed
-def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path):
-    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one."""
-    clone, elsewhere = tmp_path / "clone", tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    for package in ("orchestrator", "controller_fmu", "plant_fmu"):
-        shutil.copytree(ROOT / package, clone / package, ignore=shutil.ignore_patterns("__pycache__"))
-    (elsewhere / "task.py").write_text(
-        """
-def work(plant, controller, task):
-    import orchestrator
-    return orchestrator.__file__
-"""
-    )
-    (elsewhere / "script.py").write_text(
-        f"""
+def test_a_worker_works_in_an_empty_folder(own):
+    folder, files, sockets, main = literal_eval(inside(own, "surroundings"))
+    assert (folder, files, sockets, main) == ("/tmp", [], 1, None)
+
+
+SCRIPT = """
 import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -208,20 +141,27 @@ from pathlib import Path
 class Hook:
     @staticmethod
     def find_spec(name, path=None, target=None):
-        return PathFinder.find_spec(name, [{str(clone)!r}]) if path is None else None
+        return PathFinder.find_spec(name, [{clone!r}]) if path is None else None
 
-if __name__ == "__main__":
-    sys.meta_path.insert(0, Hook)
-    from orchestrator.cosim.archive import open_archive
-    from orchestrator.execution.isolation import run_isolated
-    from orchestrator.execution.job import Job
-    from task import work
-    plant, controller = (open_archive(Path(word)) for word in sys.argv[1:])
-    (outcome,) = run_isolated(Job(plant, controller, (0,), work, (120.0,), sandbox=True))
-    print(outcome.value)
+sys.meta_path.insert(0, Hook)
+from hostile.runs import bench, job
+from orchestrator.execution.supervision import run_isolated
+own = bench(Path(sys.argv[1]), Path(sys.argv[2]), sandbox=True)
+(outcome,) = run_isolated(job(own, "package_file", b"", limit=120.0))
+print(outcome.value.decode())
 """
-    )
-    done = finished([sys.executable, "script.py", str(plant_file), str(pid_file)], folder=elsewhere)
+
+
+@sandboxed
+def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path):
+    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one."""
+    clone = tmp_path / "clone"
+    for package in ("orchestrator", "controller_fmu", "plant_fmu"):
+        shutil.copytree(ROOT / package, clone / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "tests" / "hostile", tmp_path / "hostile")
+    shutil.copy(ROOT / "build_fmus.py", tmp_path)
+    (tmp_path / "script.py").write_text(SCRIPT.format(clone=str(clone)))
+    done = finished([sys.executable, "script.py", str(plant_file), str(pid_file)], folder=tmp_path)
     assert done.stdout.strip() == str(clone / "orchestrator" / "__init__.py"), done.stderr
 
 
@@ -232,63 +172,48 @@ def test_a_run_that_is_killed_leaves_no_files(tmp_path):
     outside.mkdir()
     arguments = command(tmp_path / "out", "--only", "c00.compliant.noise", "--sandbox")
     with started(arguments, environment={"TMPDIR": str(outside)}) as process:
-        assert wait_for(lambda: any("fresh" in " ".join(child.cmdline()) for child in session_and_below(process)))
+        assert wait_for(lambda: any("sandboxed" in " ".join(words) for words in commands_below(process.pid)))
         kill(process)
         process.wait()
-    assert [path.name for path in outside.iterdir() if not path.name.startswith("pymp-")] == []
+    assert wait_for(lambda: not list(outside.iterdir()))
 
 
-def session_and_below(process) -> list[psutil.Process]:
-    """All that a command has started and that still has a command line."""
+def commands_below(pid: int) -> list[list[str]]:
+    """The command lines of all that a process has started."""
+    found = []
     with suppress(psutil.Error):
-        return [child for child in psutil.Process(process.pid).children(recursive=True) if child.is_running()]
-    return []
+        for child in psutil.Process(pid).children(recursive=True):
+            with suppress(psutil.Error):
+                found.append(child.cmdline())
+    return found
 
 
 @sandboxed
-def test_crashes_hangs_and_processes_left_behind(plant_file, slave, monkeypatch):
-    monkeypatch.setattr(evaluation, "START_TIME", 60.0)
+def test_crashes_and_processes_left_behind(plant_file, slave, monkeypatch):
+    monkeypatch.setattr(campaign, "START_TIME", 60.0)
     own = bench(plant_file, slave, sandbox=True)
     before = sleepers()
-    cases = short_cases(own.plant, (STRUCK,))
-    (crashed,) = run(with_fault(own, 2), cases)
-    assert (crashed.status, crashed.time) == (Status.CRASHED, 0.0)
-    assert "exit code 7" in crashed.message
-    (left,) = run(with_fault(own, 4), cases)
-    assert left.status is Status.DONE
-    _, alive = psutil.wait_procs(sleepers() - before, timeout=5)  # the system ends a sandbox in its own time
-    assert not alive
+    (crashed,) = run(with_fault(own, EXIT), short_cases((STRUCK,)))
+    assert (crashed.result.status, crashed.result.time) == (Status.CRASHED, 0.0)
+    assert "exit code 7" in crashed.result.message
+    (left,) = run(with_fault(own, SPAWN), short_cases((STRUCK,)))
+    assert left.result.status is Status.DONE
+    assert wait_for(lambda: not sleepers() - before)  # the system ends a sandbox in its own time
 
 
 def sleepers() -> set[psutil.Process]:
     """What the hostile controller starts; it would sleep for minutes."""
-    return {process for process in psutil.process_iter(["name"]) if process.info["name"] == "sleep"}
-
-
-@sandboxed
-def test_as_a_command(tmp_path):
-    tables = {}
-    for option in ((), ("--sandbox",)):
-        folder = tmp_path / "-".join(("out", *option))
-        done = finished(command(folder, "--only", "c00.compliant.noise", *option))
-        assert done.returncode == 0, done.stderr
-        tables[option] = (folder / "cases.csv").read_bytes()
-    assert tables[()] == tables[("--sandbox",)]
-
-
-def test_without_bubblewrap_the_option_is_refused(plant_file, slave, monkeypatch):
-    monkeypatch.setenv("PATH", "/nonexistent")
-    own = bench(plant_file, slave, sandbox=True)
-    with pytest.raises(InputError, match="--sandbox needs bubblewrap"):
-        run(own, short_cases(own.plant, (STRUCK,)))
+    return {process for process in psutil.process_iter(["cmdline"]) if process.info["cmdline"] == ["sleep", "1000"]}
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a shell script stands for bubblewrap")
-def test_where_bubblewrap_may_not_work_the_option_is_refused(plant_file, slave, tmp_path, monkeypatch):
-    program = tmp_path / "bwrap"
-    program.write_text("#!/bin/sh\necho 'bwrap: No permissions to create new namespace' >&2\nexit 1\n")
-    program.chmod(program.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
-    own = bench(plant_file, slave, sandbox=True)
-    with pytest.raises(InputError, match="No permissions to create new namespace"):
-        run(own, short_cases(own.plant, (STRUCK,)))
+@pytest.mark.parametrize("words", ["", "bwrap: No permissions to create new namespace"])
+def test_where_bubblewrap_is_not_there_or_may_not_work_it_is_refused(words, own, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    if words:
+        program = tmp_path / "bwrap"
+        program.write_text(f"#!/bin/sh\necho '{words}' >&2\nexit 1\n")
+        program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    with pytest.raises(InputError) as told:
+        run(own, short_cases((STRUCK,)))
+    assert told.value.what == "no-sandbox" and words in str(told.value)

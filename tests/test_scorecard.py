@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 
 import pytest
-from closed_loops import PAPER
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from results import everything, result
+from msgspec.structs import replace
+from support.results import PAPER, RULES, TABLE_2, everything, result
 
 from orchestrator.benchmark.scorecard import score
-from orchestrator.cosim.trajectory import Status
+from orchestrator.loop.trajectory import Status
 
-ON_TARGET = {criterion.name: criterion.target for criterion in PAPER.criteria}
-TABLE_2 = {"B1": 0.17, "B2": 0.06, "B3": 9.6, "B4": 9.1, "B5": 10.2e-3, "B6": 3.5, "B7": 1.1e-3}
+ON_TARGET = {name: criterion.target for name, criterion in PAPER.criteria.items()}
 
 ON_TARGET_EVERYWHERE = everything(ON_TARGET)
 
 
 def scored(results):
-    return score(PAPER, results, 324)
+    return score(RULES, results)
 
 
 def changed(results, index, system, test, **changes):
     """``results`` with one case's result replaced by one with ``changes``."""
     other = result(index, system, test, **changes)
-    return [other if entry.case.id == other.case.id else entry for entry in results]
+    return [other if entry.id == other.id else entry for entry in results]
 
 
 def verdicts(card):
-    return {requirement.name: requirement.overall.passed for requirement in card.requirements}
+    return {name: requirement.passed for name, requirement in card.stability.items()}
 
 
 # ---- Cost ----
@@ -48,11 +46,12 @@ def test_table_2_costs_what_the_paper_says():
     card = scored(everything(TABLE_2))
     assert card.cost == pytest.approx(140.7, abs=0.05), "printed there as 141"
     assert round(card.cost) == PAPER.reference["V"]
-    assert {entry.criterion.name: entry.value for entry in card.criteria} == pytest.approx(TABLE_2)
-    shares = [entry.share for entry in card.criteria]
+    assert {name: entry.value for name, entry in card.criteria.items()} == pytest.approx(TABLE_2)
+    shares = [entry.share for entry in card.criteria.values()]
     assert shares == pytest.approx([0.73, 0.45, 0.55, 0.91, 36.4, 46.7, 55.0], abs=0.05)
 
 
+@settings(max_examples=30)
 @given(values=st.lists(st.floats(1e-3, 1e3), min_size=7, max_size=7), factor=st.floats(0.1, 10.0))
 def test_cost_is_linear_in_every_criterion(values, factor):
     given_values = dict(zip(ON_TARGET, values, strict=True))
@@ -70,11 +69,9 @@ def test_cost_is_the_mean_over_configurations_of_the_worst_over_systems():
     assert card.cost == pytest.approx(100 + (25 + 40) / 18)
     assert card.configurations[4].cost == pytest.approx(165.0)
     assert card.configurations[4].relative["B5"] == pytest.approx(2.0)
-    worst = {entry.criterion.name: entry.worst_case for entry in card.criteria}
-    assert worst["B5"] == "c04.random_2.disturbance"
-    assert worst["B6"] == "c04.random_1.disturbance"
-    values = {entry.criterion.name: (entry.value, entry.worst_value) for entry in card.criteria}
-    assert values["B5"] == pytest.approx((7e-3 * (1 + 1 / 18), 14e-3))
+    B5, B6 = card.criteria["B5"], card.criteria["B6"]
+    assert (B5.worst_case.id, B6.worst_case.id) == ("c04.random_2.disturbance", "c04.random_1.disturbance")
+    assert (B5.value, B5.worst_case.value) == pytest.approx((7e-3 * (1 + 1 / 18), 14e-3))
 
 
 def test_the_order_of_results_does_not_matter():
@@ -99,14 +96,10 @@ def test_without_limit_cycles_all_requirements_hold():
 def test_a_limit_cycle_fails_its_axis_and_A3(test, failing, axis):
     card = scored(changed(ON_TARGET_EVERYWHERE, 6, "slippery", test, cycle=(3e-6, 18e-6)))
     assert verdicts(card) == {"A1": failing != "A1", "A2": failing != "A2", "A3": False}
-    for requirement in card.requirements:
-        axes = {name: verdict.passed for name, verdict in requirement.axes.items()}
-        if requirement.name == failing:
-            assert axes == {"1": axis != "1", "2": axis != "2"}
-            assert requirement.overall.amplitude == 18e-6
-            assert requirement.overall.worst_case == f"c06.slippery.{test}"
-        elif requirement.name == "A3":
-            assert axes == {"x": True, "z": False}
+    failed = card.stability[failing]
+    assert {name: verdict.passed for name, verdict in failed.axes.items()} == {"1": axis != "1", "2": axis != "2"}
+    assert (failed.limit_cycle, failed.worst_case) == (18e-6, f"c06.slippery.{test}")
+    assert {name: verdict.passed for name, verdict in card.stability["A3"].axes.items()} == {"x": True, "z": False}
     assert card.cost == pytest.approx(100.0), "a requirement is never averaged into V"
 
 
@@ -132,12 +125,12 @@ def test_a_performance_case_without_measurement_leaves_no_cost(status):
     )
     assert card.cost is None
     assert card.configurations[2].cost is None and card.configurations[3].cost == pytest.approx(100.0)
-    for entry in card.criteria:
-        if entry.criterion.name in ("B1", "B2"):
+    for name, entry in card.criteria.items():
+        if name in ("B1", "B2"):
             assert entry.value is not None
         else:
             assert entry.value is None and entry.share is None
-            assert entry.worst_case == "c02.compliant.disturbance"
+            assert entry.worst_case.id == "c02.compliant.disturbance"
     assert verdicts(card) == {"A1": True, "A2": True, "A3": False}
     assert card.complete is (status is Status.UNSTABLE), "an unstable loop is a verdict, a crash is none"
 
@@ -147,8 +140,8 @@ def test_a_stability_case_without_measurement_fails_its_requirement(status):
     card = scored(changed(ON_TARGET_EVERYWHERE, 2, "sticky", "delay_2", cycle=None, status=status))
     assert verdicts(card) == {"A1": True, "A2": False, "A3": False}
     assert card.cost == pytest.approx(100.0)
-    requirement = next(entry for entry in card.requirements if entry.name == "A2")
-    assert (requirement.overall.amplitude, requirement.overall.worst_case) == (None, "c02.sticky.delay_2")
+    A2 = card.stability["A2"]
+    assert (A2.limit_cycle, A2.worst_case) == (None, "c02.sticky.delay_2")
 
 
 def test_a_loop_that_does_not_rest_fails_whatever_its_limit_cycle():
@@ -156,25 +149,19 @@ def test_a_loop_that_does_not_rest_fails_whatever_its_limit_cycle():
     assert verdicts(scored(results)) == {"A1": False, "A2": True, "A3": False}
 
 
-def test_missing_cases_make_the_card_incomplete():
-    card = scored(ON_TARGET_EVERYWHERE[:-1])
-    assert not card.complete
-    assert card.cost == pytest.approx(100.0)
-
-
 def test_nothing_tried_is_nothing_passed():
     card = scored([])
     assert card.cost is None and not card.complete
     assert verdicts(card) == {"A1": None, "A2": None, "A3": None}
-    only_noise = [entry for entry in ON_TARGET_EVERYWHERE if entry.case.test.name == "noise"]
+    only_noise = [entry for entry in ON_TARGET_EVERYWHERE if entry.test == "noise"]
     assert verdicts(scored(only_noise)) == {"A1": None, "A2": None, "A3": None}
     assert scored(only_noise).cost is None
 
 
 def test_results_may_hold_a_part_of_the_configurations():
-    part = [replace(entry) for entry in ON_TARGET_EVERYWHERE if entry.case.configuration.index in (3, 8)]
+    part = [entry for entry in ON_TARGET_EVERYWHERE if entry.configuration.index in (3, 8)]
     card = scored(part)
-    assert [entry.configuration.index for entry in card.configurations] == [3, 8]
+    assert [entry.index for entry in card.configurations] == [3, 8]
     assert card.cost == pytest.approx(100.0) and not card.complete
 
 
@@ -184,23 +171,23 @@ def test_results_may_hold_a_part_of_the_configurations():
 def drifted(index, system, test, rest_error, cycle):
     """A case that ends off its place [m], with a limit cycle of ``cycle`` [m]."""
     measured = result(index, system, test, cycle=(cycle, 0.0), status=Status.UNSTABLE)
-    return replace(measured, measurement=replace(measured.measurement, rest_error=rest_error))
+    return replace(measured, measurements=replace(measured.measurements, rest_error=rest_error))
 
 
 def test_a_case_that_fails_is_worse_than_a_larger_limit_cycle_that_is_allowed():
     results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=(5e-6, 0.0))
     off = drifted(0, "slippery", "gain_1", 5e-3, 0.1e-6)
-    results = [off if entry.case.id == off.case.id else entry for entry in results]
-    (A1, *_) = scored(results).requirements
+    results = [off if entry.id == off.id else entry for entry in results]
+    A1 = scored(results).stability["A1"]
     verdict = A1.axes["1"]
     assert (verdict.passed, verdict.worst_case) == (False, "c00.slippery.gain_1")
-    assert (verdict.amplitude, verdict.rest_error) == (0.1e-6, 5e-3)
+    assert (verdict.limit_cycle, verdict.rest_error) == (0.1e-6, 5e-3)
     assert A1.axes["2"].passed and A1.axes["2"].rest_error is None
 
 
 def test_of_the_cases_that_fail_the_largest_limit_cycle_is_told():
     results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=(50e-6, 0.0))
     off = drifted(0, "slippery", "gain_1", 5e-3, 0.1e-6)
-    results = [off if entry.case.id == off.case.id else entry for entry in results]
-    verdict = scored(results).requirements[0].axes["1"]
-    assert (verdict.worst_case, verdict.amplitude, verdict.rest_error) == ("c02.slippery.gain_1", 50e-6, None)
+    results = [off if entry.id == off.id else entry for entry in results]
+    verdict = scored(results).stability["A1"].axes["1"]
+    assert (verdict.worst_case, verdict.limit_cycle, verdict.rest_error) == ("c02.slippery.gain_1", 50e-6, None)

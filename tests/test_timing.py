@@ -13,30 +13,23 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from closed_loops import T_S, quiet, simulate_all
+from support.closed_loops import T_S, quiet, simulate_all
+from support.stub_fmus import axes
 
-from orchestrator.cosim import signals
-from orchestrator.cosim.scenario import Chirp, Drive, Noise, Pulse, Sensor
+from orchestrator.loop import signals
+from orchestrator.loop.random_streams import noise as noise_of
+from orchestrator.loop.scenario import NO_DELAY, Chirp, Drive, Noise, Pulse, Sensor
 
 ACTING = ("acting[1]", "acting[2]")
 ARRIVAL = ("arrival[1]", "arrival[2]")
 
 
-def jumping(times, jump=(1.0, 1.0), **others):
-    """Parameters of a plant whose angles jump at ``times`` [s]."""
-    return {
-        **{f"jump_at[{i}]": float(time) for i, time in enumerate(times, start=1)},
-        **{f"jump[{i}]": height for i, height in enumerate(jump, start=1)},
-        **others,
-    }
-
-
 @pytest.fixture(scope="module")
 def probe(probe_plant_file, feedthrough_file):
-    """Simulates scenarios with plant stub and gain ``K`` [N.m/rad]."""
+    """Simulates scenarios with plant stub and gain -1 N.m/rad."""
 
-    def run(scenarios, K=-1.0, observe=(*ARRIVAL, *ACTING)):
-        return simulate_all(probe_plant_file, feedthrough_file, scenarios, observe, {"K": K})
+    def run(*scenarios, observe=(*ARRIVAL, *ACTING)):
+        return simulate_all(probe_plant_file, feedthrough_file, scenarios, observe, {"K": -1.0})
 
     return run
 
@@ -44,86 +37,58 @@ def probe(probe_plant_file, feedthrough_file):
 # ---- Delay ----
 
 
-def expected_arrival(jump, sensor, drive):
-    """When a jump of an angle is answered: the first sample that sees it, and the drive's delay on top."""
-    first = math.ceil((jump + sensor) / T_S)
-    return first * T_S + drive
-
-
-def test_loop_delay_of_the_benchmark_is_one_sample(probe):
-    """T_d = 0.25 ms, and 1.5 ms more on one channel: exactly that, from the measurement to the torque."""
-    jump = 8 * T_S
-    scenarios = [
-        quiet("0.01", jumping((jump, jump)), drive=Drive(delay=delay))
-        for delay in ((T_S, T_S), (T_S + Fraction("1.5e-3"), T_S), (T_S, T_S + Fraction("1.5e-3")), (0 * T_S, T_S))
-    ]
-    for scenario, trajectory in zip(scenarios, probe(scenarios), strict=True):
-        measured = [trajectory.extra[name][-1] - float(jump) for name in ARRIVAL]
-        assert measured == pytest.approx([float(delay) for delay in scenario.drive.delay], abs=1e-15)
-
-
-def test_any_delay_is_kept_exactly(probe):
+def random_delays():
     """Random jumps and delays, fractions of a sample among them, per channel and on both sides of the controller."""
     draw = random.Random(20081)
+    for _ in range(60):
+        jump, sensor, drive = (tuple(Fraction(draw.randrange(n * 24), 24) * T_S for _ in "12") for n in (40, 6, 9))
+        yield T_S, jump, sensor, drive
 
-    def some(upto):
-        return Fraction(draw.randrange(upto * 24), 24) * T_S
 
-    chosen = [[(some(40), some(6), some(9)) for _ in range(2)] for _ in range(60)]
+CHOSEN = [
+    *((T_S, (8 * T_S,) * 2, NO_DELAY, drive) for drive in ((T_S, T_S), (7 * T_S, T_S), (T_S, 7 * T_S), (0 * T_S, T_S))),
+    *((T, (6 * T,) * 2, NO_DELAY, (Fraction("0.7e-3"), T)) for T in map(Fraction, ("1/3000", "1/1000", "1/8000"))),
+    *random_delays(),
+]
+"""Sample time, when the angles jump, delays of sensor and drive [s]. T_d = 0.25 ms is one sample, and the tests of
+stability have 1.5 ms more on one channel."""
+
+
+def test_any_delay_is_kept_exactly_from_the_measurement_to_the_torque(probe):
+    """The first sample that sees a jump answers it, and the drive's delay comes on top."""
     scenarios = [
         quiet(
             "0.02",
-            jumping([jump for jump, _, _ in axes]),
-            sensor=Sensor(delay=(axes[0][1], axes[1][1])),
-            drive=Drive(delay=(axes[0][2], axes[1][2])),
+            axes(jump_at=jump, jump=(1, 1)),
+            sample_time=T,
+            sensor=Sensor(delay=sensor),
+            drive=Drive(delay=drive),
         )
-        for axes in chosen
+        for T, jump, sensor, drive in CHOSEN
     ]
-    for axes, trajectory in zip(chosen, probe(scenarios), strict=True):
-        expected = [float(expected_arrival(*delays)) for delays in axes]
+    for (T, *delays), trajectory in zip(CHOSEN, probe(*scenarios), strict=True):
         # An angle that has jumped at the very beginning is unseen by a delayed sensor, whose line holds q_m_ref.
+        expected = [
+            float(math.ceil((jump + sensor) / T) * T + drive) for jump, sensor, drive in zip(*delays, strict=True)
+        ]
         assert [trajectory.extra[name][-1] for name in ARRIVAL] == pytest.approx(expected, abs=1e-15)
-
-
-@pytest.mark.parametrize("T_s", [Fraction(1, 3000), Fraction(1, 1000), Fraction(1, 8000)])
-def test_delays_keep_their_length_at_other_sample_times(probe, T_s):
-    delay = Fraction("0.7e-3")
-    jump = 6 * T_s
-    scenario = quiet("0.02", jumping((jump, jump)), sample_time=T_s, drive=Drive(delay=(delay, T_s)))
-    (trajectory,) = probe([scenario])
-    arrivals = [trajectory.extra[name][-1] - float(jump) for name in ARRIVAL]
-    assert arrivals == pytest.approx([float(delay), float(T_s)], abs=1e-15)
-
-
-def test_step_is_split_only_where_something_arrives(probe):
-    """Parts of a sample interval: one where delays are whole samples, two where a torque arrives in between."""
-    third = T_S / 3
-    drives = [(T_S, 7 * T_S), (T_S + third, T_S), (third, 2 * third)]
-    trajectories = probe([quiet("0.005", drive=Drive(delay=delays)) for delays in drives], observe=("steps",))
-    assert [trajectory.extra["steps"][-1] for trajectory in trajectories] == [20, 40, 60]
 
 
 def test_until_a_torque_arrives_u_m0_acts(probe):
     """The controller asks for another torque at once; the actuator's line is filled with what the plant published."""
-    scenario = quiet(
-        "0.005",
-        {"hold[1]": 2.0, "hold[2]": -3.0, **jumping((0.0, 0.0))},
-        drive=Drive(delay=(3 * T_S, 5 * T_S)),
-    )
-    (trajectory,) = probe([scenario])
+    parameters = axes(hold=(2, -3), jump_at=(0, 0), jump=(1, 1))
+    (trajectory,) = probe(quiet("0.005", parameters, drive=Drive(delay=(3 * T_S, 5 * T_S))))
     assert trajectory.command[0].tolist() == [3.0, -2.0]
+    np.testing.assert_array_equal(trajectory.torque, trajectory.command)
+    np.testing.assert_array_equal(trajectory.measured, trajectory.q_m)
     for name, torque, lag in zip(ACTING, (2.0, -3.0), (3, 5), strict=True):
         # Row k + 1 tells what acted from t_k until t_k+1.
         assert trajectory.extra[name][1:].tolist() == [torque] * lag + [torque + 1.0] * (20 - lag)
 
 
 def test_until_a_measurement_arrives_q_m_ref_is_seen(probe):
-    scenario = quiet(
-        "0.005",
-        {"rest[1]": 0.5, "rest[2]": -0.5, "rate[1]": 1.0, "rate[2]": 1.0},
-        sensor=Sensor(delay=(3 * T_S, T_S / 2)),
-    )
-    (trajectory,) = probe([scenario])
+    parameters = axes(rest=(0.5, -0.5), rate=(1, 1))
+    (trajectory,) = probe(quiet("0.005", parameters, sensor=Sensor(delay=(3 * T_S, T_S / 2))))
     t = np.arange(20) * float(T_S)
     # The angles rise by 1 rad/s, and with K = -1 the command is the rise as it was seen.
     seen = np.column_stack([np.maximum(t - 3 * float(T_S), 0.0), np.maximum(t - 0.5 * float(T_S), 0.0)])
@@ -135,15 +100,11 @@ def test_until_a_measurement_arrives_q_m_ref_is_seen(probe):
 
 def test_a_measurement_is_noisy_then_late_then_quantized(probe):
     """Each order of the three gives other numbers; with K = -1, q_m_ref = 0 and u_m0 = 0 the command shows them."""
-    quantum, sigma, lag = 0.01, 0.02, 2
-    noise = Noise(sigma, (4, 2))
-    scenario = quiet(
-        "0.025",
-        {"rate[1]": 3.0, "rate[2]": -5.0},
-        sensor=Sensor(noise=noise, delay=(lag * T_S, 0 * T_S), quantum=quantum),
-    )
-    (trajectory,) = probe([scenario])
-    noisy = trajectory.q_m + signals.noise(noise, scenario.samples + 1)
+    quantum, lag, noise = 0.01, 2, Noise(0.02, (4, 2))
+    sensor = Sensor(noise=noise, delay=(lag * T_S, 0 * T_S), quantum=quantum)
+    scenario = quiet("0.025", axes(rate=(3, -5)), sensor=sensor)
+    (trajectory,) = probe(scenario)
+    noisy = trajectory.q_m + noise_of(noise, scenario.samples + 1)
     np.testing.assert_array_equal(trajectory.measured, noisy)
     late = np.column_stack([np.concatenate([np.zeros(lag), noisy[: 100 - lag, 0]]), noisy[:100, 1]])
     np.testing.assert_array_equal(trajectory.command, np.rint(late / quantum) * quantum)
@@ -151,40 +112,19 @@ def test_a_measurement_is_noisy_then_late_then_quantized(probe):
 
 def test_a_torque_is_amplified_then_saturated_then_quantized_then_late(probe):
     """Commands run from -5 to 5 about u_m0; the limit is no multiple of the quantum, so that the order shows."""
-    hold, gain, limit, quantum = (0.3, -0.2), (2.5, 1.0), (6.0, 4.0), (0.7, 0.3)
-    scenario = quiet(
-        "0.025",
-        {
-            "hold[1]": hold[0],
-            "hold[2]": hold[1],
-            "rest[1]": 5.0,
-            "rest[2]": 5.0,
-            "rate[1]": 400.0,
-            "rate[2]": 400.0,
-            **jumping((0, 0), (-5.0, -5.0)),
-        },
-        drive=Drive(gain=gain, limit=limit, quantum=quantum, delay=(T_S, 2 * T_S)),
-    )
-    (trajectory,) = probe([scenario], K=-1.0)
-    asked = trajectory.command
-    assert np.ptp(asked, axis=0).min() > 9.0
-    amplified = np.array(hold) + np.array(gain) * (asked - np.array(hold))
-    expected = np.rint(np.clip(amplified, -np.array(limit), limit) / quantum) * quantum
+    drive = Drive(gain=(2.5, 1.0), limit=(6.0, 4.0), quantum=(0.7, 0.3), delay=(T_S, 2 * T_S))
+    hold, gain, limit, quantum = np.array([(0.3, -0.2), drive.gain, drive.limit, drive.quantum])
+    parameters = axes(hold=hold, rest=(5, 5), rate=(400, 400), jump_at=(0, 0), jump=(-5, -5))
+    (trajectory,) = probe(quiet("0.025", parameters, drive=drive))
+    assert np.ptp(trajectory.command, axis=0).min() > 9.0
+    amplified = hold + gain * (trajectory.command - hold)
+    expected = np.rint(np.clip(amplified, -limit, limit) / quantum) * quantum
     # Rounding of the gain may not reach the quantizer's next step here: it would be off by a whole quantum.
     np.testing.assert_allclose(trajectory.torque, expected, rtol=0, atol=1e-12)
-    assert np.abs(trajectory.torque).max(axis=0) == pytest.approx([np.rint(6.0 / 0.7) * 0.7, np.rint(4 / 0.3) * 0.3])
+    assert np.abs(trajectory.torque).max(axis=0) == pytest.approx(np.rint(limit / quantum) * quantum)
     for axis, (name, lag) in enumerate(zip(ACTING, (1, 2), strict=True)):
         late = np.concatenate([[hold[axis]] * lag, trajectory.torque[: 100 - lag, axis]])
         np.testing.assert_array_equal(trajectory.extra[name][1:], late)
-
-
-def test_switched_off_imperfections_leave_the_signals_alone(probe):
-    (trajectory,) = probe([quiet("0.01", {"rate[1]": 0.1, "rate[2]": 0.7, "hold[1]": 1.1})])
-    np.testing.assert_array_equal(trajectory.measured, trajectory.q_m)
-    np.testing.assert_array_equal(trajectory.torque, trajectory.command)
-    np.testing.assert_array_equal(trajectory.command, trajectory.q_m[:-1] + (1.1, 0.0))
-    for axis, name in enumerate(ACTING):
-        np.testing.assert_array_equal(trajectory.extra[name][1:], trajectory.torque[:, axis])
 
 
 # ---- Disturbances ----
@@ -195,7 +135,7 @@ def test_disturbances_are_taken_at_the_beginning_of_each_part(probe):
     pulse = Pulse((3.0, 4.0), 0.0035, 0.0065)
     scenario = quiet("0.01", {}, chirp=chirp, pulse=pulse)
     names = ("disturbing[1]", "disturbing[2]", "pushing[1]", "pushing[2]")
-    whole, split = probe([scenario, replace(scenario, drive=Drive(delay=(T_S / 2, T_S)))], observe=names)
+    whole, split = probe(scenario, replace(scenario, drive=Drive(delay=(T_S / 2, T_S))), observe=names)
     signal = signals.chirp_signal(chirp)
     for trajectory, offset in ((whole, 0), (split, T_S / 2)):
         times = [float(k * T_S + offset) for k in range(40)]
@@ -206,7 +146,7 @@ def test_disturbances_are_taken_at_the_beginning_of_each_part(probe):
 
 def test_disturbances_are_held_no_longer_than_asked_at_slow_sampling(probe):
     scenario = quiet("0.1", {}, sample_time=Fraction(1, 100), longest_hold=T_S)
-    (trajectory,) = probe([scenario], observe=("steps",))
+    (trajectory,) = probe(scenario, observe=("steps",))
     assert trajectory.extra["steps"][-1] == 400
 
 
@@ -215,7 +155,7 @@ def test_disturbances_are_held_no_longer_than_asked_at_slow_sampling(probe):
 
 def test_time_is_computed_not_accumulated(probe):
     scenario = quiet("3", {"rate[1]": 1.0}, sample_time=Fraction(1, 3000))
-    (trajectory,) = probe([scenario])
+    (trajectory,) = probe(scenario)
     exact = np.array([float(Fraction(k, 3000)) for k in range(9001)])
     np.testing.assert_array_equal(trajectory.time, exact)
     # The plant was told t and h: their sum is off by the rounding of one addition, not of 9000.
@@ -223,5 +163,5 @@ def test_time_is_computed_not_accumulated(probe):
 
 
 def test_a_duration_that_is_no_multiple_of_the_sample_time_is_reached(probe):
-    (trajectory,) = probe([quiet(Fraction(7, 2) * T_S, {})])
+    (trajectory,) = probe(quiet(Fraction(7, 2) * T_S, {}))
     assert trajectory.time.tolist() == [float(k * T_S) for k in range(5)]

@@ -1,30 +1,33 @@
-"""The frozen words of the benchmark: configuration, system, test, case."""
+"""The words of the benchmark: configuration, system, test, case."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Annotated
 
-from ..cosim.scenario import Scenario
+import msgspec
+
+from ..codec import Finite, Struct
+from ..loop.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A pose Q_k of the workspace: link angles [rad] and the index k."""
+    """A pose Q_k of the workspace: link angles [rad] and the index k, -1 for a pose that is not on the grid."""
 
     index: int
-    q_a1: float
-    q_a2: float
+    q_a1: Finite
+    q_a2: Finite
 
 
-@dataclass(frozen=True)
-class Disturbance:
+class Disturbance(Struct):
     """What a system's disturbance leaves open: direction of the force [rad], start of the chirp [s], its sweep [Hz]."""
 
-    phi_F: float
-    t_3: float
-    f_start: float
-    f_stop: float
+    phi_F: Finite
+    t_3: Finite
+    f_start: Finite
+    f_stop: Finite
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,11 @@ class System:
     disturbance: Disturbance
 
 
-@dataclass(frozen=True)
-class Test:
+class Test(Struct):
     """One experiment on a system. ``gain`` and ``delay`` [s] are added on ``axis`` (1 or 2; 0 for none).
 
-    ``criteria`` (B1..B7) and ``requirements`` (A1..A3) name what is read off it.
+    ``systems`` names a set of systems of the protocol. ``criteria`` (B1..B7) and ``requirements`` (A1..A3) name what
+    is measured in it.
     """
 
     __test__ = False  # pytest takes classes of this name for its own
@@ -49,8 +52,8 @@ class Test:
     systems: str
     duration: Fraction
     disturbed: bool = True
-    axis: int = 0
-    gain: float = 1.0
+    axis: Annotated[int, msgspec.Meta(ge=0, le=2)] = 0
+    gain: Finite = 1.0
     delay: Fraction = Fraction(0)
     criteria: tuple[str, ...] = ()
     requirements: tuple[str, ...] = ()
@@ -67,5 +70,6 @@ class Case:
 
     @property
     def id(self) -> str:
-        """Unique within a protocol, such as ``c07.compliant.gain_1``."""
-        return f"c{self.configuration.index:02d}.{self.system.name}.{self.test.name}"
+        """Unique within a protocol, such as ``c07.compliant.gain_1``; ``free`` in place of c07 off the grid."""
+        pose = f"c{self.configuration.index:02d}" if self.configuration.index >= 0 else "free"
+        return f"{pose}.{self.system.name}.{self.test.name}"

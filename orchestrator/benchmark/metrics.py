@@ -2,88 +2,67 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from ..cosim.trajectory import Status, Trajectory
-from .case import Case
+from ..loop.trajectory import Status, Trajectory
+from .case import Case, Test
 from .protocol import Protocol
+from .results import CaseResult, Judgement, Measurements
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """The figures of one simulation, SI units.
-
-    ``criteria`` holds those of B1..B7 that the test asks for. ``limit_cycle`` is half the peak-to-peak of the TCP's
-    x and z at the end, ``rest_error`` the largest TCP error in the last second [m]; both None for tests without a
-    requirement. ``settled`` is False where B6 ran to the end of the simulation.
-    """
-
-    criteria: dict[str, float] = field(default_factory=dict)
-    limit_cycle: tuple[float, float] | None = None
-    rest_error: float | None = None
-    settled: bool | None = None
-
-
-@dataclass(frozen=True)
-class CaseResult:
-    """One finished case: its status with the simulated time [s] and the reason, and its measurement.
-
-    The measurement is None where the simulation did not reach its end. ``warnings`` counts FMI calls that returned
-    a warning, ``wall_time`` [s] what the simulation took. ``final`` is False where something from outside ended it, so
-    that it is worth another try. ``kind`` is what went wrong without figures, the same for equal failures; empty where
-    nothing did.
-    """
-
-    case: Case
-    status: Status
-    time: float
-    message: str = ""
-    measurement: Measurement | None = None
-    warnings: int = 0
-    wall_time: float = 0.0
-    final: bool = True
-    kind: str = ""
-
-
-def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> dict[str, Any]:
-    """Status, time, message, measurement and warnings of a simulated case, as fields of :class:`CaseResult`."""
+def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judgement:
+    """Status and figures of a simulated case."""
     ending = trajectory.ending
-    result = {"status": ending.status, "time": ending.time, "message": ending.message, "warnings": ending.warnings}
+    judgement = Judgement(status=ending.status, time=ending.time, message=ending.message, warnings=ending.warnings)
     if ending.status is not Status.DONE:
-        return result
-    measurement = measure(protocol, case, trajectory)
-    limits = protocol.raw["stability"]
-    if measurement.rest_error is not None and measurement.rest_error > limits["rest_error"]:
-        result["status"] = Status.UNSTABLE
-        result["message"] = (
-            f"the TCP error was {measurement.rest_error * 1e3:.3g} mm in the last {limits['rest_window']:g} s"
-        )
-    return {**result, "measurement": measurement}
+        return judgement
+    measurements = measure(protocol, case, trajectory)
+    limits = protocol.stability
+    if measurements.rest_error is not None and measurements.rest_error > limits.rest_error:
+        reason = f"the TCP error was {measurements.rest_error * 1e3:.3g} mm in the last {limits.rest_window:g} s"
+        judgement = msgspec.structs.replace(judgement, status=Status.UNSTABLE, message=reason)
+    return msgspec.structs.replace(judgement, measurements=measurements)
 
 
-def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measurement:
+def named(case: Case, judgement: Judgement) -> CaseResult:
+    """A judgement with the names of its case."""
+    return CaseResult(
+        status=judgement.status,
+        time=judgement.time,
+        message=judgement.message,
+        measurements=judgement.measurements,
+        warnings=judgement.warnings,
+        id=case.id,
+        configuration=case.configuration,
+        system=case.system.name,
+        test=case.test.name,
+    )
+
+
+def expected(test: Test) -> frozenset[str]:
+    """Names of the figures that a simulation of ``test`` has when it reaches its end."""
+    settled = {"settled"} if "B6" in test.criteria else set()
+    stability = {"limit_cycle_x", "limit_cycle_z", "rest_error"} if test.requirements else set()
+    return frozenset({*test.criteria, *settled, *stability})
+
+
+def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measurements:
     """The figures of a simulation that ran to its end."""
-    criteria: dict[str, float] = {}
-    settled = None
+    found: dict[str, Any] = {}
     for name in case.test.criteria:
         if name == "B6":
-            criteria[name], settled = settling_time(
-                trajectory, case.scenario.pulse.stop, protocol.raw["settling"]["error"]
-            )
+            found["B6"], found["settled"] = settling_time(trajectory, case.scenario.pulse.stop, protocol.settling.error)
         else:
-            criteria[name] = CRITERIA[name](trajectory, case)
-    if not case.test.requirements:
-        return Measurement(criteria, settled=settled)
-    limits = protocol.raw["stability"]
-    return Measurement(
-        criteria,
-        limit_cycle=limit_cycle(trajectory, limits["limit_cycle_window"]),
-        rest_error=float(np.max(trajectory.tcp_error[_last(trajectory, limits["rest_window"])])),
-        settled=settled,
-    )
+            found[name] = CRITERIA[name](trajectory, case)
+    if case.test.requirements:
+        limits = protocol.stability
+        x, z = limit_cycle(trajectory, limits.limit_cycle_window)
+        rest = float(np.max(trajectory.tcp_error[_last(trajectory, limits.rest_window)]))
+        found.update(limit_cycle_x=x, limit_cycle_z=z, rest_error=rest)
+    return Measurements(**found)
 
 
 def noise_torque(trajectory: Trajectory, axis: int) -> float:
@@ -110,7 +89,7 @@ def chirp_error(trajectory: Trajectory, case: Case) -> float:
 def settling_time(trajectory: Trajectory, release: float, error: float) -> tuple[float, bool]:
     """B6: time [s] from ``release`` (t_2) to the last sample with a TCP error of ``error`` [m] or more.
 
-    The second value is False where the last sample of all is such a one: then the whole remainder counts.
+    The second value is False if the last sample of all is such a one: then the whole remainder counts.
     """
     late = np.flatnonzero((trajectory.time > release) & (trajectory.tcp_error >= error))
     if late.size == 0:
@@ -125,7 +104,8 @@ def limit_cycle(trajectory: Trajectory, window: float) -> tuple[float, float]:
 
 
 def _last(trajectory: Trajectory, window: float) -> np.ndarray:
-    return trajectory.time >= trajectory.time[-1] - window
+    late: np.ndarray = trajectory.time >= trajectory.time[-1] - window
+    return late
 
 
 CRITERIA = {

@@ -1,109 +1,47 @@
-"""From case results to the cost V, the criteria B1..B7 and the verdicts A1..A3 (Section 6, eq. (14)-(15))."""
+"""From case results to the cost V, the criteria B1..B7 and the verdicts A1..A3 (Section 6, eq. (14)-(15)).
+
+A scorecard is a function of the rules and the cases alone, so whoever reads results can compute it again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
-from ..cosim.trajectory import Status
-from .case import Configuration
-from .metrics import CaseResult
-from .protocol import Criterion, Protocol
-
-
-@dataclass(frozen=True)
-class CriterionScore:
-    """A criterion over the workspace.
-
-    ``value`` is the mean over the configurations of the worst value over the systems, as in Table 2; None where a
-    case that counts has no value. ``worst_case`` is the case with the largest value of all, ``worst_value``.
-    """
-
-    criterion: Criterion
-    value: float | None
-    worst_value: float | None
-    worst_case: str | None
-
-    @property
-    def share(self) -> float | None:
-        """The criterion's part of V, w_i times the mean of b_i."""
-        return None if self.value is None else self.criterion.weight * self.value / self.criterion.target
+from .results import (
+    CaseResult,
+    ConfigurationScore,
+    CriterionScore,
+    CriterionSpec,
+    Requirement,
+    Rules,
+    Scorecard,
+    Verdict,
+    WorstCase,
+)
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a requirement holds, and the ``worst_case`` with the ``amplitude`` [m] of its limit cycle.
-
-    ``passed`` is None where no case has been tried. The worst is a case without an amplitude (left, crashed), else the
-    largest limit cycle of those that fail, else of all. ``rest_error`` is given where that case fails by it alone: its
-    TCP error at the end [m], which is too large for rest.
-    """
-
-    passed: bool | None
-    amplitude: float | None
-    worst_case: str | None
-    rest_error: float | None = None
-
-
-@dataclass(frozen=True)
-class Requirement:
-    """A1, A2 with a verdict per axis, A3 with one per TCP coordinate, and the verdict over all."""
-
-    name: str
-    overall: Verdict
-    axes: dict[str, Verdict]
-
-
-@dataclass(frozen=True)
-class ConfigurationScore:
-    """V_k of eq. (14) and the worst b_i of one configuration; None where a case that counts has no value."""
-
-    configuration: Configuration
-    cost: float | None
-    relative: dict[str, float | None]
-
-
-@dataclass(frozen=True)
-class Scorecard:
-    """The result of an evaluation. ``cost`` is V of eq. (15), None where a criterion has no value.
-
-    ``complete`` tells whether every case of the protocol ran to a verdict (done or unstable).
-    """
-
-    cost: float | None
-    complete: bool
-    criteria: tuple[CriterionScore, ...]
-    requirements: tuple[Requirement, ...]
-    configurations: tuple[ConfigurationScore, ...]
-
-
-def score(protocol: Protocol, results: Sequence[CaseResult], expected: int) -> Scorecard:
-    """The scorecard of ``results``, where the protocol has ``expected`` cases."""
-    criteria = tuple(_criterion(criterion, results) for criterion in protocol.criteria)
-    shares = [criterion.share for criterion in criteria]
-    judged = sum(result.status in (Status.DONE, Status.UNSTABLE) for result in results)
-    limit = protocol.raw["stability"]["limit_cycle"]
+def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = None) -> Scorecard:
+    """The scorecard of ``results``; it is complete if ``expected`` cases (default: all) came to a verdict."""
+    criteria = {name: _criterion(rules, name, spec, results) for name, spec in rules.criteria.items()}
+    judged = sum(result.judged for result in results)
     return Scorecard(
-        cost=_sum(shares),
-        complete=judged == expected,
+        complete=judged == (rules.cases if expected is None else expected),
+        cost=_sum(criterion.share for criterion in criteria.values()),
         criteria=criteria,
-        requirements=(
-            _per_axis("A1", results, limit),
-            _per_axis("A2", results, limit),
-            _limit_cycles("A3", results, limit),
-        ),
-        configurations=tuple(
-            _configuration(configuration, protocol.criteria, chosen)
-            for configuration, chosen in _by_configuration(results).items()
-        ),
+        stability={
+            "A1": _per_axis("A1", rules, results),
+            "A2": _per_axis("A2", rules, results),
+            "A3": _limit_cycles("A3", rules, results),
+        },
+        configurations=tuple(_configuration(rules, group) for group in _by_configuration(results)),
     )
 
 
-def _by_configuration(results: Iterable[CaseResult]) -> dict[Configuration, list[CaseResult]]:
-    groups: dict[Configuration, list[CaseResult]] = {}
-    for result in sorted(results, key=lambda result: result.case.configuration.index):
-        groups.setdefault(result.case.configuration, []).append(result)
-    return groups
+def _by_configuration(results: Iterable[CaseResult]) -> list[list[CaseResult]]:
+    groups: dict[int, list[CaseResult]] = {}
+    for result in sorted(results, key=lambda result: result.configuration.index):
+        groups.setdefault(result.configuration.index, []).append(result)
+    return list(groups.values())
 
 
 def _sum(values: Iterable[float | None]) -> float | None:
@@ -115,17 +53,17 @@ def _sum(values: Iterable[float | None]) -> float | None:
     return total
 
 
-def _value(result: CaseResult, name: str) -> float | None:
-    return None if result.measurement is None else result.measurement.criteria[name]
+def _measured_in(rules: Rules, name: str, results: Iterable[CaseResult]) -> list[CaseResult]:
+    """The cases that criterion ``name`` is measured in."""
+    tests = {test.name for test in rules.tests if name in test.criteria}
+    return [result for result in results if result.test in tests]
 
 
 def _worst(results: Iterable[CaseResult], name: str) -> tuple[float | None, CaseResult | None]:
     """The largest value of criterion ``name`` and its case; a case without value is the worst there is."""
     worst: tuple[float | None, CaseResult | None] = (None, None)
     for result in results:
-        if name not in result.case.test.criteria:
-            continue
-        value = _value(result, name)
+        value = getattr(result.measurements, name)
         if value is None:
             return None, result
         if worst[0] is None or value > worst[0]:
@@ -133,68 +71,91 @@ def _worst(results: Iterable[CaseResult], name: str) -> tuple[float | None, Case
     return worst
 
 
-def _criterion(criterion: Criterion, results: Sequence[CaseResult]) -> CriterionScore:
-    chosen = [result for result in results if criterion.name in result.case.test.criteria]
+def _criterion(rules: Rules, name: str, spec: CriterionSpec, results: Sequence[CaseResult]) -> CriterionScore:
+    chosen = _measured_in(rules, name, results)
     groups = _by_configuration(chosen)
-    total = _sum(_worst(group, criterion.name)[0] for group in groups.values())
-    worst_value, worst = _worst(chosen, criterion.name)
+    total = _sum(_worst(group, name)[0] for group in groups)
+    value = None if total is None or not groups else total / len(groups)
+    worst_value, worst = _worst(chosen, name)
     return CriterionScore(
-        criterion=criterion,
-        value=None if total is None or not groups else total / len(groups),
-        worst_value=worst_value,
-        worst_case=worst.case.id if worst else None,
+        value=value,
+        target=spec.target,
+        weight=spec.weight,
+        unit=spec.unit,
+        title=spec.title,
+        paper=spec.paper,
+        share=None if value is None else spec.weight * value / spec.target,
+        worst_case=None
+        if worst is None
+        else WorstCase(id=worst.id, value=worst_value, configuration=worst.configuration.index, system=worst.system),
     )
 
 
-def _configuration(
-    configuration: Configuration, criteria: Sequence[Criterion], results: Sequence[CaseResult]
-) -> ConfigurationScore:
+def _configuration(rules: Rules, results: Sequence[CaseResult]) -> ConfigurationScore:
     relative: dict[str, float | None] = {}
-    for criterion in criteria:
-        value, _ = _worst(results, criterion.name)
-        relative[criterion.name] = None if value is None else value / criterion.target
-    shares = (None if (b := relative[criterion.name]) is None else criterion.weight * b for criterion in criteria)
-    return ConfigurationScore(configuration, _sum(shares), relative)
+    for name, spec in rules.criteria.items():
+        value, _ = _worst(_measured_in(rules, name, results), name)
+        relative[name] = None if value is None else value / spec.target
+    shares = (None if (b := relative[name]) is None else spec.weight * b for name, spec in rules.criteria.items())
+    pose = results[0].configuration
+    return ConfigurationScore(index=pose.index, q_a1=pose.q_a1, q_a2=pose.q_a2, cost=_sum(shares), relative=relative)
 
 
-def _verdict(candidates: Iterable[tuple[CaseResult, float | None]], limit: float) -> Verdict:
-    """Over pairs of a case and its limit-cycle amplitude [m], None where there is no such amplitude to speak of."""
+def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]]) -> Verdict:
+    """Over pairs of a case and its limit-cycle amplitude [m], None if it has no such amplitude."""
+    limit = rules.stability.limit_cycle
     tried = [(value is None, not _holds(result, value, limit), value or 0.0, result) for result, value in candidates]
     if not tried:
-        return Verdict(None, None, None)
+        return Verdict(passed=None)
     without, fails, amplitude, worst = max(tried, key=lambda candidate: candidate[:3])
     if without:
-        return Verdict(False, None, worst.case.id)
-    unrest = worst.measurement.rest_error if worst.measurement and fails and amplitude < limit else None
-    return Verdict(not fails, amplitude, worst.case.id, unrest)
+        return Verdict(passed=False, worst_case=worst.id)
+    unrest = worst.measurements.rest_error if fails and amplitude < limit else None
+    return Verdict(passed=not fails, limit_cycle=amplitude, rest_error=unrest, worst_case=worst.id)
 
 
 def _holds(result: CaseResult, amplitude: float | None, limit: float) -> bool:
-    return result.status is Status.DONE and amplitude is not None and amplitude < limit
+    return result.status == "done" and amplitude is not None and amplitude < limit
 
 
-def _amplitudes(result: CaseResult) -> tuple[float | None, float | None]:
-    cycle = result.measurement.limit_cycle if result.measurement else None
-    return cycle if cycle is not None else (None, None)
+def _required(name: str, rules: Rules, results: Sequence[CaseResult]) -> dict[int, list[CaseResult]]:
+    """The cases that requirement ``name`` is judged by, per axis of the test."""
+    found: dict[int, list[CaseResult]] = {}
+    axes = {test.name: test.axis for test in rules.tests if name in test.requirements}
+    for result in results:
+        if result.test in axes:
+            found.setdefault(axes[result.test], []).append(result)
+    return found
 
 
-def _largest(result: CaseResult) -> float | None:
-    x, z = _amplitudes(result)
-    return None if x is None or z is None else max(x, z)
+def _overall(rules: Rules, axes: dict[str, Verdict], candidates: Iterable[CaseResult]) -> Requirement:
+    verdict = _verdict(rules, ((result, result.measurements.limit_cycle) for result in candidates))
+    return Requirement(
+        passed=verdict.passed,
+        limit_cycle=verdict.limit_cycle,
+        rest_error=verdict.rest_error,
+        worst_case=verdict.worst_case,
+        axes=axes,
+    )
 
 
-def _per_axis(name: str, results: Sequence[CaseResult], limit: float) -> Requirement:
-    chosen = [result for result in results if name in result.case.test.requirements]
+def _per_axis(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
+    chosen = _required(name, rules, results)
     axes = {
-        str(axis): _verdict(((r, _largest(r)) for r in chosen if r.case.test.axis == axis), limit) for axis in (1, 2)
+        str(axis): _verdict(rules, ((r, r.measurements.limit_cycle) for r in chosen.get(axis, ()))) for axis in (1, 2)
     }
-    return Requirement(name, _verdict(((r, _largest(r)) for r in chosen), limit), axes)
+    return _overall(rules, axes, _in_order(results, chosen))
 
 
-def _limit_cycles(name: str, results: Sequence[CaseResult], limit: float) -> Requirement:
-    chosen = [result for result in results if name in result.case.test.requirements]
+def _limit_cycles(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
+    chosen = _in_order(results, _required(name, rules, results))
     axes = {
-        coordinate: _verdict(((r, _amplitudes(r)[column]) for r in chosen), limit)
-        for column, coordinate in enumerate(("x", "z"))
+        "x": _verdict(rules, ((r, r.measurements.limit_cycle_x) for r in chosen)),
+        "z": _verdict(rules, ((r, r.measurements.limit_cycle_z) for r in chosen)),
     }
-    return Requirement(name, _verdict(((r, _largest(r)) for r in chosen), limit), axes)
+    return _overall(rules, axes, chosen)
+
+
+def _in_order(results: Sequence[CaseResult], chosen: dict[int, list[CaseResult]]) -> list[CaseResult]:
+    wanted = {result.id for group in chosen.values() for result in group}
+    return [result for result in results if result.id in wanted]

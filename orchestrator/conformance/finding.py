@@ -17,9 +17,15 @@ class Severity(str, Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """``subject`` names what was looked at, ``text`` what was found, ``remedy`` what to do about it."""
+    """``subject`` names what was looked at, ``text`` what was found, ``remedy`` what to do about it.
+
+    ``what``, ``value`` and ``nearest`` are those of an :class:`~orchestrator.errors.InputError` that was found.
+    """
 
     severity: Severity
     subject: str
     text: str
     remedy: str = ""
+    what: str = ""
+    value: str = ""
+    nearest: tuple[str, ...] = ()

@@ -9,11 +9,11 @@ from pathlib import Path
 from fmpy import platform, supported_platforms
 from fmpy.validation import validate_fmu
 
-from ..cosim.archive import Archive
-from ..cosim.connectors import CONTROLLER, Binding
-from ..cosim.controller import Setup, sample_time_parameter
-from ..cosim.sampling import SampleTime
-from ..cosim.variables import Variable
+from ..fmi.archive import Archive
+from ..fmi.connectors import CONTROLLER, Binding
+from ..fmi.variables import Variable
+from ..loop.sampling import SampleTime
+from ..loop.setup import Setup, sample_time_parameter
 from .finding import Finding, Severity
 
 
@@ -46,7 +46,7 @@ def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterat
         if bound is None:
             if connector.name == "e" or (connector.name in ("q_m", "q_m_ref") and "e" in binding):
                 continue
-            yield Finding(Severity.NOTE, connector.name, f"not there ({connector.meaning}); it is optional")
+            yield Finding(Severity.NOTE, connector.name, f"absent ({connector.meaning}); it is optional")
             continue
         names = ", ".join(_described(variable) for variable in bound.variables)
         yield Finding(Severity.OK, connector.name, f"{names} ({bound.spelled})")
@@ -54,7 +54,7 @@ def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterat
             yield Finding(Severity.NOTE, connector.name, note, f"Declare the unit {connector.unit}.")
     T_s = sample_time_parameter(archive, setup)
     if T_s is not None:
-        yield Finding(Severity.OK, "T_s", f"{_described(T_s)}; it is given the sample time")
+        yield Finding(Severity.OK, "T_s", f"{_described(T_s)}; set to the sample time")
     if setup.parameters:
         values = ", ".join(f"{name} = {value:g}" for name, value in setup.parameters.items())
         yield Finding(Severity.OK, "parameters", values)

@@ -1,103 +1,223 @@
 """The same jobs on a Dask cluster: futures of an existing engine, no protocol of our own.
 
-FMUs travel by content, once to each worker. Workers need this package installed and nothing else; a job that is lost
-with its worker is run again elsewhere, which changes nothing, since a result depends on its case alone.
+FMUs travel by content, once to each worker. Workers need this package installed, with the same code: another one is
+refused before the first job. A job that is lost with its worker is run again elsewhere, which changes nothing, since a
+result depends on its task alone. What comes back are bytes, decoded here like those of a local process.
 """
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import tempfile
+import time
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cosim.archive import Archive, open_archive
-from ..cosim.trace import Place
-from ..errors import BenchmarkError, InputError
-from ..folders import cache_folder
-from .host import run_hosted
-from .job import Died, Job, Outcome
+from .. import __version__
+from ..cache import PACKAGE, cache_folder, computing_code, source_hash
+from ..codec import Malformed, NonNegative, Struct, pack, unpack
+from ..errors import BenchmarkError, EnvironmentFault, InputError
+from ..fmi.archive import Archive, open_archive
+from ..fmi.trace import Place
+from .job import Died, Done, Job, Limits, Outcome, Refused
+from .messages import ErrorRecord, FmuFiles, Order, error_of, error_record
+from .supervision import run_isolated
 
 CONNECT_TIME = 15.0
 """Seconds to wait for the scheduler."""
+
+WORKER_TIME = 60.0
+"""Seconds to wait for the first worker."""
+
+LOOK = 1.0
+"""Seconds between two looks whether there is one."""
+
+logger = logging.getLogger(__name__)
+
+
+class RemoteJob(Struct, frozen=True):
+    """A job as it is sent to a worker of the cluster, with the code of the client, which the worker must have, too."""
+
+    code: str
+    order: Order
+    limits: Limits
+    largest: int
+    sandbox: bool
+
+
+class RemoteDone(Struct, frozen=True):
+    """A result that is not decoded yet."""
+
+    index: int
+    value: bytes
+    wall_time: NonNegative
+
+
+class RemoteAnswer(Struct, frozen=True):
+    """Outcomes, one of the three each; or the error that came instead."""
+
+    outcomes: tuple[tuple[RemoteDone | None, Refused | None, Died | None], ...] = ()
+    error: ErrorRecord | None = None
+
+
+def code_identity() -> str:
+    """Version and hash of the code that results depend on, and that the two sides have to share."""
+    rooms = source_hash(PACKAGE / name for name in ("execution", "api", "codec.py"))
+    code = hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
+    return f"{__version__}, code {code[:12]}"
 
 
 def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on the cluster whose scheduler is at ``address`` (``tcp://host:port``).
 
     Yields (number of the job, outcome) as they come; closing the generator closes the client, with which the scheduler
-    forgets what is left. Raises :class:`InputError` where Dask is not installed, the scheduler does not answer, or a
-    worker lacks something that the job needs.
+    forgets what is left. Raises :class:`InputError` if Dask is not installed, the scheduler does not answer, or a
+    worker lacks something that the job needs; :class:`EnvironmentFault` if the cluster has no worker or fails.
     """
     try:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
     except ImportError:
-        raise InputError("--scheduler needs Dask: pip install 'distributed'.") from None
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what matters is told below, in one sentence
+        raise InputError("A cluster needs Dask's package: pip install distributed", "no-dask") from None
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what matters is said below, in one sentence
     try:
-        client = Client(address, timeout=CONNECT_TIME)
+        client: Any = Client(address, timeout=CONNECT_TIME)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as problem:
-        raise InputError(f"There is no Dask scheduler at {address}: {problem}.") from problem
+        raise InputError(f"There is no Dask scheduler at {address}: {problem}.", "no-scheduler", address) from problem
     with client:
-        files = {archive.sha256: archive.file for job in jobs for archive in (job.plant, job.controller)}
+        _check_workers(client, address)
+        archives = {archive.sha256: archive for job in jobs for archive in (job.plant, job.controller)}
         # As tasks and not as scattered data: the scheduler makes them anew where the worker that held them is lost.
-        contents = {sha256: client.submit(_content, file.read_bytes(), pure=False) for sha256, file in files.items()}
+        contents = {
+            sha256: client.submit(_same, archive.content or archive.file.read_bytes(), pure=False)
+            for sha256, archive in archives.items()
+        }
         futures = {
             client.submit(
-                _run_remotely,
-                _without_paths(job),
-                contents[job.plant.sha256],
-                contents[job.controller.sha256],
-                pure=False,
+                _run_remotely, _packed(job), contents[job.plant.sha256], contents[job.controller.sha256], pure=False
             ): number
             for number, job in enumerate(jobs)
         }
-        for future in as_completed(list(futures)):
+        for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]
             number = futures[future]
+            job = jobs[number]
             try:
-                outcomes = future.result()
+                outcomes = _outcomes(future.result(), job)
             except KilledWorker as problem:
-                outcomes = [_lost(index, problem) for index in range(len(jobs[number].tasks))]
-            except InputError as problem:
-                raise InputError(f"A worker of the cluster at {address} cannot run a job: {problem}") from problem
-            except BenchmarkError:
+                outcomes = [_lost(index, problem) for index in range(len(job.tasks))]
+            except BenchmarkError as problem:
+                problem.args = (f"A worker of the cluster at {address} cannot run a job: {problem}",)
                 raise
             except Exception as problem:  # whatever a worker or the network has to offer
                 reason = str(problem).strip().split("\n")[0] or type(problem).__name__
-                raise BenchmarkError(
-                    f"The cluster at {address} could not run a job: {reason}. What is finished is kept: run the "
-                    "same command again. Workers need this package in the same version."
+                raise EnvironmentFault(
+                    f"The cluster at {address} could not run a job: {reason}. What is finished is kept: do the same "
+                    "again. Workers need this package in the same version.",
+                    "cluster",
                 ) from problem
             for outcome in outcomes:
                 yield number, outcome
 
 
-def _content(data: bytes) -> bytes:
+def _check_workers(client: Any, address: str) -> None:
+    """Wait for a worker, and refuse those with other code: their numbers would be others."""
+    deadline = time.monotonic() + WORKER_TIME
+    while not (found := _codes(client, address)):
+        if time.monotonic() > deadline:
+            raise EnvironmentFault(f"The cluster at {address} has had no worker for {WORKER_TIME:g} s.", "no-worker")
+        logger.info("waiting for workers of the cluster at %s", address)
+        time.sleep(LOOK)
+    for worker, code in found.items():
+        _check_code(code, f"The worker {worker} of the cluster at {address}")
+
+
+def _codes(client: Any, address: str) -> dict[str, str | Exception]:
+    try:
+        found: dict[str, str | Exception] = client.run(code_identity, on_error="return")
+    except Exception as problem:  # whatever a worker without this package has to offer
+        raise EnvironmentFault(
+            f"The workers of the cluster at {address} do not say which code they have: {problem}.", "cluster"
+        ) from problem
+    return found
+
+
+def _check_code(code: str | Exception, whose: str) -> None:
+    if code != code_identity():
+        found = f"version {code}" if isinstance(code, str) else f"another version or none ({code})"
+        raise InputError(
+            f"{whose} has {found}, not {code_identity()}: its numbers would not be comparable.",
+            "other-code",
+            whose,
+            code,
+        )
+
+
+def _same(data: bytes) -> bytes:
     return data
 
 
-def _without_paths(job: Job) -> Job:
-    """``job`` without what only this machine knows; the worker opens the FMUs from their contents."""
-    nowhere = Path()
-    return replace(job, plant=replace(job.plant, folder=nowhere), controller=replace(job.controller, folder=nowhere))
+def _packed(job: Job) -> bytes:
+    return pack(RemoteJob(code_identity(), job.order(), job.limits, job.largest, job.sandbox))
 
 
-def _run_remotely(job: Job, plant: bytes, controller: bytes) -> list[Outcome]:
-    """On a worker: open the FMUs and let a host run the job, since a worker may have no multiprocessing children."""
-    return run_hosted(replace(job, plant=_open(job.plant, plant), controller=_open(job.controller, controller)))
+def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
+    """On a worker: open the FMUs and run the job in processes of its own."""
+    try:
+        remote = unpack(packed, RemoteJob)
+        _check_code(remote.code, "The client")
+        job = Job(
+            _open(remote.order.plant, plant),
+            _open(remote.order.controller, controller),
+            remote.order.work,
+            remote.order.tasks,
+            remote.order.time_limits,
+            lambda _, value: value,
+            remote.largest,
+            remote.limits,
+            remote.sandbox,
+        )
+        return pack(RemoteAnswer(tuple(map(_as_sent, run_isolated(job)))))
+    except BenchmarkError as error:
+        return pack(RemoteAnswer(error=error_record(error)))
 
 
-def _open(archive: Archive, content: bytes) -> Archive:
+def _open(files: FmuFiles, content: bytes) -> Archive:
     folder = cache_folder() / "received"
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        file = Path(scratch) / archive.name
+        file = Path(scratch) / Path(files.name).name
         file.write_bytes(content)
-        return replace(archive, folder=open_archive(file).folder)
+        archive = open_archive(file)
+    if archive.sha256 != files.sha256:
+        raise InputError(f"{files.name} has changed since it was opened.", "changed", files.name)
+    return replace(archive, content=content)
 
 
-def _lost(index: int, problem: Any) -> Died:
+def _as_sent(outcome: Outcome) -> tuple[RemoteDone | None, Refused | None, Died | None]:
+    if isinstance(outcome, Done):
+        return RemoteDone(outcome.index, outcome.value, outcome.wall_time), None, None
+    return (None, outcome, None) if isinstance(outcome, Refused) else (None, None, outcome)
+
+
+def _outcomes(answer: object, job: Job) -> list[Outcome]:
+    """What a worker sent, checked as if it came from a process here."""
+    if not isinstance(answer, bytes):
+        raise Malformed("not bytes")
+    decoded = unpack(answer, RemoteAnswer)
+    if decoded.error is not None:
+        raise error_of(decoded.error)
+    found: list[Outcome] = []
+    for done, refused, died in decoded.outcomes:
+        if done is not None:
+            found.append(Done(done.index, job.decode(done.index, done.value), done.wall_time))
+        found += [outcome for outcome in (refused, died) if outcome is not None]
+    if [outcome.index for outcome in found] != list(range(len(job.tasks))):
+        raise Malformed("not one outcome per task")
+    return found
+
+
+def _lost(index: int, problem: object) -> Died:
     return Died(index, False, f"its worker died repeatedly: {problem}", "", 0.0, Place(0, 0, ""), outside=True)

@@ -1,18 +1,20 @@
-"""What crosses to a child process and what comes back."""
+"""A job: tasks for one plant and one controller; and the outcomes of tasks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..cosim.archive import Archive
-from ..cosim.trace import Place
+from ..codec import NonNegative
+from ..fmi.archive import Archive
+from ..fmi.trace import Place
+from .messages import ErrorRecord, FmuFiles, Order
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child process may use: ``memory`` [bytes] resident, ``output`` [bytes] printed in one task."""
+    """What a worker process may use: ``memory`` [bytes] resident, ``output`` [bytes] printed in one task."""
 
     memory: int = 2 * 1024**3
     output: int = 16 * 1024**2
@@ -20,38 +22,68 @@ class Limits:
 
 @dataclass(frozen=True)
 class Job:
-    """A plant, a controller, and tasks for the two; one child process runs the tasks in order.
+    """A plant, a controller, and tasks for the two; one worker process runs the tasks in order.
 
-    ``work(plant, controller, task)`` gets the two loaded slaves and returns a picklable value; it must be a
-    module-level function (or a partial of one), since it is sent to another process. ``time_limits`` are in seconds of
-    wall time, one a task. With ``sandbox`` the child runs in a :mod:`~orchestrator.execution.sandbox`.
+    Parameters
+    ----------
+    work : str
+        ``"module:function"``; ``function(plant, controller, task)`` gets the two loaded slaves and a packed task and
+        returns a packed value. If the module has a function ``prepare()``, it is called once where workers are forked
+        from.
+    decode : callable
+        ``decode(index, value)`` gives the value of a task from what a worker sent; raises
+        :class:`~orchestrator.codec.Malformed` if that is not what the task can come to.
+    largest : int
+        Bytes that a value has at most.
+    time_limits : tuple of float
+        Seconds of wall time, one per task.
+    sandbox : bool
+        Whether the worker runs in a :mod:`~orchestrator.execution.sandbox`.
     """
 
     plant: Archive
     controller: Archive
-    tasks: tuple[Any, ...]
-    work: Callable[[Any, Any, Any], Any]
+    work: str
+    tasks: tuple[bytes, ...]
     time_limits: tuple[float, ...]
+    decode: Callable[[int, bytes], Any]
+    largest: int = 1 << 16
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
 
+    def rest(self, first: int) -> Job:
+        """The same job from task ``first`` on."""
+        return replace(
+            self,
+            tasks=self.tasks[first:],
+            time_limits=self.time_limits[first:],
+            decode=lambda index, value: self.decode(first + index, value),
+        )
+
+    def order(self) -> Order:
+        """What is sent to a worker."""
+        plant, controller = (
+            FmuFiles(archive.name, archive.sha256, str(archive.folder)) for archive in (self.plant, self.controller)
+        )
+        return Order(plant, controller, self.work, self.tasks, self.time_limits)
+
 
 @dataclass(frozen=True)
-class Finished:
-    """``value`` is what the work returned for task ``index``; ``wall_time`` [s] is what it took."""
+class Done:
+    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took."""
 
     index: int
     value: Any
-    wall_time: float
+    wall_time: NonNegative
 
 
 @dataclass(frozen=True)
-class Failed:
-    """Task ``index`` raised an error of the FMU's or the user's making: ``error``."""
+class Refused:
+    """Task ``index`` raised an error of the FMU's or the user's making."""
 
     index: int
-    error: Exception
-    wall_time: float
+    error: ErrorRecord
+    wall_time: NonNegative
 
 
 @dataclass(frozen=True)
@@ -60,18 +92,18 @@ class Died:
 
     ``timeout`` tells whether at its time limit, ``message`` how, ``kind`` the same without what was measured, so that
     equal failures have equal ones, and ``output`` holds the last lines that the process printed, the FMUs' own messages
-    among them. A ``kind`` that is empty is nothing to count.
+    among them. ``outside`` tells whether somebody else may have ended the process, such as a system that is out of
+    memory.
     """
 
     index: int
     timeout: bool
     message: str
     kind: str
-    wall_time: float
+    wall_time: NonNegative
     place: Place
     output: tuple[str, ...] = ()
     outside: bool = False
-    """Whether somebody else may have ended the process, such as a system that is out of memory."""
 
 
-Outcome = Finished | Failed | Died
+Outcome = Done | Refused | Died

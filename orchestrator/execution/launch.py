@@ -1,45 +1,58 @@
-"""Starting a child process: from a fork server, or as a fresh process in a sandbox."""
+"""Starting a worker process: forked by a fork server, or as a fresh process in a sandbox."""
 
 from __future__ import annotations
 
-import multiprocessing
-import pickle
-import signal
+import atexit
+import logging
+import os
+import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection, forkserver, resource_tracker
-from types import ModuleType
-from typing import Any, Protocol
+from io import FileIO
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Protocol
 
-from ..errors import InputError
-from . import child, sandbox
-from .family import Family
+from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder
+from ..errors import EnvironmentFault
+from . import sandbox
 from .job import Job
+from .messages import NUMBER, REQUEST, frame, readable
+from .process_tree import ProcessTree
 from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
+"""Fork servers that the start of a worker may cost: one may be killed for no fault of the worker's."""
 
-PATIENCE = 0.2
-"""Seconds between two looks whether a start is still wanted, and for one that is not."""
+LOOK = 0.2
+"""Seconds between two looks whether a start is still wanted."""
+
+LAST_WORDS = 5.0
+"""Seconds for a process that was killed to be gone."""
+
+LOST = 256
+"""In place of an exit code, where the fork server that would know it is gone."""
+
+logger = logging.getLogger(__name__)
 
 
 class Stopped(Exception):
-    """The child is not wanted any more."""
+    """The worker is not wanted any more."""
 
 
 class Process(Protocol):
     """What a started process can be asked for."""
 
-    family: Family
+    tree: ProcessTree
 
     def exit_code(self, patience: float) -> int | None:
-        """Wait ``patience`` seconds for the end; the exit code, negative for a signal, None where it is still alive."""
+        """Wait ``patience`` seconds for the end; the exit code, negative for a signal, None while it is alive."""
 
     def kill(self) -> None:
         """End it, and whatever it started."""
@@ -47,168 +60,227 @@ class Process(Protocol):
 
 @dataclass(frozen=True)
 class Child:
-    """A running child: the process, the ends of its pipes, and where its simulation is."""
+    """A running worker: the process, descriptors of its channel and of what it prints, where its simulation is."""
 
     process: Process
-    outcomes: connection.Connection
-    output: connection.Connection
+    channel: int
+    output: int
     trace: SharedTrace
 
 
 @contextmanager
 def started(job: Job, stop: threading.Event) -> Iterator[Child]:
-    """A child process that runs ``job``; when the block ends, so does the child.
+    """A worker process that runs ``job``; it ends with the block.
 
-    It comes from a fork server that has the whole stack loaded (0.02 s until its FMUs are loaded, too); in a sandbox,
-    or where there is no fork server, it starts from nothing. Raises :class:`Stopped` where ``stop`` is set before it
-    has started.
+    Raises :class:`Stopped` if ``stop`` is set before it has started, :class:`EnvironmentFault` if this machine cannot
+    start any.
     """
     with ExitStack() as stack:
-        outcomes, outcomes_end = multiprocessing.Pipe(duplex=False)
-        output, output_end = multiprocessing.Pipe(duplex=False)
-        trace = SharedTrace()
-        stack.callback(trace.close)
-        for pipe in (outcomes, output):
-            stack.callback(pipe.close)
-        process: Process
-        if job.sandbox:
-            process = _FreshProcess(job, outcomes_end, output_end, trace)
-        else:
-            process = _ServedProcess(job, outcomes_end, output_end, trace, stop)
-        stack.callback(process.kill)
-        outcomes_end.close()
-        output_end.close()
-        yield Child(process, outcomes, output, trace)
+        try:
+            near, far = map(stack.enter_context, socket.socketpair())
+            output, output_end = map(stack.enter_context, map(FileIO, os.pipe(), "rw"))
+            trace = stack.enter_context(closing(SharedTrace()))
+            ends = far.fileno(), output_end.fileno(), trace.file
+            process = _SandboxedProcess(job, ends) if job.sandbox else _ForkedProcess(job, ends, stop)
+            stack.callback(process.kill)
+            far.close()
+            output_end.close()
+        except OSError as problem:
+            raise _cannot_start(problem.strerror or str(problem)) from problem
+        with suppress(ConnectionError):  # it has ended already; its output tells why
+            _send(near, frame(job.order()), stop)
+        yield Child(process, near.fileno(), output.fileno(), trace)
 
 
-class _ServedProcess:
-    """A process from multiprocessing's fork server, or spawned where there is none."""
-
-    def __init__(self, job: Job, outcomes: Any, output: Any, trace: SharedTrace, stop: threading.Event) -> None:
-        methods = multiprocessing.get_all_start_methods()
-        context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        if "forkserver" in methods:
-            context.set_forkserver_preload(["orchestrator.execution.preload"])
-        for attempt in range(ATTEMPTS):
-            self._process = context.Process(target=child.main, args=(job, outcomes, output, trace), daemon=True)
-            try:
-                _start(self._process, stop)
-                break
-            except (EOFError, ConnectionError):  # the fork server has been killed; the next start starts another
-                if attempt + 1 == ATTEMPTS:
-                    raise
-                time.sleep(0.1 * (attempt + 1))
-            except OSError as problem:
-                raise InputError(
-                    f"No child process can be started: {problem}. It needs a socket in {tempfile.gettempdir()}: set "
-                    "TMPDIR to a folder that can be written and whose path has less than 70 characters."
-                ) from problem
-        self.family = Family(self._process.pid)
-
-    def exit_code(self, patience: float) -> int | None:
-        self._process.join(patience)
-        return self._process.exitcode
-
-    def kill(self) -> None:
-        self.family.kill()
-        self._process.kill()
-        self._process.join()
+def _send(channel: socket.socket, data: bytes, stop: threading.Event) -> None:
+    """Send all of ``data``, or raise :class:`Stopped` once ``stop`` is set: the other side may be suspended."""
+    view = memoryview(data)
+    channel.settimeout(LOOK)
+    while view:
+        if stop.is_set():
+            raise Stopped
+        with suppress(TimeoutError):
+            view = view[channel.send(view) :]
 
 
-def _start(process: Any, stop: threading.Event) -> None:
-    """Start ``process``, which takes seconds where the fork server has to compile before it answers.
+def _cannot_start(reason: str) -> EnvironmentFault:
+    return EnvironmentFault(f"No simulation process can be started: {reason}.", "no-process")
 
-    Nothing can interrupt multiprocessing in that, so it waits in a thread of its own, and a Ctrl-C or ``stop``, for
-    which :class:`Stopped` is raised, ends a fork server that does not answer.
+
+def environment() -> dict[str, str]:
+    """The environment of a process of this package."""
+    return {**os.environ, VARIABLE: str(cache_folder()), "NUMBA_CACHE_DIR": str(compiled_code_folder())}
+
+
+def boot(module: str, *arguments: int | str) -> list[str]:
+    """The command that runs ``main`` of a module of this room with ``arguments``, in an interpreter of its own.
+
+    That has the search path of this one before it imports anything: the current folder, which "-c" puts in front, may
+    hold modules with the names of others.
     """
-    start = _Start(process)
-    start.start()
-    try:
-        while not start.done.wait(PATIENCE):
+    paths = list(dict.fromkeys([*map(os.path.abspath, sys.path), str(PACKAGE.parent)]))
+    code = f"import sys; sys.path[:] = {paths!a}; from {__package__}.{module} import main; main(*{arguments!a})"
+    return [sys.executable, "-c", code]
+
+
+class ForkServer:
+    """The near end of a fork server, which ends with this process at the latest."""
+
+    def __init__(self, module: str) -> None:
+        self._lock = threading.Lock()
+        self._closed, self._words = False, ""
+        if not any(compiled_code_folder().rglob("*.nbc")):
+            logger.info("compiling the master loop, once: this takes some ten seconds")
+        with ExitStack() as stack:
+            self._output = stack.enter_context(TemporaryFile())
+            self._control, far = map(stack.enter_context, socket.socketpair())
+            self._scratch = tempfile.mkdtemp(prefix="flexible-manipulator-")
+            stack.callback(shutil.rmtree, self._scratch, ignore_errors=True)
+            # In a session of its own, Ctrl-C does not reach it: the owner decides what ends.
+            self._process = subprocess.Popen(
+                boot("fork_server", far.fileno(), os.getpid(), module, self._scratch),
+                stdin=subprocess.DEVNULL,
+                stdout=self._output,
+                stderr=self._output,
+                pass_fds=[far.fileno()],
+                env=environment(),
+                start_new_session=True,
+            )
+            far.close()
+            self._resources = stack.pop_all()
+
+    def request(self, descriptors: tuple[int, ...]) -> None:
+        """Ask for a worker; raises :class:`OSError` if the server is gone."""
+        with self._lock:
+            socket.send_fds(self._control, [REQUEST], list(descriptors))
+
+    def close(self) -> str:
+        """End the server, and with it all its workers; returns what it printed, which is nothing while it works."""
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._process.terminate()
+                try:
+                    self._process.wait(LAST_WORDS)
+                except subprocess.TimeoutExpired:
+                    self._process.kill()
+                    self._process.wait()
+                self._words = os.pread(self._output.fileno(), 1 << 20, 0)[-2000:].decode(errors="replace").strip()
+                self._resources.close()
+            return self._words
+
+    def forget(self) -> None:
+        """Close what a fork of its owner has inherited."""
+        self._process.returncode = 0  # it is nobody's child there
+        self._control.close()
+        self._output.close()
+
+
+_servers: dict[tuple[str, Path, Path], ForkServer] = {}
+_servers_lock = threading.Lock()
+
+
+def _fork_server(module: str) -> ForkServer:
+    """The fork server of this process for this module and cache."""
+    key = (module, cache_folder(), compiled_code_folder())
+    with _servers_lock:
+        if key not in _servers:
+            _servers[key] = ForkServer(module)
+        return _servers[key]
+
+
+def _discard(server: ForkServer) -> str:
+    """End a server; the next worker gets a new one. Returns its last words."""
+    with _servers_lock:
+        for key in [key for key, known in _servers.items() if known is server]:
+            del _servers[key]
+    return server.close()
+
+
+@atexit.register
+def _end_fork_servers() -> None:
+    for server in list(_servers.values()):
+        _discard(server)
+
+
+def _forget_fork_servers() -> None:
+    global _servers_lock
+    _servers_lock = threading.Lock()  # another thread may have held it at the fork
+    for server in _servers.values():
+        server.forget()
+    _servers.clear()
+
+
+os.register_at_fork(after_in_child=_forget_fork_servers)
+
+
+class _ForkedProcess:
+    """A worker forked by the fork server."""
+
+    def __init__(self, job: Job, descriptors: tuple[int, ...], stop: threading.Event) -> None:
+        self._code: int | None = None
+        words = ""
+        for _ in range(ATTEMPTS):
+            server = _fork_server(job.work.partition(":")[0])
+            self._status, far = socket.socketpair()
+            try:
+                with far, suppress(OSError):
+                    server.request((*descriptors, far.fileno()))
+                pid = self._number(stop)
+            except BaseException:  # interrupted, or not wanted any more
+                self._status.close()
+                raise
+            if pid is not None and pid > 0:
+                self.tree = ProcessTree(pid)
+                return
+            self._status.close()
+            if pid is not None:
+                raise OSError(-pid, os.strerror(-pid))
+            words = _discard(server)
+        raise _cannot_start(f"the one that starts them ends at once\n  {words}")
+
+    def _number(self, stop: threading.Event) -> int | None:
+        """The worker's process number, or a negative error number; None if the server is gone."""
+        while not readable([self._status.fileno()], LOOK):
             if stop.is_set():
                 raise Stopped
-    except BaseException:
-        start.abandon()
-        raise
-    if start.problem is not None:
-        raise start.problem
+        return _received(self._status)
+
+    def exit_code(self, patience: float) -> int | None:
+        if self._code is None and readable([self._status.fileno()], patience):
+            code = _received(self._status)
+            self._code = LOST if code is None else code
+        return self._code
+
+    def kill(self) -> None:
+        self.tree.kill()
+        self.exit_code(LAST_WORDS)
+        self._status.close()
 
 
-class _Start(threading.Thread):
-    """The start of a process. ``problem`` is what it raised, once it is ``done``: a Ctrl-C in ``join`` makes Python
-    take a thread for ended."""
-
-    def __init__(self, process: Any) -> None:
-        super().__init__(daemon=True)
-        self._process, self._wanted = process, True
-        self.done = threading.Event()
-        self.problem: BaseException | None = None
-
-    def run(self) -> None:
-        """Start it. The fork server inherits that SIGINT is held back: a Ctrl-C while it begins would print its
-        traceback."""
-        try:
-            if hasattr(signal, "pthread_sigmask"):
-                resource_tracker.ensure_running()  # it would let SIGINT through again when the fork server starts it
-                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            with _own_main_hidden():
-                if self._wanted:
-                    self._process.start()
-        except BaseException as problem:  # for the thread that waits
-            self.problem = problem
-        finally:
-            self.done.set()
-
-    def abandon(self) -> None:
-        """Leave nothing of it."""
-        self._wanted = False
-        while not self.done.wait(PATIENCE):
-            server = getattr(forkserver, "_forkserver", None)
-            if pid := getattr(server, "_forkserver_pid", None):
-                Family(pid).kill()
-        if self._process.pid is not None:
-            self._process.kill()
-            self._process.join()
+def _received(status: socket.socket) -> int | None:
+    with suppress(OSError):
+        data = status.recv(NUMBER.size, socket.MSG_WAITALL)
+        if len(data) == NUMBER.size:
+            return int(NUMBER.unpack(data)[0])
+    return None
 
 
-_hiding = threading.Lock()
+class _SandboxedProcess:
+    """A worker in a sandbox, started from nothing."""
 
-
-@contextmanager
-def _own_main_hidden() -> Iterator[None]:
-    """Keep children from importing the main module, which they do in case their work is defined there, where it is one
-    of this package's commands: no work is defined there, and the imports take 0.1 s. A user's own script is imported
-    in every child, and what is expensive in it belongs below ``if __name__ == "__main__"``."""
-    with _hiding:  # several threads start children
-        main = sys.modules["__main__"]
-        spec = getattr(main, "__spec__", None)
-        if spec is not None and spec.name.split(".")[0] == __name__.split(".")[0]:
-            sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
-
-
-class _FreshProcess:
-    """A process in a sandbox, started from nothing."""
-
-    def __init__(self, job: Job, outcomes: Any, output: Any, trace: SharedTrace) -> None:
-        descriptors = (outcomes.fileno(), output.fileno(), trace.file)
+    def __init__(self, job: Job, descriptors: tuple[int, ...]) -> None:
+        output = descriptors[1]
         self._process = subprocess.Popen(
-            [*sandbox.command(job), sys.executable, "-m", "orchestrator.execution.fresh", *map(str, descriptors)],
-            stdin=subprocess.PIPE,
-            stdout=output.fileno(),
-            stderr=output.fileno(),
+            [*sandbox.command(job), *boot("sandboxed", *descriptors)],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
             pass_fds=descriptors,
             start_new_session=True,
-            env=sandbox.environment(),
+            env=sandbox.environment(environment()),
         )
-        self.family = Family(self._process.pid)
-        assert self._process.stdin is not None
-        with suppress(BrokenPipeError):  # it has ended already; the reason is in its output
-            pickle.dump(job, self._process.stdin)
-            self._process.stdin.close()
+        self.tree = ProcessTree(self._process.pid)
 
     def exit_code(self, patience: float) -> int | None:
         with suppress(subprocess.TimeoutExpired):
@@ -216,6 +288,6 @@ class _FreshProcess:
         return self._process.returncode
 
     def kill(self) -> None:
-        self.family.kill()
+        self.tree.kill()
         self._process.kill()
         self._process.wait()

@@ -1,118 +1,195 @@
-"""What a child process sends to its parent, read without trusting it: an FMU in it may write into the pipe, too.
+"""What crosses the boundary of a process, and how it is read without trusting the sender.
 
-Whoever unpickles what a stranger has written runs the stranger's code. Here only the classes of outcomes and their
-parts are made, and a message that is none ends the child, not its parent.
+An FMU in a worker process may write into the worker's channel. So a frame is no longer than the job can need, and is
+decoded against the type that is due; anything else is :class:`Garbage`, which ends that worker and nothing more.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import importlib
-import io
 import os
-import pickle
+import select
 import struct
-from collections.abc import Iterator
-from enum import Enum
-from multiprocessing import connection
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Literal
 
-from ..errors import BenchmarkError
+from ..codec import Malformed, Natural, NonNegative, Struct, pack, unpack
+from ..errors import BenchmarkError, EnvironmentFault, FmuError, InputError
 
 CHUNK = 1 << 20
-LARGEST = 1 << 30
-"""Bytes of the largest message: far above a trajectory's."""
+OVERHEAD = 1 << 17
+"""Bytes that a message may have beside its value: an error's words, and the FMU's own messages with it."""
 
-OTHERS = {
-    ("orchestrator.errors", "_restore"),
-    ("fractions", "Fraction"),
-    ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-    ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"),
-    ("numpy.core.multiarray", "_reconstruct"),
-    ("numpy.core.multiarray", "scalar"),
-    ("numpy.core.numeric", "_frombuffer"),
-}
-"""What may be part of a message besides this package's own data classes, enumerations and errors."""
+LENGTH = struct.Struct("!I")
+
+REQUEST, DESCRIPTORS = b".", 4
+"""What asks a fork server for a worker: a byte, and with it the descriptors of the worker's channel, output and trace,
+and of where to send its process number (or the negative error number) and later its exit code, each as a NUMBER."""
+
+NUMBER = struct.Struct("!i")
+
+LONGEST_TEXT, LONGEST_LINE, MOST_LINES = 16_000, 500, 40
+"""Characters and lines of an error that are sent. With UTF-8's four bytes per character they stay below OVERHEAD."""
 
 
-def send(pipe: connection.Connection, message: Any) -> None:
-    """Write ``message``; the other end has an :class:`Inbox`."""
-    packed = io.BytesIO()
-    _Pickler(packed, pickle.HIGHEST_PROTOCOL).dump(message)
-    pipe.send_bytes(packed.getbuffer())
+class FmuFiles(Struct, frozen=True):
+    """An FMU that is extracted to ``folder``."""
+
+    name: str
+    sha256: str
+    folder: str
 
 
-class _Pickler(pickle.Pickler):
-    dispatch_table = MappingProxyType[Any, Any]({})
-    """Ways to pickle that other packages have registered are not used: Dask's would put its own functions in."""
+class Order(Struct, frozen=True):
+    """What a worker is to do: call the function ``work`` ("module:function") for each task."""
+
+    plant: FmuFiles
+    controller: FmuFiles
+    work: str
+    tasks: tuple[bytes, ...]
+    time_limits: tuple[NonNegative, ...]
+
+
+class ErrorRecord(Struct, frozen=True):
+    """An error of this package's family, as data."""
+
+    kind: Literal["input", "environment", "fmu", "other"]
+    message: str
+    what: str = ""
+    where: str = ""
+    value: str = ""
+    nearest: tuple[str, ...] = ()
+    call: str = ""
+    log: tuple[str, ...] = ()
+
+
+class Loaded(Struct, frozen=True, tag=True):
+    """Both FMUs are loaded: what happens from here on is theirs to answer for."""
+
+
+class Finished(Struct, frozen=True, tag=True):
+    """``value`` is what the work returned for task ``index``, packed; ``wall_time`` [s] is what it took."""
+
+    index: Natural
+    value: bytes
+    wall_time: NonNegative
+
+
+class Failed(Struct, frozen=True, tag=True):
+    """Task ``index`` raised an error of the FMU's or the user's making."""
+
+    index: Natural
+    error: ErrorRecord
+    wall_time: NonNegative
+
+
+Message = Loaded | Finished | Failed
+
+
+def error_record(error: BenchmarkError) -> ErrorRecord:
+    """``error`` as data, cut to a length and to text that can be sent."""
+    message = _sent(str(error), LONGEST_TEXT)
+    if isinstance(error, FmuError):
+        return ErrorRecord("fmu", message, call=_sent(error.call), log=_lines(error.log))
+    if isinstance(error, InputError):
+        what, where, value = map(_sent, (error.what, error.where, error.value))
+        return ErrorRecord("input", message, what, where, value, _lines(error.nearest))
+    if isinstance(error, EnvironmentFault):
+        return ErrorRecord("environment", message, _sent(error.what))
+    return ErrorRecord("other", message)
+
+
+def _sent(text: str, longest: int = LONGEST_LINE) -> str:
+    return text[:longest].encode(errors="replace").decode()
+
+
+def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(map(_sent, lines[-MOST_LINES:]))
+
+
+def error_of(record: ErrorRecord) -> BenchmarkError:
+    """The inverse of :func:`error_record`."""
+    if record.kind == "fmu":
+        error = FmuError(record.message, record.call)
+        error.log = record.log  # its lines are part of the message already
+        return error
+    if record.kind == "input":
+        return InputError(record.message, record.what, record.where, record.value, record.nearest)
+    if record.kind == "environment":
+        return EnvironmentFault(record.message, record.what)
+    return BenchmarkError(record.message)
+
+
+def frame(message: Struct) -> bytes:
+    """``message`` with its length before it."""
+    data = pack(message)
+    return LENGTH.pack(len(data)) + data
+
+
+def readable(descriptors: Iterable[int], patience: float) -> set[int]:
+    """Those of ``descriptors`` that can be read without waiting, once there is one or ``patience`` seconds are over."""
+    poll = select.poll()  # select.select refuses descriptors above 1023, which a caller with many files has
+    for descriptor in descriptors:
+        poll.register(descriptor, select.POLLIN)
+    return {descriptor for descriptor, _ in poll.poll(max(patience, 0.0) * 1e3)}
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of ``data``."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+def read_order(descriptor: int) -> Order:
+    """The order that the owner of this process sends, read to its end."""
+
+    def read(size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            piece = os.read(descriptor, size - len(data))
+            if not piece:
+                raise EOFError("the owner of this process is gone")
+            data += piece
+        return data
+
+    return unpack(read(LENGTH.unpack(read(LENGTH.size))[0]), Order)
 
 
 class Garbage(Exception):
-    """What came through the pipe is no message of ours."""
+    """What came through a channel is not a message of ours."""
 
 
 class Inbox:
-    """The messages that come through the pipe of a multiprocessing connection, read without ever waiting."""
+    """The messages of a worker, read without ever waiting. A value has at most ``largest`` bytes."""
 
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor, self._bytes = descriptor, bytearray()
+    def __init__(self, descriptor: int, largest: int) -> None:
+        self._descriptor, self._largest, self._bytes = descriptor, largest + OVERHEAD, bytearray()
 
     def receive(self) -> bool:
         """Take what is there, of which there must be something; False at the end."""
-        piece = os.read(self._descriptor, CHUNK)
+        try:
+            piece = os.read(self._descriptor, CHUNK)
+        except ConnectionError:
+            return False
         self._bytes += piece
         return bool(piece)
 
-    def messages(self) -> Iterator[Any]:
-        """The messages that are complete; raises :class:`Garbage` for what is none."""
-        while (frame := self._frame()) is not None:
+    def messages(self) -> Iterator[Message]:
+        """The messages that are complete; raises :class:`Garbage` for what is not one."""
+        while (data := self._frame()) is not None:
             try:
-                yield _Unpickler(io.BytesIO(frame)).load()
-            except Exception as problem:  # an unpickler raises what it likes
+                yield unpack(data, Message)  # type: ignore[arg-type]  # a union of types
+            except Malformed as problem:
                 raise Garbage(str(problem)) from problem
 
     def _frame(self) -> bytes | None:
-        """The next frame: its length as an int32 (-1: as a uint64 behind it), then its bytes."""
-        if len(self._bytes) < 4:
+        if len(self._bytes) < LENGTH.size:
             return None
-        (length,) = struct.unpack_from("!i", self._bytes)
-        start = 4
-        if length == -1 and len(self._bytes) >= 12:
-            (length,) = struct.unpack_from("!Q", self._bytes, 4)
-            start = 12
-        if not (0 <= length <= LARGEST or length == -1):
-            raise Garbage(f"a message of {length} bytes")
-        if length == -1 or len(self._bytes) < start + length:
+        (length,) = LENGTH.unpack_from(self._bytes)
+        if length > self._largest:
+            raise Garbage(f"a message of {length} bytes, where {self._largest} are the most")
+        if len(self._bytes) < LENGTH.size + length:
             return None
-        frame = bytes(self._bytes[start : start + length])
-        del self._bytes[: start + length]
-        return frame
-
-
-class _Unpickler(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        found = None
-        if (module, name) == ("builtins", "getattr"):
-            return _member  # how Python 3.11.0 to 3.11.3 write a member of an enumeration
-        if (module, name) in OTHERS or (module.startswith("orchestrator.") and "." not in name):
-            found = getattr(importlib.import_module(module), name)
-        if (module, name) in OTHERS or _is_data(found):
-            return found
-        raise pickle.UnpicklingError(f"{module}.{name} has no place in a message")
-
-
-def _member(kind: Any, name: Any) -> Enum:
-    """The member ``name`` of an enumeration, which is all that ``getattr`` may be for in a message."""
-    if isinstance(kind, type) and issubclass(kind, Enum) and isinstance(name, str) and name in kind.__members__:
-        return kind.__members__[name]
-    raise pickle.UnpicklingError("builtins.getattr has no place in a message")
-
-
-def _is_data(found: Any) -> bool:
-    if not isinstance(found, type) or not found.__module__.startswith("orchestrator."):
-        return False
-    return dataclasses.is_dataclass(found) or issubclass(found, Enum | BenchmarkError)
+        data = bytes(self._bytes[LENGTH.size : LENGTH.size + length])
+        del self._bytes[: LENGTH.size + length]
+        return data

@@ -1,46 +1,56 @@
-"""Jobs over local child processes, several at a time."""
+"""Jobs over local worker processes, several at a time."""
 
 from __future__ import annotations
 
 import queue
 import threading
 from collections.abc import Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
-from .isolation import run_isolated
 from .job import Job, Outcome
+from .supervision import run_isolated
 
 
 def run(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on ``workers`` processes at a time; yields (number of the job, outcome) as they come.
 
-    The parent never loads an FMU's binary. Closing the generator, or an exception where it is consumed, ends all
-    children.
+    This process never loads an FMU's binary. Closing the generator, or an exception where it is consumed, ends all
+    workers.
     """
-    results: queue.Queue[tuple[int, Outcome] | BaseException | None] = queue.Queue()
+    waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
+    results: queue.SimpleQueue[tuple[int, Outcome] | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def drive(number: int) -> None:
+    def drive() -> None:
         try:
-            for outcome in run_isolated(jobs[number], stop):
-                results.put((number, outcome))
+            while not stop.is_set():
+                number = waiting.get_nowait()
+                for outcome in run_isolated(jobs[number], stop):
+                    results.put((number, outcome))
+        except queue.Empty:
+            pass
         except BaseException as problem:  # must reach the consumer, not die with this thread
             results.put(problem)
         results.put(None)
 
-    with ThreadPoolExecutor(workers) as threads:
-        try:
-            for number in range(len(jobs)):
-                threads.submit(drive, number)
-            pending = len(jobs)
-            while pending:
-                item = results.get()
-                if isinstance(item, BaseException):
-                    raise item
-                if item is None:
-                    pending -= 1
-                else:
-                    yield item
-        finally:
-            stop.set()
-            threads.shutdown(wait=True, cancel_futures=True)
+    for number in range(len(jobs)):
+        waiting.put(number)
+    # Not an executor's threads: those take no work once the main thread has ended, though another may be evaluating;
+    # and daemons, so that a program whose main thread has ended does not wait for them.
+    threads = [threading.Thread(target=drive, daemon=True) for _ in range(min(workers, len(jobs)))]
+    try:
+        for thread in threads:
+            thread.start()
+        pending = len(threads)
+        while pending:
+            item = results.get()
+            if isinstance(item, BaseException):
+                raise item
+            if item is None:
+                pending -= 1
+            else:
+                yield item
+    finally:
+        stop.set()
+        for thread in threads:
+            if thread.is_alive():
+                thread.join()

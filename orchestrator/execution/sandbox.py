@@ -8,11 +8,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ..cache import PACKAGE, VARIABLE, cache_folder
 from ..errors import InputError
-from ..folders import VARIABLE, cache_folder
 from .job import Job
 
 OPTIONS = (
@@ -26,12 +26,9 @@ HIDDEN = ("/tmp", "/var/tmp", "/run")
 """Empty inside, beside the folder for temporary files and the cache: other programs' sockets, which a read-only file
 system does not keep anybody from connecting to, and scratch files."""
 
-HANDED_ON = ("PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH")
+HANDED_ON = (VARIABLE, "PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH")
 HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")
 """Of the environment: where things are, and what numbers may depend on. Passwords and tokens stay outside."""
-
-PACKAGES = Path(__file__).resolve().parents[2]
-"""The folder with this package. It is in no search path where an editable install finds it by a hook."""
 
 GIVEN = ".given"
 """Folder in the inner cache with what is copied into that at the start. The copy lies in memory and goes with the
@@ -45,22 +42,17 @@ def command(job: Job) -> list[str]:
     """
     program = shutil.which("bwrap")
     if program is None:
-        raise InputError("--sandbox needs bubblewrap (bwrap), which is not installed. Install it, or leave it out.")
+        raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
     start = (program, *OPTIONS, *_mounts(cache), "--chdir", "/tmp")
     _check(start)
     return [*start, *_given(job, cache), "--"]
 
 
-def environment() -> dict[str, str]:
-    """The environment inside."""
-    kept = {k: v for k, v in os.environ.items() if k in HANDED_ON or k.startswith(HANDED_ON_BEGINNINGS)}
-    return {
-        **kept,
-        "PYTHONPATH": os.pathsep.join(dict.fromkeys((*map(os.path.abspath, sys.path), str(PACKAGES)))),
-        "TMPDIR": "/tmp",
-        VARIABLE: str(cache_folder()),
-    }
+def environment(outside: Mapping[str, str]) -> dict[str, str]:
+    """What of the environment ``outside`` is kept inside."""
+    kept = {k: v for k, v in outside.items() if k in HANDED_ON or k.startswith(HANDED_ON_BEGINNINGS)}
+    return {**kept, "TMPDIR": "/tmp"}
 
 
 def given_folder() -> Path:
@@ -71,7 +63,7 @@ def given_folder() -> Path:
 def _mounts(cache: Path) -> tuple[str, ...]:
     """Options that hide folders, and show again what of their contents Python needs: an environment may lie there."""
     hidden = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
-    needed = (sys.prefix, sys.base_prefix, *sys.path, str(PACKAGES))
+    needed = (sys.prefix, sys.base_prefix, *sys.path, str(PACKAGE.parent))
     mounts: dict[str, tuple[str, ...]] = {path: ("--tmpfs", path) for path in hidden}
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
         if path not in hidden and _is_below(path, hidden) and os.path.exists(path):
@@ -96,11 +88,21 @@ def _given(job: Job, cache: Path) -> list[str]:
 @functools.cache
 def _check(start: tuple[str, ...]) -> None:
     """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
-    probe = [*start, "--", sys.executable, "-c", "import orchestrator"]
-    tried = subprocess.run(probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment())
+    probe = [
+        *start,
+        "--",
+        sys.executable,
+        "-c",
+        f"import sys; sys.path.append({str(PACKAGE.parent)!r}); import orchestrator",
+    ]
+    tried = subprocess.run(
+        probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment(os.environ), check=False
+    )
     if tried.returncode != 0:
+        reason = tried.stderr.strip() or "bubblewrap failed"
         raise InputError(
-            f"--sandbox does not work on this machine: {tried.stderr.strip() or 'bubblewrap failed'}. User namespaces "
-            f"must be allowed, and Python and this package ({PACKAGES}) must not lie directly in a folder that is "
-            f"hidden ({', '.join(HIDDEN)}). Without the option FMUs run with your rights."
+            f"The sandbox does not work on this machine: {reason}. User namespaces must be allowed, and Python and "
+            f"this package ({PACKAGE.parent}) must not lie directly in a folder that is hidden ({', '.join(HIDDEN)}). "
+            "Without it FMUs run with your rights.",
+            "no-sandbox",
         )

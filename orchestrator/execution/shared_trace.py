@@ -1,4 +1,4 @@
-"""The trace that a child writes and its parent reads after a crash."""
+"""The trace that a worker writes and its owner reads after a crash."""
 
 from __future__ import annotations
 
@@ -6,34 +6,35 @@ import mmap
 import os
 import sys
 import tempfile
-from multiprocessing import reduction
-from typing import Any
+from contextlib import suppress
+from dataclasses import replace
 
-from ..cosim.trace import SIZE, Place, Trace
+from ..fmi.trace import SIZE, Place, Trace
+from ..text import printable
 
 if sys.platform == "linux":
     import fcntl
 
 
 class SharedTrace:
-    """A trace in an unlinked file that parent and child both map: no name is left behind, whoever is killed."""
+    """A trace in an unlinked file that two processes map: no name is left behind, whoever is killed."""
 
     def __init__(self, file: int | None = None) -> None:
-        if file is None:
-            file = _unnamed_file()
-        self.file = file
-        self.buffer = memoryview(mmap.mmap(file, SIZE))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _attach, (reduction.DupFd(self.file),)
+        self.file = _unnamed_file() if file is None else file
+        self._memory = mmap.mmap(self.file, SIZE)
+        self.buffer = memoryview(self._memory)
 
     def read(self) -> Place:
-        """Where the simulation is, or was when the child ended."""
-        return Trace(self.buffer).read()
+        """Where the simulation is, or was when the worker ended. The worker can write there what it likes."""
+        place = Trace(self.buffer).read()
+        return replace(place, call=printable(place.call))
 
     def close(self) -> None:
-        """Give the file back."""
+        """Give the file and its memory back."""
         os.close(self.file)
+        with suppress(BufferError):  # an array on it that an exception keeps alive
+            self.buffer.release()
+            self._memory.close()
 
 
 def _unnamed_file() -> int:
@@ -46,7 +47,3 @@ def _unnamed_file() -> int:
     with tempfile.TemporaryFile() as fresh:
         fresh.truncate(SIZE)
         return os.dup(fresh.fileno())
-
-
-def _attach(duplicate: Any) -> SharedTrace:
-    return SharedTrace(duplicate.detach())

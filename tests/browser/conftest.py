@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
-from pathlib import Path
 
 import pytest
 
-import build_fmus
-
-SCREENSHOTS = Path(build_fmus.__file__).parent / "build" / "screenshots"
-DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
+from browser.pages import DESKTOP
 
 
 @pytest.fixture(scope="session")
@@ -30,38 +27,31 @@ def chromium():
         browser.close()
 
 
-@pytest.fixture
-def open_page(chromium):
-    """Opens a file in a fresh page; at the end of the test nothing must have gone wrong in any of them."""
-    troubles: list[str] = []
-    contexts = []
+@pytest.fixture(scope="session")
+def tabs(chromium, tmp_path_factory):
+    """A function that opens a page once per size and scheme, and a list of all that goes wrong in any of them."""
+    folder, troubles = tmp_path_factory.mktemp("pages"), []
 
-    def opened(file: Path, size=DESKTOP, scheme="light"):
-        context = chromium.new_context(viewport=size, color_scheme=scheme)
-        contexts.append(context)
-        page = context.new_page()
-        page.on(
-            "console", lambda message: troubles.append(message.text) if message.type in ("error", "warning") else None
-        )
+    @functools.cache
+    def opened(html, size, scheme):
+        file = folder / f"{len(list(folder.iterdir()))}.html"
+        file.write_text(html, encoding="utf-8")
+        page = chromium.new_page(viewport=dict(zip(("width", "height"), size, strict=True)), color_scheme=scheme)
+        page.on("console", lambda said: troubles.append(said.text) if said.type in ("error", "warning") else None)
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("dialog", lambda dialog: (troubles.append(f"dialog: {dialog.message}"), dialog.dismiss()))
-        page.on("request", lambda request: troubles.append(request.url) if request.url != page_url else None)
-        page_url = file.resolve().as_uri()
-        page.goto(page_url)
+        page.on("request", lambda request: troubles.append(request.url) if request.url != file.as_uri() else None)
+        page.goto(file.as_uri())
         return page
 
-    yield opened
-    for context in contexts:
-        context.close()
-    assert troubles == []
+    return opened, troubles
 
 
 @pytest.fixture
-def screenshot():
-    """Saves a picture of a page for those who want to look."""
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-
-    def saved(page, name: str):
-        page.screenshot(path=SCREENSHOTS / f"{name}.png", full_page=True)
-
-    return saved
+def open_page(tabs):
+    """Opens a page, or finds it open as another test left it; at the end of the test nothing must have gone wrong."""
+    opened, troubles = tabs
+    yield lambda html, size=DESKTOP, scheme="light": opened(html, size, scheme)
+    found = troubles.copy()
+    troubles.clear()
+    assert found == []

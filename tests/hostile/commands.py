@@ -65,7 +65,14 @@ def end_session(session: int) -> None:
 
 
 def session_members(session: int) -> list[psutil.Process]:
-    """Living processes of a session, whoever is their parent by now."""
+    """Living processes that a command has started, in its session or in one of a fork server."""
+    found = _of_session(session)
+    for server in fork_servers(session):
+        found += [each for each in _of_session(server.pid) if each not in found]
+    return found
+
+
+def _of_session(session: int) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter():
         with suppress(psutil.Error, ProcessLookupError):
@@ -74,13 +81,26 @@ def session_members(session: int) -> list[psutil.Process]:
     return found
 
 
+_servers: dict[int, set[psutil.Process]] = {}
+
+
+def fork_servers(session: int) -> list[psutil.Process]:
+    """The living fork servers of a command, whoever is their parent by now; they must be asked for while it lives."""
+    known = _servers.setdefault(session, set())
+    with suppress(psutil.Error):
+        for child in psutil.Process(session).children(recursive=True):
+            with suppress(psutil.Error):
+                if "fork_server" in " ".join(child.cmdline()) and os.getsid(child.pid) == child.pid:
+                    known.add(child)
+    return [server for server in known if server.is_running() and server.status() != psutil.STATUS_ZOMBIE]
+
+
 def simulations(session: int) -> list[psutil.Process]:
-    """The processes of a session that hold FMUs: they lead groups of their own."""
+    """The processes that hold FMUs."""
     found = []
-    for process in session_members(session):
-        with suppress(ProcessLookupError):
-            if process.pid != session and os.getpgid(process.pid) == process.pid:
-                found.append(process)
+    for server in fork_servers(session):
+        with suppress(psutil.Error):
+            found += server.children()
     return found
 
 

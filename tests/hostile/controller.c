@@ -202,16 +202,6 @@ static fmi2Status strike(Controller *own)
         write_everywhere("\x7f\x00\x00\x00garbage", 11);
         spin();
     }
-    if (equal(what, "pickle")) { /* a message of the right length whose unpickling would run a command */
-        char message[512], framed[600];
-        snprintf(message, sizeof message, "cposix\nsystem\n(Vtouch '%s/unpickled'\ntR.", own->resources);
-        const unsigned size = (unsigned)strlen(message);
-        framed[0] = (char)(size >> 24), framed[1] = (char)(size >> 16);
-        framed[2] = (char)(size >> 8), framed[3] = (char)size;
-        memcpy(framed + 4, message, size);
-        write_everywhere(framed, size + 4);
-        spin();
-    }
     if (equal(what, "kill-parent")) {
         kill(getppid(), SIGKILL);
         spin();

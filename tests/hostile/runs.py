@@ -9,27 +9,33 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from orchestrator.api import campaign
+from orchestrator.api.campaign import FULL_LENGTH, Bench, CaseRun
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.case import Case
-from orchestrator.benchmark.metrics import CaseResult
-from orchestrator.commands import nominal_parameters
-from orchestrator.cosim.archive import Archive, open_archive
-from orchestrator.execution import evaluation, pool
-from orchestrator.execution.evaluation import FULL_LENGTH, Bench
+from orchestrator.benchmark.cases import cases
+from orchestrator.execution import pool
+from orchestrator.execution.job import Job
+from orchestrator.fmi.archive import open_archive
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
-PROTOCOL = protocols.load("quick")
+PROTOCOL = protocols.load("paper")
 
 STRUCK, SPARED = Fraction("0.05"), Fraction("0.5")
 """Durations [s] of the case that a fault strikes and of the one after it."""
 
 
-def short_cases(plant: Archive, durations: Sequence[Fraction]) -> list[Case]:
-    """Noise cases of the quick protocol, cut to ``durations`` [s]."""
-    noisy = [case for case in protocols.cases(PROTOCOL, nominal_parameters(plant, {}), 0) if case.test.name == "noise"]
+@functools.cache
+def noise_cases() -> tuple[Case, ...]:
+    """All noise cases of the protocol."""
+    return tuple(case for case in cases(PROTOCOL, NOMINAL, 0) if case.test.name == "noise")
+
+
+def short_cases(durations: Sequence[Fraction]) -> list[Case]:
+    """Noise cases, cut to ``durations`` [s]."""
     return [
         replace(case, scenario=replace(case.scenario, duration=duration))
-        for i, duration in enumerate(durations)
-        for case in [noisy[i % len(noisy)]]
+        for case, duration in zip(noise_cases(), durations, strict=False)
     ]
 
 
@@ -39,8 +45,22 @@ def bench(plant: Path, controller: Path, limit: float = 10.0, **changes: Any) ->
     return replace(opened, **changes)
 
 
-def run(bench: Bench, cases: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseResult]:
-    """The results in the order of ``cases``."""
+def run(bench: Bench, chosen: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseRun]:
+    """The runs in the order of the cases ``chosen``."""
     execute = functools.partial(pool.run, workers=workers)
-    found = {result.case: result for result in evaluation.evaluate(PROTOCOL, cases, bench, execute, (), keep_going)}
-    return [found[case] for case in cases]
+    found = {run.case.id: run for run in campaign.run_cases(PROTOCOL, chosen, bench, execute, (), keep_going)}
+    return [found[case.id] for case in chosen]
+
+
+def job(bench: Bench, function: str, *tasks: bytes, limit: float = 60.0) -> Job:
+    """A job of ``function`` in :mod:`hostile.works`, whose values are not decoded."""
+    return Job(
+        bench.plant,
+        bench.controller,
+        f"hostile.works:{function}",
+        tasks,
+        (limit,) * len(tasks),
+        lambda _, value: value,
+        limits=bench.limits,
+        sandbox=bench.sandbox,
+    )

@@ -1,0 +1,339 @@
+"""Mutated messages of workers, results.json and trajectories.npz: each is refused in one clear error, or makes sense.
+
+    python benchmarks/fuzz.py                    3,000 messages, 300 results.json, 100 trajectories.npz
+    python benchmarks/fuzz.py --seed 7 --messages 100000
+
+Counts what came of them. The exit code is 1 if anything but an error of the family was raised, or something was
+accepted that makes no sense: a number that is not finite, text that cannot be encoded, a judgement that its case cannot
+have come to, a scorecard that is not that of the cases.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import io
+import json
+import math
+import random
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]
+
+import msgspec  # noqa: E402
+import numpy as np  # noqa: E402
+from support.reports import RECORDINGS, results_of  # noqa: E402
+
+from orchestrator import compare  # noqa: E402
+from orchestrator.api import work  # noqa: E402
+from orchestrator.api.evaluation import Evaluation  # noqa: E402
+from orchestrator.benchmark import protocol as protocols  # noqa: E402
+from orchestrator.benchmark.cases import cases  # noqa: E402
+from orchestrator.benchmark.metrics import expected  # noqa: E402
+from orchestrator.benchmark.results import Judgement, Measurements  # noqa: E402
+from orchestrator.benchmark.scorecard import score  # noqa: E402
+from orchestrator.codec import Malformed, pack, plain  # noqa: E402
+from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
+from orchestrator.execution.messages import (  # noqa: E402
+    Failed,
+    Finished,
+    Garbage,
+    Inbox,
+    Loaded,
+    error_record,
+)
+from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
+from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
+from orchestrator.reporting.run import load_run, save_run  # noqa: E402
+from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
+
+CASE = cases(protocols.load("quick"), NOMINAL, 0)[0]
+SAMPLES = 5
+
+NONSENSE: tuple[Any, ...] = (
+    None, True, 0, -1, 2**63 - 1, -(2**63), 2**64 - 1, 10**400, 0.5, -1e-300, 1e308, -1e308, math.nan, math.inf,
+    -math.inf,
+    "", "1", "done", "\ud800", "\x1b[2J", "\u202e", "1e300000000", "1/0", "x" * 5000, [], [[]], {}, {"x": 1},
+)  # fmt: skip
+"""What takes the place of values; JSON and MessagePack get those they can express."""
+
+Refusal = (BenchmarkError, Malformed, Garbage)
+
+
+# ---- Mutations ----
+
+
+def mutated(document: Any, chance: random.Random) -> Any:
+    """``document`` with one to three of its values replaced, left out, added or exchanged."""
+    document = copy.deepcopy(document)
+    for _ in range(chance.randint(1, 3)):
+        places = [(parent, key) for parent in _containers(document) for key in _keys(parent)]
+        if not places:
+            return document
+        parent, key = chance.choice(places)
+        how = chance.randrange(5)
+        if how == 0:
+            del parent[key]
+        elif how == 1 and isinstance(parent, dict):
+            parent[f"{key}_"] = parent[key]
+        elif how == 1:
+            parent.insert(key, copy.deepcopy(parent[key]))
+        elif how == 2 and isinstance(parent[key], (int, float)):
+            parent[key] = chance.choice([-parent[key], parent[key] * 2, parent[key] + 1, str(parent[key])])
+        elif how == 3:
+            other_parent, other = chance.choice(places)
+            parent[key] = copy.deepcopy(other_parent[other])
+        else:
+            parent[key] = chance.choice(NONSENSE)
+    return document
+
+
+def _containers(document: Any) -> Iterator[Any]:
+    if isinstance(document, (dict, list)):
+        yield document
+        for value in document.values() if isinstance(document, dict) else document:
+            yield from _containers(value)
+
+
+def _keys(parent: Any) -> list[Any]:
+    return list(parent) if isinstance(parent, dict) else list(range(len(parent)))
+
+
+def damaged(data: bytes, chance: random.Random) -> bytes:
+    """``data`` with bytes changed, cut out, doubled, or cut short."""
+    changed = bytearray(data)
+    for _ in range(chance.randint(1, 4)):
+        at = chance.randrange(len(changed)) if changed else 0
+        how = chance.randrange(4)
+        if how == 0 and changed:
+            changed[at] ^= 1 << chance.randrange(8)
+        elif how == 1:
+            del changed[at : at + chance.randint(1, 8)]
+        elif how == 2:
+            changed[at:at] = changed[at : at + chance.randint(1, 8)]
+        else:
+            del changed[at:]
+    return bytes(changed)
+
+
+# ---- What is accepted must make sense ----
+
+
+def check_sense(value: Any) -> None:
+    """Raise :class:`AssertionError` for numbers that are not finite and for text that cannot be encoded."""
+    if isinstance(value, dict):
+        check_sense(list(value))
+        check_sense(list(value.values()))
+    elif isinstance(value, (list, tuple)):
+        for entry in value:
+            check_sense(entry)
+    elif isinstance(value, float):
+        assert math.isfinite(value), value
+    elif isinstance(value, str):
+        value.encode()
+
+
+def check_judgement(found: Judgement) -> None:
+    check_sense(plain(found))
+    assert found.measurements.names in (expected(CASE.test), frozenset())
+    assert 0.0 <= found.time <= float(CASE.scenario.duration)
+
+
+def check_trajectory(found: Trajectory) -> None:
+    check_sense(found.ending.time)
+    states = len(found.time)
+    assert found.q_m.shape == found.X.shape == (states, 2) and found.torque.shape == (states - 1, 2)
+    assert np.isfinite(found.time).all()
+
+
+def check_recording(found: Recording) -> None:
+    check_sense(plain(found.about))
+    assert np.isfinite(found.motion).all() and np.isfinite(found.torque).all()
+
+
+# ---- Messages ----
+
+
+def _trajectory() -> Trajectory:
+    rows, pairs = np.arange(SAMPLES + 1) * 0.25e-3, np.zeros((SAMPLES + 1, 2))
+    extra = dict.fromkeys(OBSERVED, rows)
+    ending = Ending(Status.DONE, 1.25e-3)
+    return Trajectory(rows, pairs, pairs, extra, pairs, pairs[:-1], pairs[:-1], (0.0, 0.0), (1.0, 2.0), ending)
+
+
+def _judgement() -> Judgement:
+    figures = dict.fromkeys(expected(CASE.test), 0.1)
+    return Judgement(status=Status.DONE, time=1.0, message="why", measurements=Measurements(**figures), warnings=3)
+
+
+VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
+    "judgement": (_judgement(), lambda value: work.judgement(CASE, value), check_judgement),
+    "timing": (work.TimingRecord(1, "x"), lambda value: work.timing(0, value), lambda found: check_sense(plain(found))),
+    "trajectory": (_trajectory(), lambda value: work.trajectory(SAMPLES, OBSERVED, value), check_trajectory),
+    "recording": (RECORDINGS[0], work.recording, check_recording),
+}
+"""What workers send: a sample, how it is decoded, and what must be true of it."""
+
+ENVELOPES = (Loaded(), Failed(0, error_record(FmuError("it failed", "fmi2DoStep", ("why",))), 0.1))
+
+
+def message(chance: random.Random) -> tuple[bytes, str]:
+    """A mutated frame, and what its value is if it has one."""
+    kind = chance.choice([*VALUES, "", ""])
+    if not kind:
+        whole: Any = chance.choice(ENVELOPES)
+    else:
+        value = pack(VALUES[kind][0])
+        if chance.random() < 0.7:
+            value = _remade(value, chance)
+        whole = Finished(0, value, 0.5)
+    body = pack(whole)
+    if chance.random() < 0.5:
+        body = _remade(body, chance)
+    framed = len(body).to_bytes(4, "big") + body
+    return (damaged(framed, chance) if chance.random() < 0.2 else framed), kind
+
+
+def _remade(packed: bytes, chance: random.Random) -> bytes:
+    """A packed document with other values, or other bytes."""
+    if chance.random() < 0.3:
+        return damaged(packed, chance)
+    try:
+        return msgspec.msgpack.encode(mutated(msgspec.msgpack.decode(packed), chance))
+    except (OverflowError, UnicodeEncodeError):  # a number or a text that MessagePack cannot express
+        return damaged(packed, chance)
+
+
+class Fed(Inbox):
+    """An inbox that is given bytes instead of a descriptor."""
+
+    def __init__(self, data: bytes, largest: int) -> None:
+        super().__init__(-1, largest)
+        self._bytes += data
+
+
+def read_message(data: bytes, kind: str) -> str:
+    """Take a message in as the owner of a worker does; says what became of it."""
+    found = list(Fed(data, 1 << 22).messages())
+    for entry in found:
+        check_sense(plain(entry.error) if isinstance(entry, Failed) else getattr(entry, "wall_time", 0.0))
+        if isinstance(entry, Finished) and kind:
+            _, decode, check = VALUES[kind]
+            check(decode(entry.value))
+    return "accepted" if found else "waits for more"
+
+
+# ---- Files ----
+
+
+def read_run(folder: Path) -> str:
+    """Load a run, report and compare it; what is accepted must be consistent."""
+    found = load_run(folder)
+    check_sense(plain(found.results))
+    assert score(found.results.rules, found.results.cases) == found.results.scorecard
+    for recording in found.recordings:
+        check_recording(recording)
+    loaded = Evaluation.load(folder)
+    loaded.report(folder / "report.html")
+    json.dumps(plain(loaded.results), allow_nan=False)
+    compare([loaded])
+    return "accepted"
+
+
+def mutated_results(folder: Path, chance: random.Random) -> None:
+    """Spoil results.json."""
+    file = folder / "results.json"
+    text = file.read_bytes()
+    if chance.random() < 0.2:
+        file.write_bytes(damaged(text, chance))
+    else:
+        file.write_text(json.dumps(mutated(json.loads(text), chance)))
+
+
+def mutated_recordings(folder: Path, chance: random.Random) -> None:
+    """Spoil trajectories.npz."""
+    file = folder / "trajectories.npz"
+    if chance.random() < 0.4:
+        file.write_bytes(damaged(file.read_bytes(), chance))
+        return
+    with np.load(file) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    name = chance.choice(sorted(arrays))
+    array = arrays[name].copy()
+    if name == "about":
+        arrays[name] = np.array(json.dumps(mutated(json.loads(str(array)), chance)))
+    else:
+        array.flat[chance.randrange(array.size)] = chance.choice([math.nan, math.inf, -1e30])
+        arrays[name] = chance.choice(
+            [array, array[..., :-1], array[:0], array.astype("U8"), array.ravel(), np.array(1.0)]
+        )
+    if chance.random() < 0.3:
+        del arrays[chance.choice(sorted(arrays))]
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=True, **arrays)
+    file.write_bytes(stream.getvalue())
+
+
+# ---- The run ----
+
+
+def attempt(read: Callable[[], str], what: str, problems: list[str]) -> str:
+    """What became of one mutation."""
+    try:
+        return read()
+    except Refusal:
+        return "refused"
+    except Exception as problem:
+        problems.append(f"{what}: {type(problem).__name__}: {problem}"[:300])
+        return f"{type(problem).__name__}!"
+
+
+def fuzz(seed: int, messages: int, results: int, recordings: int) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Outcomes by kind of input, and a line for each that is neither refused nor makes sense."""
+    outcomes: dict[str, Counter[str]] = {}
+    problems: list[str] = []
+    chance = random.Random(seed)
+    outcomes["messages"] = Counter()
+    for number in range(messages):
+        data, kind = message(chance)
+        outcomes["messages"][attempt(lambda: read_message(data, kind), f"message {number} ({kind})", problems)] += 1  # noqa: B023
+    with tempfile.TemporaryDirectory() as place:
+        pristine = Path(place, "pristine")
+        save_run(results_of(), RECORDINGS, pristine)
+        files = {name: (pristine / name).read_bytes() for name in ("results.json", "trajectories.npz")}
+        folder = Path(place, "run")
+        folder.mkdir()
+        for what, count, spoil in (
+            ("results.json", results, mutated_results),
+            ("trajectories.npz", recordings, mutated_recordings),
+        ):
+            outcomes[what] = Counter()
+            for number in range(count):
+                for name, content in files.items():
+                    (folder / name).write_bytes(content)
+                spoil(folder, chance)
+                outcomes[what][attempt(lambda: read_run(folder), f"{what} {number}", problems)] += 1
+    return outcomes, problems
+
+
+def main() -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in (("seed", 0), ("messages", 3000), ("results", 300), ("recordings", 100)):
+        parser.add_argument(f"--{name}", type=int, default=default, help=f"default: {default}")
+    given = parser.parse_args()
+    outcomes, problems = fuzz(given.seed, given.messages, given.results, given.recordings)
+    for what, counted in outcomes.items():
+        print(f"{what:18}", ", ".join(f"{count} {how}" for how, count in sorted(counted.items())))
+    print(*problems, sep="\n")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""The use cases: evaluate, simulate, check, compare."""

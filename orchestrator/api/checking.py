@@ -1,0 +1,63 @@
+"""What can be said of a controller FMU before any evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+
+from ..benchmark.protocol import Protocol
+from ..codec import unpack
+from ..conformance.finding import Finding, Severity
+from ..conformance.static import archive_findings, binding_findings, sampling_findings
+from ..errors import InputError
+from ..execution.job import Died, Refused
+from ..execution.supervision import run_isolated
+from ..loop.sampling import controller_sample_time
+from ..loop.setup import controller_binding
+from .campaign import FULL_LENGTH, Bench
+from .controller import Controller
+
+
+def findings(controller: Controller, bench: Callable[[], Bench], protocol: Protocol) -> Iterator[Finding]:
+    """The findings on ``controller`` as they come; ``bench`` opens it."""
+    try:
+        opened = bench()
+        archive, setup = opened.controller, opened.setup
+        yield from archive_findings(archive)
+        yield from binding_findings(controller_binding(archive, setup), archive, setup)
+        sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
+        yield from sampling_findings(sample_time, protocol.sample_time)
+        yield from _dynamic(opened, sample_time.value, protocol)
+    except InputError as error:
+        yield Finding(Severity.ERROR, "import", str(error), "", error.what, error.value, error.nearest)
+
+
+def _dynamic(bench: Bench, sample_time: Fraction, protocol: Protocol) -> Iterator[Finding]:
+    from ..conformance import dynamic  # it loads the compiler
+
+    first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
+    tasks = [
+        dynamic.CheckTask(number, bench.setup, sample_time, (first, second), FULL_LENGTH, bench.timeout)
+        for number in range(len(dynamic.CHECKS))
+    ]
+    job = bench.raw_job(
+        f"{dynamic.__name__}:{dynamic.run_check.__name__}",
+        tasks,
+        (bench.timeout,) * len(tasks),
+        lambda _, value: unpack(value, tuple[Finding, ...]),
+    )
+    known = ""
+    for outcome in run_isolated(job):
+        check = dynamic.CHECKS[outcome.index]
+        if isinstance(outcome, Refused):
+            if outcome.error.message == known:  # it fails before any look begins: once is enough
+                continue
+            known = outcome.error.message
+            remedy = check.loss or "Mend what the FMU says itself, and export it again."
+            yield Finding(check.failure, check.subject, known, remedy)
+        elif isinstance(outcome, Died):
+            text = "\n".join((outcome.message, *outcome.output))
+            remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
+            yield Finding(check.failure, check.subject, text, remedy)
+        else:
+            yield from outcome.value

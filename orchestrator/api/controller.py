@@ -1,0 +1,90 @@
+"""A controller FMU, and how it is used."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+
+from ..errors import InputError
+from ..exact_time import seconds
+from ..fmi.archive import Archive, open_archive
+from ..fmi.controller_files import read_mapping, read_parameters
+from ..loop.setup import Setup
+from .built_in import DEFAULT_CONTROLLER, built_in
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A controller FMU of any tool, with its parameters and the meaning of its variables.
+
+    Parameters
+    ----------
+    file : path, optional
+        The FMU; by default the paper's PID, built on first use.
+    parameters : mapping or path, optional
+        Values by parameter name, in the FMU's units: ``{"K_p[1]": 60}``; or a ``.toml`` or ``.ssv`` file.
+    mapping : mapping or path, optional
+        Variables by connector, where their names differ: ``{"q_m[1]": "In1"}``; or a ``.toml`` or ``.ssm`` file.
+    sample_time : number, str or Fraction, optional
+        Sample time [s]; by default the FMU's own, or else the benchmark's.
+
+    Raises
+    ------
+    InputError
+        If a value is not a finite number. What is wrong with the FMU itself shows when it is first used.
+    """
+
+    file: str | Path | None = None
+    parameters: Mapping[str, float] | str | Path = field(default_factory=dict)
+    mapping: Mapping[str, str] | str | Path = field(default_factory=dict)
+    sample_time: Fraction | float | str | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.parameters, Mapping):
+            _check_finite(self.parameters)
+        if self.sample_time is not None:
+            try:
+                seconds(self.sample_time)
+            except ValueError as problem:
+                raise InputError(f"The sample time is not a time: {problem}", "bad-time") from None
+
+    @classmethod
+    def built_in(cls, name: str) -> Controller:
+        """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
+        return cls(built_in(name))
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return Path(self.file).stem if self.file is not None else DEFAULT_CONTROLLER
+
+    @cached_property
+    def archive(self) -> Archive:
+        """The FMU, checked and extracted; raises :class:`InputError` if it cannot be used."""
+        return open_archive(Path(self.file) if self.file is not None else built_in(DEFAULT_CONTROLLER))
+
+    @cached_property
+    def setup(self) -> Setup:
+        """Parameters and mapping, read from their files if they are given so."""
+        parameters, mapping = self.parameters, self.mapping
+        if not isinstance(parameters, Mapping):
+            parameters = read_parameters(Path(parameters), self.archive)
+            _check_finite(parameters)
+        return Setup(dict(parameters), dict(mapping if isinstance(mapping, Mapping) else read_mapping(Path(mapping))))
+
+    @property
+    def given_sample_time(self) -> Fraction | None:
+        """The sample time [s] that was asked for."""
+        return None if self.sample_time is None else seconds(self.sample_time)
+
+
+def _check_finite(parameters: Mapping[str, float]) -> None:
+    for name, value in parameters.items():
+        if not math.isfinite(value):
+            raise InputError(
+                f"The value of the parameter {name}, {value}, is not a finite number.", "not-finite", name, value
+            )

@@ -1,0 +1,111 @@
+"""From the runs of an evaluation to its results: everything ``results.json`` says."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from importlib import metadata
+
+from .. import __version__
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import (
+    SCHEMA,
+    BoundRecord,
+    ControllerRecord,
+    LoopDelay,
+    PlantRecord,
+    Results,
+    RunTiming,
+    SampleTimeRecord,
+    rules,
+)
+from ..benchmark.scorecard import score
+from ..fmi.archive import Archive
+from ..fmi.connectors import CONTROLLER
+from ..loop.setup import controller_binding
+from .campaign import Bench, CaseRun
+from .controller import Controller
+from .work import TimingRecord
+
+LIBRARIES = ("fmpy", "pythonfmu", "numpy", "scipy", "numba")
+
+
+def results(
+    protocol: Protocol,
+    protocol_file: str,
+    seed: int,
+    bench: Bench,
+    controller: Controller,
+    changes: Mapping[str, float],
+    nominal: Mapping[str, float],
+    sample_time: Fraction,
+    measured: TimingRecord,
+    runs: Sequence[CaseRun],
+    timing: RunTiming,
+) -> Results:
+    """The results of ``runs``, in their order.
+
+    ``changes`` are the changed nominal parameters of the plant and ``nominal`` all of them with these applied,
+    ``measured`` is the controller's timing.
+    """
+    spec = rules(protocol)
+    cases = tuple(run.result for run in runs)
+    card = score(spec, cases)
+    return Results(
+        schema=SCHEMA,
+        benchmark=protocol.benchmark,
+        protocol=protocol.name,
+        protocol_file=protocol_file,
+        complete=card.complete,
+        cost=card.cost,
+        criteria=card.criteria,
+        stability=card.stability,
+        configurations=card.configurations,
+        cases=cases,
+        seed=seed,
+        controller=_controller(bench, controller),
+        plant=PlantRecord(*_fmu(bench.plant), dict(changes), dict(nominal)),
+        rules=spec,
+        sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
+        loop_delay=_loop_delay(protocol, sample_time, measured),
+        environment=environment(),
+        timing=timing,
+    )
+
+
+def environment() -> dict[str, str]:
+    """Versions and platform that the numbers were made with."""
+    return {
+        "flexible_manipulator_benchmark": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "machine": platform.machine(),
+        **{library: metadata.version(library) for library in LIBRARIES},
+    }
+
+
+def _controller(bench: Bench, controller: Controller) -> ControllerRecord:
+    binding = controller_binding(bench.controller, bench.setup)
+    connectors = {
+        connector.name: BoundRecord(tuple(v.name for v in bound.variables), bound.spelled, bound.notes)
+        if (bound := binding.get(connector.name))
+        else None
+        for connector in CONTROLLER
+    }
+    path = "" if controller.file is None else str(controller.file)
+    setup = bench.setup
+    return ControllerRecord(*_fmu(bench.controller), dict(setup.parameters), path, dict(setup.mapping), connectors)
+
+
+def _loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:
+    T_d, latency = protocol.loop.delay, measured.latency
+    if latency is None:
+        return LoopDelay(None, None, float(T_d), None, measured.convention)
+    total = T_d + latency * sample_time
+    return LoopDelay(float(total), float(total / sample_time), float(T_d), latency, measured.convention)
+
+
+def _fmu(archive: Archive) -> tuple[str, str, str, str | None]:
+    description = archive.description
+    return archive.name, archive.sha256, str(description.fmiVersion), description.generationTool

@@ -1,0 +1,54 @@
+"""Simulating again what a report shows in full. A case is deterministic, so this is the very one evaluated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Scorecard
+from ..execution import pool
+from ..execution.job import Done
+from ..reporting.recording import Recording
+from . import work
+from .campaign import GROUP_SIZE, START_TIME, Bench, CaseRun
+from .selection import shown
+
+LARGEST = 1 << 22
+"""Bytes of the largest recording, whose signals are thinned out."""
+
+
+def record_shown(
+    protocol: Protocol,
+    nominal: Mapping[str, float],
+    seed: int,
+    runs: Sequence[CaseRun],
+    card: Scorecard,
+    bench: Bench,
+    workers: int,
+) -> tuple[Recording, ...]:
+    """Simulate what the report of ``runs`` shows, on ``workers`` processes.
+
+    What fails before its first sample, or takes its process with it, is left out: its status stands in the results.
+    """
+    wanted = shown(protocol, nominal, seed, runs, card)
+    count = max(workers, math.ceil(len(wanted) / GROUP_SIZE))
+    groups = [group for first in range(count) if (group := wanted[first::count])]
+    jobs = [
+        bench.job(
+            work.record_case.__name__,
+            [work.RecordTask(bench.setup, each.case, each.roles) for each in group],
+            [each.case.scenario for each in group],
+            lambda _, value: work.recording(value),
+            START_TIME,
+            LARGEST,
+        )
+        for group in groups
+    ]
+    found: dict[int, Recording] = {}
+    with closing(pool.run(jobs, workers)) as outcomes:
+        for number, outcome in outcomes:
+            if isinstance(outcome, Done):
+                found[number + outcome.index * count] = outcome.value
+    return tuple(found[number] for number in sorted(found))

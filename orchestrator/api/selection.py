@@ -1,0 +1,83 @@
+"""Which cases of an evaluation its report shows in full: the worst ones, an example, and many systems in one pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ..benchmark import cases
+from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Scorecard
+from ..exact_time import seconds
+from ..loop.trajectory import Status
+from ..reporting.recording import EXAMPLE, SPREAD
+from .campaign import CaseRun
+
+POSE = (math.radians(18.0), math.radians(-50.0))
+"""Link angles [rad] of the example and the spread: an ordinary pose in the middle of the workspace."""
+
+SPREAD_SYSTEMS = 20
+"""Uncertain systems in Figures 11 and 12 of the paper."""
+
+AFTERWARDS = 4.0
+"""Seconds shown of the spread after the force has ended: the wanted settling time, and a second of what follows."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A case to simulate again, and what it is shown for."""
+
+    case: Case
+    roles: tuple[str, ...]
+
+
+def shown(
+    protocol: Protocol, nominal: Mapping[str, float], seed: int, runs: Sequence[CaseRun], card: Scorecard
+) -> list[Shown]:
+    """What to simulate for the report of ``runs``.
+
+    A case that hung or ended its process would do so again: it is not tried. Where one hung, or none came to its end,
+    nothing is tried that was not tried before. The spread is limited to as many systems as the evaluation ran, so
+    that a short evaluation stays short.
+    """
+    known = {run.case.id: run for run in runs}
+    chosen = [
+        Shown(known[id].case, tuple(roles))
+        for id, roles in _worst(card).items()
+        if known[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.SKIPPED)
+    ]
+    statuses = {run.result.status for run in runs}
+    if Status.DONE not in statuses or Status.TIMEOUT in statuses:
+        return chosen
+    test = next(test for test in protocol.tests if "B5" in test.criteria)
+    size = min(SPREAD_SYSTEMS, sum(run.case.test == test for run in runs))
+    sample_time = runs[0].case.scenario.sample_time
+
+    def in_pose(name: str, role: str, duration: float | None = None) -> Shown:
+        pose = cases.configuration(protocol, *POSE)
+        system = cases.system(protocol, nominal, seed, pose.index, name, test)
+        case = cases.case(protocol, pose, system, test, seed)
+        scenario = replace(case.scenario, sample_time=sample_time)
+        if duration is not None:
+            scenario = replace(scenario, duration=min(scenario.duration, seconds(duration)))
+        return Shown(replace(case, scenario=scenario), (role,))
+
+    end = protocol.disturbance.t_2 + AFTERWARDS
+    names = [*protocol.sets[cases.DRAWN], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]
+    spread = [in_pose(name, SPREAD, end) for name in list(dict.fromkeys(names))[:size]]
+    return [*chosen, in_pose("nominal", EXAMPLE), *spread]
+
+
+def _worst(card: Scorecard) -> dict[str, list[str]]:
+    """Cases to show with what for: worst of a criterion, and of a requirement on an axis where it fails."""
+    roles: dict[str, list[str]] = {}
+    for name, score in card.criteria.items():
+        if score.worst_case:
+            roles.setdefault(score.worst_case.id, []).append(name)
+    for name, requirement in card.stability.items():
+        for axis, verdict in requirement.axes.items():
+            if verdict.worst_case and not verdict.passed:
+                roles.setdefault(verdict.worst_case, []).append(f"{name} {axis}")
+    return roles

@@ -1,0 +1,144 @@
+"""The result of a single simulation, as a user holds it."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..benchmark.case import Case
+from ..benchmark.results import CaseResult
+from ..codec import Malformed, Struct, pack, unpack
+from ..errors import InputError
+from ..loop.trajectory import Ending, Trajectory
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+class _Saved(Struct, frozen=True):
+    case: Case
+    controller: str
+    trajectory: Trajectory
+    result: CaseResult | None
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Sampled signals of one simulation with N samples, in SI units; times t_k = k T_s.
+
+    Parameters
+    ----------
+    case : Case
+        What was simulated; ``case.scenario`` holds every number.
+    controller : str
+        File name of the controller.
+    trajectory : Trajectory
+        The signals; see there for more than this class shows.
+    result : CaseResult or None
+        Criteria and verdict; None if the scenario was varied, so that it is not a case of the protocol any more.
+    """
+
+    case: Case
+    controller: str
+    trajectory: Trajectory
+    result: CaseResult | None = None
+
+    @property
+    def time(self) -> np.ndarray:
+        """Shape (N + 1,) [s]."""
+        return self.trajectory.time
+
+    @property
+    def q_m(self) -> np.ndarray:
+        """Motor angles, shape (N + 1, 2) [rad]."""
+        return self.trajectory.q_m
+
+    @property
+    def q_a(self) -> np.ndarray:
+        """Link angles, shape (N + 1, 2) [rad]."""
+        return np.column_stack([self.trajectory.extra["q_a[1]"], self.trajectory.extra["q_a[2]"]])
+
+    @property
+    def X(self) -> np.ndarray:
+        """Position of the tool centre point, shape (N + 1, 2) [m]."""
+        return self.trajectory.X
+
+    @property
+    def tcp_error(self) -> np.ndarray:
+        """Distance of the tool centre point from where it began, shape (N + 1,) [m]."""
+        return self.trajectory.tcp_error
+
+    @property
+    def command(self) -> np.ndarray:
+        """Torques as the controller asked for them, shape (N, 2) [N.m]."""
+        return self.trajectory.command
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Torques as they left for the drive: saturated and quantized, shape (N, 2) [N.m]."""
+        return self.trajectory.torque
+
+    @property
+    def ending(self) -> Ending:
+        """How the simulation ended: ``status``, ``time`` [s], ``message``."""
+        return self.trajectory.ending
+
+    @property
+    def title(self) -> str:
+        """Controller, system, pose and test in words."""
+        pose = self.case.configuration
+        angles = " / ".join(f"{math.degrees(angle):g}°" for angle in (pose.q_a1, pose.q_a2))
+        return f"{self.controller}, {self.case.system.name} system at {angles}, {self.case.test.name}"
+
+    def columns(self) -> Mapping[str, np.ndarray]:
+        """All signals by name with unit, each of shape (N + 1,); torques of the last instant, not computed, are NaN."""
+        from ..reporting.trajectory_files import columns
+
+        return columns(self.trajectory, self.case.scenario)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """:meth:`columns` as a table. Needs the package pandas (the extra ``pandas``)."""
+        from pandas import DataFrame
+
+        return DataFrame(self.columns())
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """TCP error [mm] and torques [Nm] over time, in the paper's axes, in ``figure`` or a new one."""
+        from ..reporting.trajectory_files import plot
+
+        return plot(self.trajectory, self.case.scenario, self.title, figure)
+
+    def save(self, file: str | Path) -> Path:
+        """Write the simulation into ``file``; :meth:`load` reads it. The signals alone: see :meth:`columns`."""
+        from ..reporting.files import write_bytes
+
+        write_bytes(Path(file), pack(_Saved(self.case, self.controller, self.trajectory, self.result)))
+        return Path(file)
+
+    @classmethod
+    def load(cls, file: str | Path) -> Simulation:
+        """The simulation that was saved in ``file``; raises :class:`InputError` if it is damaged or not there."""
+        try:
+            saved = unpack(Path(file).read_bytes(), _Saved)
+        except OSError as problem:
+            raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
+        except Malformed as problem:
+            raise InputError(f"{file} does not hold a simulation: {problem}.", "damaged", file) from None
+        return cls(saved.case, saved.controller, saved.trajectory, saved.result)
+
+    def _repr_html_(self) -> str:
+        from ..reporting.fragments import simulation_fragment
+
+        stream = io.StringIO()
+        self.plot().savefig(stream, format="svg")
+        return simulation_fragment(self.title, self.ending, self.result, stream.getvalue())
+
+    def __repr__(self) -> str:
+        return f"Simulation({self.title}: {self.ending.status.value} at {self.ending.time:g} s)"

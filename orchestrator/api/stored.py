@@ -1,0 +1,81 @@
+"""Runs of cases in a store: the key that says what a result depends on, and what is kept under it."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+
+from ..benchmark.case import Case
+from ..benchmark.metrics import named
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Judgement
+from ..cache import computing_code
+from ..codec import Malformed, NonNegative, Struct, from_json, to_json
+from ..execution.store import Store
+from ..loop.trajectory import Status
+from .campaign import Bench, CaseRun
+from .work import check_judgement
+
+LASTING = (Status.DONE, Status.UNSTABLE)
+"""What depends on the key alone; a failure may depend on the conditions, too: a timeout on the time limit."""
+
+
+class StoredRun(Struct, frozen=True):
+    """A :class:`CaseRun` as it is stored, without its case."""
+
+    judgement: Judgement
+    wall_time: NonNegative
+    kind: str
+    conditions: str
+
+
+def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[str, str]:
+    """By case, the key of its result: a hash of the FMUs' bytes, their parameters, the scenario, how it is judged, and
+    the code that simulates and judges it. It does not depend on which other cases the protocol has."""
+    common = [
+        protocol.benchmark,
+        computing_code(),
+        bench.plant.sha256,
+        bench.controller.sha256,
+        sorted(bench.setup.parameters.items()),
+        sorted(bench.setup.mapping.items()),
+        to_json([protocol.settling, protocol.stability]),
+    ]
+    begin = hashlib.sha256(json.dumps(common).encode())
+
+    def key(case: Case) -> str:
+        digest = begin.copy()
+        digest.update(repr((case.scenario, case.test.criteria, case.test.requirements)).encode())
+        return digest.hexdigest()
+
+    return {case.id: key(case) for case in cases}
+
+
+def load(store: Store, keys: Mapping[str, str], cases: Sequence[Case], bench: Bench, failures: bool) -> list[CaseRun]:
+    """The stored runs of ``cases``: those that last, and ``failures`` under the same conditions."""
+    records = store.get(list(keys.values()))
+    found = []
+    for case in cases:
+        with contextlib.suppress(KeyError, Malformed):  # a record that makes no sense is none
+            stored = from_json(records[keys[case.id]], StoredRun)
+            check_judgement(case, stored.judgement)
+            if stored.judgement.status in LASTING or (failures and stored.conditions == bench.conditions):
+                found.append(CaseRun(case, named(case, stored.judgement), stored.wall_time, kind=stored.kind))
+    return found
+
+
+def keep(store: Store, key: str, run: CaseRun, bench: Bench) -> None:
+    """Store a run, unless somebody else may have had a part in it."""
+    if run.final and run.result.status is not Status.SKIPPED:
+        result = run.result
+        judgement = Judgement(
+            status=result.status,
+            time=result.time,
+            message=result.message,
+            measurements=result.measurements,
+            warnings=result.warnings,
+        )
+        stored = StoredRun(judgement, run.wall_time, run.kind, bench.conditions)
+        store.put(key, run.case.id, to_json(stored, indent=None).encode())

@@ -1,0 +1,171 @@
+"""What worker processes do: functions of two loaded FMUs and a packed task, and the types of task and result.
+
+The types are checked when they are unpacked, on both sides.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..benchmark.case import Case
+from ..benchmark.metrics import expected, judge
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Judgement
+from ..codec import Malformed, Natural, Struct, pack, unpack
+from ..errors import FmuError
+from ..loop.scenario import Scenario
+from ..loop.setup import Setup
+from ..loop.trajectory import Status, Trajectory
+from ..reporting.recording import OBSERVED, Recording, record
+
+if TYPE_CHECKING:  # it loads the compiler, which only workers need
+    from ..fmi.slaves import Slave
+
+
+class CaseTask(Struct, frozen=True):
+    """Simulate a case and judge it by a protocol."""
+
+    protocol: Protocol
+    setup: Setup
+    case: Case
+
+
+class RecordTask(Struct, frozen=True):
+    """Simulate a case and keep what a report shows of it."""
+
+    setup: Setup
+    case: Case
+    roles: tuple[str, ...]
+
+
+class ScenarioTask(Struct, frozen=True):
+    """Simulate a scenario; ``observe`` names plant outputs to record."""
+
+    setup: Setup
+    scenario: Scenario
+    observe: tuple[str, ...] = ()
+
+
+class TimingRecord(Struct, frozen=True):
+    """The controller's latency in samples and its timing convention; None if they cannot be measured."""
+
+    latency: Natural | None = None
+    convention: str | None = None
+
+
+def prepare() -> None:
+    """Import and compile everything a simulation needs."""
+    from ..loop.warm_up import warm_up
+
+    warm_up()
+
+
+def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judgement`."""
+    wanted = unpack(task, CaseTask)
+    return pack(judge(wanted.protocol, wanted.case, _simulate(plant, controller, wanted.case.scenario, wanted.setup)))
+
+
+def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`RecordTask`; gives a :class:`~orchestrator.reporting.recording.Recording`."""
+    wanted = unpack(task, RecordTask)
+    trajectory = _simulate(plant, controller, wanted.case.scenario, wanted.setup, OBSERVED)
+    return pack(record(wanted.case, wanted.roles, trajectory))
+
+
+def simulate_scenario(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`ScenarioTask`; gives a :class:`~orchestrator.loop.trajectory.Trajectory`."""
+    wanted = unpack(task, ScenarioTask)
+    return pack(_simulate(plant, controller, wanted.scenario, wanted.setup, wanted.observe))
+
+
+def first_sample(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """The first sample of a :class:`ScenarioTask`; raises :class:`FmuError` if a call fails in it."""
+    _first_sample(plant, controller, unpack(task, ScenarioTask))
+    return pack(TimingRecord())
+
+
+def probe_timing(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`TimingRecord`, measured around the first sample of a :class:`ScenarioTask`."""
+    from ..loop.controller import Steady
+    from ..loop.probe import probe
+
+    wanted = unpack(task, ScenarioTask)
+    trajectory = _first_sample(plant, controller, wanted)
+    pose = (float(trajectory.extra["q_a[1]"][0]), float(trajectory.extra["q_a[2]"][0]))
+    steady = Steady(trajectory.q_m_ref, trajectory.u_m0, pose)
+    with contextlib.suppress(FmuError):  # a controller that cannot be probed may still be simulated
+        found = probe(controller, wanted.setup, steady, wanted.scenario.sample_time)
+        return pack(TimingRecord(found.latency, found.convention.value))
+    return pack(TimingRecord())
+
+
+def judgement(case: Case, value: bytes) -> Judgement:
+    """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
+    found = unpack(value, Judgement)
+    if found.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
+        raise Malformed(f"the status {found.status.value}, which only the supervision gives")
+    check_judgement(case, found)
+    return found
+
+
+def check_judgement(case: Case, found: Judgement) -> None:
+    """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
+    names, wanted = found.measurements.names, expected(case.test)
+    possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset())}
+    if names not in possible.get(found.status, (frozenset(),)):
+        raise Malformed(f"the status {found.status.value} with the figures {', '.join(sorted(names)) or 'none'}")
+    if found.time > float(case.scenario.samples * case.scenario.sample_time):
+        raise Malformed(f"a time of {found.time:g} s, beyond the end")
+
+
+def largest_trajectory(scenario: Scenario) -> int:
+    """Bytes that the trajectory of ``scenario`` has at most, packed."""
+    columns = 11 + len(OBSERVED)
+    return (scenario.samples + 2) * columns * 8 + (1 << 16)
+
+
+def timing(_index: int, value: bytes) -> TimingRecord:
+    """What a worker sent for the first sample."""
+    return unpack(value, TimingRecord)
+
+
+def recording(value: bytes) -> Recording:
+    """What a worker sent for a :class:`RecordTask`, checked."""
+    found = unpack(value, Recording)
+    found.check()
+    return found
+
+
+def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajectory:
+    """What a worker sent for a :class:`ScenarioTask`, checked."""
+    found = unpack(value, Trajectory)
+    if found.time.ndim != 1 or not 1 <= len(found.time) <= samples + 1:
+        raise Malformed("a trajectory of another length than the scenario's")
+    states = len(found.time)
+    pairs = (found.q_m, found.X, found.measured, found.command, found.torque)
+    shapes = [(states, 2)] * 3 + [(states - 1, 2)] * 2
+    fits = set(found.extra) == set(observe) and [array.shape for array in pairs] == shapes
+    if not fits or any(array.shape != (states,) for array in found.extra.values()):
+        raise Malformed("a trajectory of other sizes than the scenario's")
+    if not np.isfinite((*found.time, *found.q_m_ref, *found.u_m0, found.ending.time)).all():
+        raise Malformed("a time or a steady state that is not finite")
+    if not np.array_equal(found.time, np.sort(found.time)):
+        raise Malformed("times that do not increase")
+    return found
+
+
+def _first_sample(plant: Slave, controller: Slave, wanted: ScenarioTask) -> Trajectory:
+    found = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
+    if found.ending.status is Status.ERROR and found.ending.failed_call:
+        raise FmuError(f"The first sample fails: {found.ending.message}", found.ending.failed_call)
+    return found
+
+
+def _simulate(plant: Slave, controller: Slave, *arguments: Any) -> Trajectory:
+    from ..loop.master import simulate
+
+    return simulate(plant, controller, *arguments)

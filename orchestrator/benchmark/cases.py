@@ -1,0 +1,188 @@
+"""From a protocol to its cases: configurations of the workspace, systems of the uncertainty description, scenarios."""
+
+from __future__ import annotations
+
+import math
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+
+from ..errors import InputError
+from ..loop.random_streams import stable_stream
+from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
+from .case import Case, Configuration, Disturbance, System, Test
+from .protocol import Protocol
+
+DRAWS, NOISE = 0, 1
+"""Last seed word of the two random streams of a configuration and system."""
+
+DRAWN = "performance"
+"""The set of systems that draw their disturbance; the others have the fixed one."""
+
+
+def grid(protocol: Protocol) -> tuple[Configuration, ...]:
+    """The configurations of a protocol."""
+
+    def axis(limits: tuple[float, float], points: int) -> list[float]:
+        return [float(angle) for angle in np.radians(np.linspace(*limits, points))]
+
+    q_a1 = axis(protocol.workspace.q_a1_deg, protocol.grid.q_a1_points)
+    q_a2 = axis(protocol.workspace.q_a2_deg, protocol.grid.q_a2_points)
+    return tuple(Configuration(k, *angles) for k, angles in enumerate(product(q_a1, q_a2)))
+
+
+def cases(
+    protocol: Protocol, nominal: Mapping[str, float], seed: int, sample_time: Fraction | None = None
+) -> tuple[Case, ...]:
+    """All cases, configuration by configuration. ``nominal`` are the plant's start values by FMI name.
+
+    ``sample_time`` [s] is the controller's if it differs from the protocol's; the sensor's noise, a property of its
+    own, stays what it is.
+
+    Random draws and noise depend on (seed, configuration, system) alone: every controller meets the same systems,
+    disturbances and noise, and every test of a system the same noise.
+    """
+    found = tuple(
+        case(protocol, pose, system(protocol, nominal, seed, pose.index, name, test), test, seed)
+        for pose in grid(protocol)
+        for test in protocol.tests
+        for name in protocol.sets[test.systems]
+    )
+    if sample_time is None:
+        return found
+    return tuple(replace(case, scenario=replace(case.scenario, sample_time=sample_time)) for case in found)
+
+
+def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration:
+    """The pose (q_a1, q_a2) [rad], with the grid's index if it is a grid point and -1 otherwise.
+
+    Raises :class:`InputError` outside the workspace.
+    """
+    limits = protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg
+    for name, value, (low, high) in zip(("q_a1", "q_a2"), (q_a1, q_a2), limits, strict=True):
+        if not low - 1e-9 <= math.degrees(value) <= high + 1e-9:
+            raise InputError(
+                f"{name} = {math.degrees(value):g} deg is outside the workspace, {low:g} to {high:g} deg.",
+                "outside-workspace",
+                name,
+                value,
+            )
+    for point in grid(protocol):
+        if math.isclose(point.q_a1, q_a1, abs_tol=1e-9) and math.isclose(point.q_a2, q_a2, abs_tol=1e-9):
+            return point
+    return Configuration(-1, q_a1, q_a2)
+
+
+def case_named(protocol: Protocol, nominal: Mapping[str, float], seed: int, id: str) -> Case:
+    """The case called ``id``, such as ``c07.compliant.gain_1``, also with another system than the protocol runs.
+
+    Raises :class:`InputError` if the protocol has no such configuration, system or test.
+    """
+    poses = grid(protocol)
+    match = re.fullmatch(r"c(\d+)\.(\w+)\.(\w+)", id)
+    if not match or int(match[1]) >= len(poses):
+        example = f"c{len(poses) - 1:02d}.{protocol.sets[protocol.tests[0].systems][0]}.{protocol.tests[0].name}"
+        raise InputError(
+            f"There is no case {id} in the protocol {protocol.name}. Cases are named CONFIGURATION.SYSTEM.TEST, "
+            f"such as {example}.",
+            "no-case",
+            protocol.name,
+            id,
+        )
+    test = protocol.test(match[3])
+    pose = poses[int(match[1])]
+    return case(protocol, pose, system(protocol, nominal, seed, pose.index, match[2], test), test, seed)
+
+
+def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: int, name: str, test: Test) -> System:
+    """The system ``name`` of configuration ``index``; ``random_1``, ``random_2``, ... are drawn.
+
+    Systems in performance tests draw their disturbance; those in stability tests have the fixed one.
+    """
+    stream = stable_stream(_seed_words(seed, index, name, DRAWS))
+    deviations: dict[str, tuple[float, float]]
+    if re.fullmatch(r"random_[1-9]\d*", name):
+        draws = {symbol: stream.uniform(-1.0, 1.0, 2) for symbol in protocol.uncertainty}
+        deviations = {symbol: (float(pair[0]), float(pair[1])) for symbol, pair in draws.items()}
+    elif name in protocol.systems:
+        deviations = {symbol: (sign, sign) for symbol, sign in protocol.systems[name].items()}
+    else:
+        known = (*protocol.systems, "random_1", "random_2", "...")
+        raise InputError(
+            f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}.",
+            "no-system",
+            protocol.name,
+            name,
+            known[:-1],
+        )
+    parameters = {name: value for name, value in nominal.items() if not name.startswith("q_a_start")}
+    for symbol, pair in deviations.items():
+        for axis, deviation in zip((1, 2), pair, strict=True):
+            parameters[f"{symbol}[{axis}]"] *= 1.0 + protocol.uncertainty[symbol] * deviation
+    drawn = test.systems == DRAWN
+    return System(name, tuple(parameters.items()), _draw(protocol, stream) if drawn else protocol.fixed_disturbance)
+
+
+def case(protocol: Protocol, configuration: Configuration, system: System, test: Test, seed: int) -> Case:
+    """The case of a configuration, a system and a test: everything its simulation needs."""
+    loop, rules = protocol.loop, protocol.disturbance
+    limit, disturbance = loop.torque_limit, system.disturbance
+    on_axis = [test.axis == axis for axis in (1, 2)]
+    scenario = Scenario(
+        parameters=(
+            ("q_a_start[1]", configuration.q_a1),
+            ("q_a_start[2]", configuration.q_a2),
+            *system.parameters,
+        ),
+        duration=test.duration,
+        sample_time=loop.sample_time,
+        sensor=Sensor(
+            noise=Noise(
+                sigma=math.sqrt(loop.noise_power / loop.sample_time),
+                seed=_seed_words(seed, configuration.index, system.name, NOISE),
+            ),
+            quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
+        ),
+        drive=Drive(
+            gain=(test.gain if on_axis[0] else 1.0, test.gain if on_axis[1] else 1.0),
+            limit=limit,
+            quantum=(2 * limit[0] / 2**loop.torque_bits, 2 * limit[1] / 2**loop.torque_bits),
+            delay=(loop.delay + test.delay * on_axis[0], loop.delay + test.delay * on_axis[1]),
+        ),
+        abort_distance=loop.abort_distance,
+        longest_hold=loop.sample_time,
+    )
+    if test.disturbed:
+        phi_F = disturbance.phi_F
+        scenario = replace(
+            scenario,
+            chirp=Chirp(
+                amplitude=rules.chirp_amplitude,
+                start=disturbance.t_3,
+                stop=rules.t_4,
+                f_start=disturbance.f_start,
+                f_stop=disturbance.f_stop,
+            ),
+            pulse=Pulse(
+                force=(rules.force * math.cos(phi_F), rules.force * math.sin(phi_F)), start=rules.t_1, stop=rules.t_2
+            ),
+        )
+    return Case(configuration, system, test, scenario)
+
+
+def _draw(protocol: Protocol, stream: np.random.RandomState) -> Disturbance:
+    phi_F = float(stream.uniform(0.0, 2.0 * math.pi))
+    t_3 = float(stream.uniform(*protocol.disturbance.t_3_range))
+    low, high = protocol.disturbance.chirp_frequencies
+    f_start, f_stop = (low, high) if stream.uniform() < 0.5 else (high, low)
+    return Disturbance(phi_F=phi_F, t_3=t_3, f_start=f_start, f_stop=f_stop)
+
+
+def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ...]:
+    """Words of a seed sequence. A checksum stands for the name, so that a protocol may list systems in any order."""
+    return (seed, index + 1, zlib.crc32(name.encode()), purpose)

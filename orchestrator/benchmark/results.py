@@ -1,0 +1,315 @@
+"""The results of an evaluation, typed to the last field: what ``results.json`` holds, and every report is made from.
+
+All values are in SI units; None stands for a value that does not exist.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from ..codec import Finite, Natural, NonNegative, Struct
+from ..loop.trajectory import Status
+from .case import Configuration, Test
+from .protocol import Protocol, Stability
+
+SCHEMA = "flexible-manipulator-results/2"
+
+
+class Measurements(Struct, omit_defaults=True):
+    """The figures of one simulation: those of B1..B7 that the test asks for, and in tests with a requirement the rest.
+
+    ``limit_cycle_x`` and ``limit_cycle_z`` are half the peak-to-peak of the TCP's coordinates at the end,
+    ``rest_error`` is the largest TCP error in the last second [m]. ``settled`` is False if B6 ran to the end of the
+    simulation.
+    """
+
+    B1: NonNegative | None = None
+    B2: NonNegative | None = None
+    B3: NonNegative | None = None
+    B4: NonNegative | None = None
+    B5: NonNegative | None = None
+    B6: NonNegative | None = None
+    B7: NonNegative | None = None
+    settled: bool | None = None
+    limit_cycle_x: NonNegative | None = None
+    limit_cycle_z: NonNegative | None = None
+    rest_error: NonNegative | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The figures there are."""
+        return frozenset(name for name in self.__struct_fields__ if getattr(self, name) is not None)
+
+    @property
+    def limit_cycle(self) -> float | None:
+        """The larger of the two amplitudes [m]."""
+        if self.limit_cycle_x is None or self.limit_cycle_z is None:
+            return None
+        return max(self.limit_cycle_x, self.limit_cycle_z)
+
+
+class Judgement(Struct, kw_only=True):
+    """What one simulation came to: its status with the simulated time [s] and the reason, and its figures.
+
+    There are no figures if the simulation did not reach its end. ``warnings`` counts FMI calls that returned a warning.
+    """
+
+    status: Status
+    time: NonNegative
+    message: str = ""
+    measurements: Measurements = msgspec.field(default_factory=Measurements)
+    warnings: Natural = 0
+
+    @property
+    def judged(self) -> bool:
+        """Whether the simulation came to a verdict on the controller."""
+        return self.status in (Status.DONE, Status.UNSTABLE)
+
+
+class CaseResult(Judgement, kw_only=True):
+    """A finished case by the names of its configuration, system and test."""
+
+    id: str
+    configuration: Configuration
+    system: str
+    test: str
+
+
+class WorstCase(Struct):
+    """The case with the largest value of a criterion; no value is the worst there is."""
+
+    id: str
+    value: NonNegative | None
+    configuration: int
+    system: str
+
+
+class CriterionSpec(Struct):
+    """What the protocol says about a criterion; ``paper`` is the value of Table 2."""
+
+    target: Finite
+    weight: NonNegative
+    unit: str
+    title: str
+    paper: Finite
+
+
+class CriterionScore(CriterionSpec):
+    """A criterion over the workspace.
+
+    ``value`` is the mean over the configurations of the worst value over the systems, as in Table 2; None if a
+    case that counts has no value. ``share`` is the criterion's part of V, w_i times the mean of b_i.
+    """
+
+    value: NonNegative | None
+    share: NonNegative | None
+    worst_case: WorstCase | None
+
+
+class Verdict(Struct, kw_only=True):
+    """Whether a requirement holds, and the worst case with the amplitude of its limit cycle [m].
+
+    ``passed`` is None if no case has been tried. The worst is a case without an amplitude (left, crashed), else the
+    largest limit cycle of those that fail, else of all. ``rest_error`` is given if that case fails by it alone: its
+    TCP error at the end [m], which is too large for rest.
+    """
+
+    passed: bool | None
+    limit_cycle: NonNegative | None = None
+    rest_error: NonNegative | None = None
+    worst_case: str | None = None
+
+
+class Requirement(Verdict, kw_only=True):
+    """A1, A2 with a verdict per axis, A3 with one per TCP coordinate, and the verdict over all."""
+
+    axes: dict[str, Verdict]
+
+
+class ConfigurationScore(Struct):
+    """V_k of eq. (14) and the worst b_i of one configuration; None if a case that counts has no value."""
+
+    index: int
+    q_a1: Finite
+    q_a2: Finite
+    cost: NonNegative | None
+    relative: dict[str, NonNegative | None]
+
+
+class TestRules(Struct):
+    """What a test adds to the loop, and what is measured in it."""
+
+    __test__ = False
+
+    name: str
+    axis: int
+    gain: Finite
+    delay: NonNegative
+    criteria: tuple[str, ...]
+    requirements: tuple[str, ...]
+
+
+class CostRules(Struct):
+    """V of a controller that meets all targets, and of the paper's PID."""
+
+    target: Finite
+    paper: Finite
+
+
+class Rules(Struct):
+    """What the protocol asks for, as far as scoring and reading the results needs it. ``cases`` is the number of cases
+    of the whole protocol."""
+
+    cases: Natural
+    cost: CostRules
+    criteria: dict[str, CriterionSpec]
+    stability: Stability
+    settling_error: NonNegative
+    torque_limit: tuple[NonNegative, NonNegative]
+    tests: tuple[TestRules, ...]
+
+    def test(self, name: str) -> TestRules:
+        """The test called ``name``."""
+        return next(test for test in self.tests if test.name == name)
+
+
+class BoundRecord(Struct):
+    """The variables of the controller that a connector is bound to, how they were found, what could not be checked."""
+
+    variables: tuple[str, ...]
+    found: str
+    notes: tuple[str, ...] = ()
+
+
+class FmuRecord(Struct):
+    """An FMU as used. ``parameters`` are those that were set: the controller's in its own units, the plant's in SI."""
+
+    file: str
+    sha256: str
+    fmi_version: str
+    generation_tool: str | None
+    parameters: dict[str, Finite]
+
+
+class ControllerRecord(FmuRecord):
+    """The controller, with its path as it was given, its mapping and connectors; a connector is None if an optional
+    one is absent."""
+
+    path: str
+    mapping: dict[str, str]
+    connectors: dict[str, BoundRecord | None]
+
+
+class PlantRecord(FmuRecord):
+    """The plant, with all its nominal parameters."""
+
+    nominal: dict[str, Finite]
+
+
+class SampleTimeRecord(Struct):
+    """The controller's sample time [s]."""
+
+    seconds: NonNegative
+    as_in_benchmark: bool
+
+
+class LoopDelay(Struct):
+    """From a measurement to the torque at the motor: the benchmark's T_d and the controller's own latency.
+
+    ``seconds`` and ``samples`` are None if the latency could not be measured.
+    """
+
+    seconds: NonNegative | None
+    samples: NonNegative | None
+    benchmark: NonNegative
+    controller_samples: int | None
+    convention: str | None
+
+
+class RunTiming(Struct):
+    """When the evaluation began, and how long it took [s]: ``wall_time`` on ``workers`` processes; ``simulated_time``
+    and ``simulation_time`` are sums over the cases."""
+
+    start: str
+    wall_time: NonNegative
+    workers: int
+    simulated_time: NonNegative
+    simulation_time: NonNegative
+
+
+class Scorecard(Struct):
+    """``cost`` is V of eq. (15), None if a criterion has no value. ``complete`` tells whether every case of the
+    protocol came to a verdict."""
+
+    complete: bool
+    cost: NonNegative | None
+    criteria: dict[str, CriterionScore]
+    stability: dict[str, Requirement]
+    configurations: tuple[ConfigurationScore, ...]
+
+
+class Results(Struct):
+    """The contents of ``results.json``: a scorecard, the cases it follows from, and what they were made with.
+
+    ``schema`` names this form; ``protocol_file`` is the path of a protocol that does not come with the benchmark.
+    """
+
+    schema: str
+    benchmark: str
+    protocol: str
+    protocol_file: str
+    complete: bool
+    cost: NonNegative | None
+    criteria: dict[str, CriterionScore]
+    stability: dict[str, Requirement]
+    configurations: tuple[ConfigurationScore, ...]
+    cases: tuple[CaseResult, ...]
+    seed: Natural
+    controller: ControllerRecord
+    plant: PlantRecord
+    rules: Rules
+    sample_time: SampleTimeRecord
+    loop_delay: LoopDelay
+    environment: dict[str, str]
+    timing: RunTiming
+
+    @property
+    def scorecard(self) -> Scorecard:
+        """The scorecard alone."""
+        return Scorecard(**{name: getattr(self, name) for name in Scorecard.__struct_fields__})
+
+    def case(self, id: str) -> CaseResult:
+        """The result of the case called ``id``; raises :class:`KeyError` if there is none."""
+        for case in self.cases:
+            if case.id == id:
+                return case
+        raise KeyError(id)
+
+
+def rules(protocol: Protocol) -> Rules:
+    """The rules of a protocol."""
+    return Rules(
+        cases=protocol.case_count,
+        cost=CostRules(target=sum(c.weight for c in protocol.criteria.values()), paper=protocol.reference["V"]),
+        criteria={
+            name: CriterionSpec(
+                target=c.target, weight=c.weight, unit=c.unit, title=c.title, paper=protocol.reference[name]
+            )
+            for name, c in protocol.criteria.items()
+        },
+        stability=protocol.stability,
+        settling_error=protocol.settling.error,
+        torque_limit=protocol.loop.torque_limit,
+        tests=tuple(map(_test_rules, protocol.tests)),
+    )
+
+
+def _test_rules(test: Test) -> TestRules:
+    return TestRules(
+        name=test.name,
+        axis=test.axis,
+        gain=test.gain,
+        delay=float(test.delay),
+        criteria=test.criteria,
+        requirements=test.requirements,
+    )

@@ -1,0 +1,108 @@
+"""Whether the plant's integration, with fixed substeps, can follow a manipulator of given parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from plant_fmu.flexible_manipulator.coefficients import Arm, Joint, arm, joint
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+from ..errors import InputError
+
+FAST = ("k_low", "k_high", "d", "f_d", "f_c", "alpha")
+"""Uncertain parameters whose upper end makes the manipulator's motion faster; of the others only the masses matter."""
+
+MOST_SUBSTEPS = 100
+"""Largest number of substeps in place of one, where friction is steep: a simulation takes as many times longer."""
+
+GROWTH = 1.0 + 1e-6
+"""Largest growth of a motion per substep: the rigid body's, which is 1, with rounding."""
+
+
+def require_integrable(changes: Mapping[str, float], uncertainty: Mapping[str, float]) -> None:
+    """Refuse manipulators that the plant's integration cannot follow.
+
+    The equations of motion are linearized at rest, without gravity, where friction is steepest; Runge-Kutta's fourth
+    order must not amplify any of their motions at the plant's own substep. This is done for the lightest, stiffest and
+    most damped member of the uncertainty, with gears bent or not and the second link in any direction.
+
+    Parameters
+    ----------
+    changes : mapping
+        Changed nominal parameters by FMI name, SI units; each within its physical range.
+    uncertainty : mapping
+        Half-widths of uncertain parameters relative to their nominal value, by symbol: a protocol's ``uncertainty``.
+
+    Raises
+    ------
+    InputError
+        ``bad-plant-parameter`` with the parameter that is to blame.
+    """
+    if _is_integrable({**NOMINAL, **changes}, uncertainty):
+        return
+    curing = [name for name in changes if _is_integrable({**NOMINAL, **changes, name: NOMINAL[name]}, uncertainty)]
+    name = (curing or list(changes))[0]
+    raise InputError(
+        f"The plant's {name} = {changes[name]:g} makes a manipulator that its integration cannot follow: motions are "
+        "too fast for its step, or a coefficient of the equations of motion is not a finite number.",
+        "bad-plant-parameter",
+        name,
+        changes[name],
+    )
+
+
+def _is_integrable(nominal: Mapping[str, float], uncertainty: Mapping[str, float]) -> bool:
+    from plant_fmu.flexible_manipulator.integrator import MAX_SUBSTEP, longest_substep  # loads Numba
+
+    fastest = {}
+    for name, value in nominal.items():
+        symbol = name.partition("[")[0]
+        sign = 1.0 if symbol in FAST else -1.0
+        fastest[name] = value * (1.0 + sign * uncertainty.get(symbol, 0.0))
+    try:
+        links, joints = arm(fastest), (joint(fastest, 1), joint(fastest, 2))
+        coefficients = np.array([*links, *joints[0], *joints[1]])
+        substep = longest_substep(joints)
+        if not np.all(np.isfinite(coefficients)) or substep * MOST_SUBSTEPS < MAX_SUBSTEP:
+            return False
+        with np.errstate(all="ignore"):
+            return all(
+                _growth(substep * linearized(links, joints, bent, s_2)) <= GROWTH
+                for bent in (False, True)
+                for s_2 in (-1.0, 0.0, 1.0)
+            )
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return False
+
+
+def linearized(links: Arm, joints: tuple[Joint, Joint], bent: bool, s_2: float) -> np.ndarray:
+    """The system matrix of eq. (2) at rest, shape (8, 8), for the state (q_a, q_m and their speeds), without gravity.
+
+    ``bent`` gears have the stiffness k_high, the others k_low; ``s_2`` = sin q_a2.
+    """
+    J_12 = links.a_2 - links.b * s_2
+    inertia = np.array([[links.a_1 - 2.0 * links.b * s_2, J_12], [J_12, links.a_2]])
+    j_m, n, d, f_d, f_c, alpha = (
+        np.array([getattr(own, name) for own in joints]) for name in ("j_m", "n", "d", "f_d", "f_c", "alpha")
+    )
+    stiffness = np.array([own.m_1 if bent else own.k_1 for own in joints])
+    bending = np.hstack([np.eye(2), -np.diag(1.0 / n)])  # of the gears, by the angles of links and motors
+    torques = np.hstack([stiffness[:, None] * bending, d[:, None] * bending])
+    friction = np.hstack([np.zeros((2, 6)), np.diag(f_d + alpha * f_c)])
+    return np.vstack(
+        [
+            np.hstack([np.zeros((4, 4)), np.eye(4)]),
+            -np.linalg.solve(inertia, torques),
+            (torques / n[:, None] - friction) / j_m[:, None],
+        ]
+    )
+
+
+def _growth(scaled: np.ndarray) -> float:
+    """Largest factor by which a Runge-Kutta step amplifies a motion; ``scaled`` is the step times the system matrix."""
+    z = np.linalg.eigvals(scaled)
+    growth = float(np.max(np.abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))))
+    return growth if not math.isnan(growth) else math.inf

@@ -1,0 +1,137 @@
+"""Variations of a scenario: single disturbances and imperfections set or switched off."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TypeVar
+
+from ..errors import InputError
+from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor
+from .protocol import Protocol
+
+T = TypeVar("T")
+
+LONGEST = 1000
+"""Duration of a simulation [s] whose trajectory still fits into memory."""
+
+FINEST_BITS = 52
+"""Bits of a quantizer; finer ones than floating-point numbers themselves make no sense."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What is changed in a scenario, SI units; None leaves a value as it is.
+
+    ``undisturbed`` removes chirp and force, and ``ideal`` noise, quantization, saturation and delay, except those that
+    are given. ``angle_bits`` and ``torque_bits`` are the quantizers' steps as powers of two, 0 for none; ``delay`` is
+    that from controller to motor, T_d included.
+    """
+
+    undisturbed: bool = False
+    ideal: bool = False
+    duration: Fraction | None = None
+    noise_power: float | None = None
+    angle_bits: int | None = None
+    torque_bits: int | None = None
+    torque_limit: Pair | None = None
+    delay: Delays | None = None
+    sensor_delay: Delays | None = None
+    gain: Pair | None = None
+    chirp_amplitude: Pair | None = None
+    chirp_frequencies: Pair | None = None
+    t_3: float | None = None
+    t_4: float | None = None
+    force: float | None = None
+    phi_F: float | None = None
+    t_1: float | None = None
+    t_2: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.duration is not None and not 0 < self.duration <= LONGEST:
+            raise InputError(
+                f"{float(self.duration):g} s is not a duration up to {LONGEST} s.",
+                "bad-duration",
+                "",
+                float(self.duration),
+            )
+        for bits in (self.angle_bits, self.torque_bits):
+            if bits is not None and not 0 <= bits <= FINEST_BITS:
+                raise InputError(f"{bits} is not a number of bits from 0 to {FINEST_BITS}.", "bad-bits", "", bits)
+
+
+def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
+    """``scenario`` with the variation applied, the sweeping ones (undisturbed, ideal) first.
+
+    Raises :class:`InputError` if a disturbance would end before it starts.
+    """
+    rules, fixed, loop = protocol.disturbance, protocol.fixed_disturbance, protocol.loop
+    sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
+    if wanted.undisturbed:
+        chirp, pulse = replace(chirp, amplitude=(0.0, 0.0)), replace(pulse, force=(0.0, 0.0))
+    if wanted.ideal:
+        sensor, drive = Sensor(), Drive()
+    if wanted.chirp_amplitude is not None and not chirp.stop:  # a test without a chirp gets the fixed one
+        chirp = Chirp(start=fixed.t_3, stop=rules.t_4, f_start=fixed.f_start, f_stop=fixed.f_stop)
+    direction = fixed.phi_F
+    if pulse.stop:
+        direction = math.atan2(scenario.pulse.force[1], scenario.pulse.force[0])
+    elif wanted.force is not None:
+        pulse = Pulse(start=rules.t_1, stop=rules.t_2)
+
+    sigma = sensor.noise.sigma
+    if wanted.noise_power is not None:
+        sigma = math.sqrt(wanted.noise_power / scenario.longest_hold)
+    angle_quantum, torque_quantum = sensor.quantum, drive.quantum
+    if wanted.angle_bits is not None:
+        angle_quantum = _quantum(math.radians(loop.angle_range_deg), wanted.angle_bits)
+    if wanted.torque_bits is not None:
+        first, second = (_quantum(2 * value, wanted.torque_bits) for value in loop.torque_limit)
+        torque_quantum = (first, second)
+    F_x, F_z = pulse.force
+    if wanted.force is not None or wanted.phi_F is not None:
+        size = _given(wanted.force, math.hypot(F_x, F_z))
+        direction = _given(wanted.phi_F, direction)
+        F_x, F_z = size * math.cos(direction), size * math.sin(direction)
+    f_start, f_stop = _given(wanted.chirp_frequencies, (chirp.f_start, chirp.f_stop))
+    varied = replace(
+        scenario,
+        duration=_given(wanted.duration, scenario.duration),
+        sensor=Sensor(
+            noise=Noise(sigma, scenario.sensor.noise.seed),
+            delay=_given(wanted.sensor_delay, sensor.delay),
+            quantum=angle_quantum,
+        ),
+        drive=Drive(
+            gain=_given(wanted.gain, drive.gain),
+            limit=_given(wanted.torque_limit, drive.limit),
+            quantum=torque_quantum,
+            delay=_given(wanted.delay, drive.delay),
+        ),
+        chirp=Chirp(
+            amplitude=_given(wanted.chirp_amplitude, chirp.amplitude),
+            start=_given(wanted.t_3, chirp.start),
+            stop=_given(wanted.t_4, chirp.stop),
+            f_start=f_start,
+            f_stop=f_stop,
+        ),
+        pulse=Pulse((F_x, F_z), _given(wanted.t_1, pulse.start), _given(wanted.t_2, pulse.stop)),
+    )
+    for name, signal in (("force", varied.pulse), ("chirp", varied.chirp)):
+        if signal.stop < signal.start:
+            raise InputError(
+                f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s.",
+                "ends-before-start",
+                name,
+                signal.stop,
+            )
+    return varied
+
+
+def _given(value: T | None, default: T) -> T:
+    return default if value is None else value
+
+
+def _quantum(span: float, bits: int) -> float:
+    return span / 2**bits if bits > 0 else 0.0

@@ -1,0 +1,66 @@
+"""The comparison as tables for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from ..reporting.comparison import Entry, Group
+from ..reporting.wording import SHOWN, figure, number, requirement_rows
+from .tables import NARROW, safe, table
+
+SIGNS = {True: "[green]holds[/green]", False: "[red]fails[/red]", None: "-"}
+
+
+def show_comparison(groups: Sequence[Group], console: Console) -> None:
+    """Print a leaderboard per group, the reasons for more than one group, and for runs without a rank."""
+    for group in groups:
+        if group.difference:
+            console.print(f"[yellow]Not ranked with the above:[/yellow] {safe(group.difference)}")
+        console.print(_leaderboard(group, console.width < NARROW))
+        console.print(_verdicts(group, console.width < NARROW))
+        for note in group.notes:
+            console.print(f"[yellow]{safe(note)}[/yellow]")
+        for entry, reason in group.unranked:
+            console.print(f"[yellow]Not ranked:[/yellow] {safe(entry.name)}: {safe(reason)}")
+
+
+def _rows(group: Group) -> list[tuple[str, Entry]]:
+    ranked = [(str(rank), entry) for rank, entry in enumerate(group.ranked, start=1)]
+    return [*ranked, *(("-", entry) for entry, _ in group.unranked)]
+
+
+def _leaderboard(group: Group, narrow: bool) -> Table:
+    rules = group.conditions.rules
+    criteria = {} if narrow else rules.criteria
+    grid = table(safe(group.title))
+    grid.add_column("", no_wrap=True)
+    grid.add_column("controller", overflow="fold", min_width=10)
+    grid.add_column("V", justify="right", no_wrap=True)
+    for name, spec in criteria.items():
+        grid.add_column(f"{name}\n\\[{SHOWN[spec.unit][1]}]", justify="right", no_wrap=True)
+    for rank, entry in _rows(group):
+        results = entry.run.results
+        values = [figure(spec, results.criteria[name].value) for name, spec in criteria.items()]
+        grid.add_row(rank, safe(entry.name), f"[bold]{number(results.cost)}[/bold]", *values)
+    grid.add_section()
+    grid.add_row("", "target", number(rules.cost.target), *(figure(spec, spec.target) for spec in criteria.values()))
+    grid.add_row("", "paper's PID", number(rules.cost.paper), *(figure(spec, spec.paper) for spec in criteria.values()))
+    return grid
+
+
+def _verdicts(group: Group, narrow: bool) -> Table:
+    """The verdicts; if there is no room, only the rank names the controller."""
+    grid = table("Requirements")
+    grid.add_column("", no_wrap=True)
+    if not narrow:
+        grid.add_column("controller", overflow="fold", min_width=10)
+    for row in requirement_rows(group.entries[0].run.results):
+        axis = row.axis if narrow else f"axis {row.axis}"
+        grid.add_column(f"{row.name}\n{axis if row.axis else 'all'}", no_wrap=True)
+    for rank, entry in _rows(group):
+        words = [SIGNS[row.judged.passed] for row in requirement_rows(entry.run.results)]
+        grid.add_row(rank, *(() if narrow else (safe(entry.name),)), *words)
+    return grid

@@ -1,0 +1,125 @@
+"""Evaluate a controller FMU: run a protocol over all cores, print the scorecard, write the results."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..api.benchmark import Benchmark
+from ..api.controller import Controller
+from ..api.evaluation import Evaluation
+from ..codec import to_json
+from ..reporting.files import CASES, RESULTS, TRAJECTORIES
+from . import options, outputs
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .progress import progress
+from .tables import show_results, terminal
+from .values import Parser
+
+EXAMPLES = """examples:
+  python -m orchestrator.evaluate                              the paper's PID
+  python -m orchestrator.evaluate my_controller.fmu            your controller
+  python -m orchestrator.evaluate my_controller.fmu --quick    a look in seconds, not comparable
+  python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
+  python -m orchestrator.evaluate --only 'c07.*'               one configuration
+  python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
+  python -m orchestrator.evaluate --list                       the names of all cases
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    outputs.check_options(given)
+    bench = options.benchmark(given)
+    if given.list:
+        print("\n".join(case.id for case in bench.cases))
+        return EXIT_OK
+    controller = options.controller(given)
+    folder = given.output_dir or Path("runs") / _folder_name(bench, controller, given.only)
+    with progress(bench.rules) as on_result:
+        evaluation = bench.evaluate(
+            controller,
+            only=given.only,
+            folder=folder,
+            recordings=outputs.need_recordings(given),
+            keep_going=given.keep_going,
+            force=given.force,
+            on_result=on_result,
+        )
+    _report(evaluation, folder, given)
+    return EXIT_OK if all(case.judged for case in evaluation.cases) else EXIT_INCOMPLETE
+
+
+def _report(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> None:
+    """Write what is made of the results, and print them: the reader of standard output may go away."""
+    recorded = [TRAJECTORIES] if evaluation.recordings else []
+    written = [RESULTS, CASES, *recorded, *outputs.write_outputs(evaluation, folder, given)]
+    if given.json:
+        print(to_json(evaluation.results))
+    else:
+        show_results(evaluation.results, terminal())
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+
+
+def _folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -> str:
+    """A name for the results: of controller and protocol, and of whatever is not as usual."""
+    name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
+    unusual = [sorted(controller.setup.mapping.items()), sorted(bench.plant_parameters.items()), only]
+    values = [f"{key}={value:g}" for key, value in sorted(controller.setup.parameters.items())]
+    if controller.sample_time is not None:
+        values.append(f"T_s={float(controller.sample_time):g}")
+    readable = "-".join(["", *values])
+    if len(readable) > LONGEST_NAME:
+        unusual.append(readable)
+        readable = ""
+    if any(unusual):
+        readable += "-" + hashlib.sha256(repr(unusual).encode()).hexdigest()[:6]
+    return name + readable.replace("/", "_")
+
+
+LONGEST_NAME = 60
+"""Characters of parameters in a folder's name; more become a hash."""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        "evaluate",
+        "Evaluate a controller FMU on the flexible-manipulator benchmark.",
+        EXAMPLES + "\n" + EXIT_CODES,
+    )
+    options.add_controller(parser)
+    options.add_protocol(parser)
+    parser.add_argument(
+        "--quick",
+        action="store_const",
+        const="quick",
+        dest="protocol",
+        default=argparse.SUPPRESS,
+        help="the same as --protocol quick",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="only cases whose name matches, with * and ?; may be given again",
+    )
+    parser.add_argument("--list", action="store_true", help="print the names of the protocol's cases, and run nothing")
+    options.add_jobs(parser)
+    parser.add_argument(
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-PROTOCOL)"
+    )
+    parser.add_argument("--force", action="store_true", help="run again what an earlier run has finished")
+    parser.add_argument(
+        "--keep-going",
+        action="store_true",
+        help="do not give up after three failures of one kind, and run again what failed in an earlier run",
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
+    outputs.add_options(parser)
+    return parser

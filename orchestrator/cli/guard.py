@@ -1,0 +1,97 @@
+"""The way from an error to a message and an exit code, and the remedies that name options."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from ..errors import BenchmarkError, FmuError, InputError
+from ..text import printable
+
+EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+EXIT_CODES = """exit codes: 0 all cases have a verdict, 1 some have none or the run could not go on (a full disk, a lost
+cluster, a crash), 2 bad input, 130 interrupted"""
+
+REMEDIES = {
+    "connector-missing": "Rename it, or map it: --map {value}[1]=NAME --map {value}[2]=NAME.",
+    "connector-half": "Rename the other one, or map both: --map {value}[1]=NAME --map {value}[2]=NAME.",
+    "connector-ambiguous": "Say which, such as --map {value}={nearest[0]}.",
+    "connector-parameter": "Leave {value} out of --set and of parameter files.",
+    "bad-sample-time": "Export it with another one, or overrule it: --sample-time 0.00025.",
+    "ambiguous-sample-time": "Set one yourself, such as --set {nearest[0]}=0.00025, or rename it to {value}.",
+    "folder-not-writable": "Choose another folder with --output-dir.",
+    "folder-in-use": "Wait for it, or choose another folder with --output-dir.",
+    "no-sandbox": "Install bubblewrap, or leave out --sandbox.",
+    "no-dask": "It is needed for --scheduler only.",
+    "no-case": "List them with: python -m orchestrator.evaluate --list.",
+    "no-plant-parameter": "Correct --plant-set.",
+    "bad-plant-parameter": "Correct --plant-set.",
+    "no-pyarrow": "It is needed for --parquet only.",
+    "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
+    "stored": "--force runs them again, --keep-going those that failed.",
+    "replaced": "--output-dir keeps both.",
+}
+"""What to do about a problem, by its stable code; formatted with the fields of the error."""
+
+
+def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None) -> int:
+    """Run a command; an error made on purpose becomes one clear message and an exit code.
+
+    An FMU's own refusal (:class:`FmuError`) comes this far only before the first sample: it is bad input.
+    """
+    handler = _Notes()
+    logger = logging.getLogger("orchestrator")
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        code = command(arguments)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # the reader has read enough, as in a pipe to head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print("the reader of standard output has gone; nothing more is printed", file=sys.stderr)
+        return EXIT_INCOMPLETE
+    except BenchmarkError as error:
+        print(f"error: {printable(' '.join(filter(None, (str(error), remedy(error)))))}", file=sys.stderr)
+        return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
+def remedy(problem: object) -> str:
+    """What to do about an error, finding or log record with a code ``what``; empty if there is nothing to say."""
+    fields = {"value": getattr(problem, "value", ""), "nearest": getattr(problem, "nearest", ())}
+    return REMEDIES.get(getattr(problem, "what", ""), "").format(**fields)
+
+
+class _Notes(logging.Handler):
+    """What the library has to say, on standard error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        prefix = "warning: " if record.levelno > logging.INFO and not hasattr(record, "what") else ""
+        message = printable(record.getMessage())
+        advice = remedy(record).rstrip(".")
+        print(f"{prefix}{message}" + (f" ({advice})" if advice else ""), file=sys.stderr)
+
+
+def run(module: str, arguments: Sequence[str] | None = None) -> int:
+    """The command ``main`` of a module of this room, guarded: what ``python -m`` and the console command call.
+
+    Its imports take a second, in which a Ctrl-C is no traceback either.
+    """
+    try:
+        from importlib import import_module
+
+        command = import_module(f".{module}", __package__).main
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    return guarded(command, arguments)

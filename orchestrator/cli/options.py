@@ -1,0 +1,146 @@
+"""Options that several commands share, and what they mean to the library."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..api.benchmark import Benchmark, available_cores
+from ..api.controller import Controller
+from ..benchmark import protocol
+from ..errors import InputError
+from ..fmi.controller_files import read_mapping, read_parameters
+from .values import MOST, assignment, connection, natural, number, time
+
+
+def add_protocol(parser: argparse.ArgumentParser) -> None:
+    """Options that say which cases there are."""
+    parser.add_argument(
+        "--protocol",
+        default="paper",
+        metavar="NAME",
+        help=f"one of: {', '.join(protocol.names())}; or a protocol file (.toml) (default: paper)",
+    )
+    parser.add_argument(
+        "--seed", type=natural(), default=0, metavar="N", help="base seed of random systems and noise (default: 0)"
+    )
+    parser.add_argument(
+        "--plant-set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="NAME=VALUE",
+        dest="plant_parameters",
+        help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
+    )
+
+
+def add_controller(parser: argparse.ArgumentParser) -> None:
+    """Options that say which controller is run, how it is used, and under which conditions."""
+    parser.add_argument(
+        "controller",
+        nargs="?",
+        type=Path,
+        metavar="CONTROLLER.fmu",
+        help="the controller to test (default: the paper's PID)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="NAME=VALUE",
+        dest="controller_parameters",
+        help="a parameter of the controller, in the unit the FMU has for it; may be given again",
+    )
+    parser.add_argument(
+        "--parameters",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        dest="parameter_files",
+        help="parameters of the controller from a .toml or .ssv file; --set overrides it",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        type=connection,
+        metavar="CONNECTOR=VARIABLE",
+        dest="connections",
+        help="which variable of the controller a connector is, such as q_m[1]=In1; may be given again",
+    )
+    parser.add_argument(
+        "--mapping",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        dest="mapping_files",
+        help="the same from a .toml or .ssm file",
+    )
+    parser.add_argument(
+        "--sample-time",
+        type=time,
+        metavar="SECONDS",
+        help="the controller's sample time (default: its own, else the benchmark's 0.00025)",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=number(most=MOST, positive=True),
+        default=60.0,
+        metavar="SECONDS",
+        help="wall time that a simulation of 26 s, or a look of the check, may take; shorter simulations get their "
+        "share, all some seconds to start (default: 60)",
+    )
+    parser.add_argument(
+        "--memory-limit",
+        type=number(most=MOST, positive=True),
+        default=2048.0,
+        metavar="MB",
+        help="memory that a simulation's process may use (default: 2048)",
+    )
+    parser.add_argument(
+        "--sandbox", action="store_true", help="run FMUs without network and with read-only files (needs bubblewrap)"
+    )
+
+
+def add_jobs(parser: argparse.ArgumentParser) -> None:
+    """How many processes."""
+    parser.add_argument(
+        "--jobs", type=natural(1), default=available_cores(), metavar="N", help="processes (default: all cores)"
+    )
+
+
+def benchmark(options: argparse.Namespace) -> Benchmark:
+    """The benchmark that the options describe; those that a command does not have keep their defaults."""
+    return Benchmark(
+        protocol=getattr(options, "protocol", "paper"),
+        seed=getattr(options, "seed", 0),
+        workers=getattr(options, "jobs", None),
+        plant_parameters=dict(getattr(options, "plant_parameters", ())),
+        timeout=options.timeout,
+        memory_limit=options.memory_limit * 1e6,
+        sandbox=options.sandbox,
+        scheduler=getattr(options, "scheduler", None),
+    )
+
+
+def controller(options: argparse.Namespace) -> Controller:
+    """The controller that the options describe, from files and options; options override files."""
+    given = [name for name, _ in options.connections]
+    for name in given:
+        if given.count(name) > 1:
+            raise InputError(f"--map gives {name} more than once. Map it to one variable.", "repeated", "--map", name)
+    plain = Controller(options.controller, sample_time=options.sample_time)
+    parameters: dict[str, float] = {}
+    for file in options.parameter_files:
+        parameters.update(read_parameters(file, plain.archive))
+    mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
+    return Controller(
+        options.controller,
+        {**parameters, **dict(options.controller_parameters)},
+        {**mapping, **dict(options.connections)},
+        options.sample_time,
+    )

@@ -1,0 +1,68 @@
+"""What is made of a run on request: the report, figures, tables for other tools. Options and files in one place."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..api.evaluation import Evaluation
+from ..errors import InputError
+from ..reporting.files import FIGURES, MAT, PARQUET, REPORT, write_bytes
+from ..reporting.run import Run
+
+NO_TRAJECTORIES = (
+    "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
+)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of what is written beside ``results.json`` and ``cases.csv``."""
+    group = parser.add_argument_group("report")
+    group.add_argument("--no-report", action="store_true", help="write no report.html")
+    group.add_argument("--figures", action="store_true", help="write the paper's figures as PDF, SVG and PNG")
+    group.add_argument("--parquet", action="store_true", help="write cases.parquet (needs pyarrow)")
+    group.add_argument("--mat", action="store_true", help="write trajectories.mat, the recorded cases for MATLAB")
+
+
+def check_options(given: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for what cannot be written here, before anything is simulated for it."""
+    if given.parquet and find_spec("pyarrow") is None:
+        raise InputError("Parquet needs the package pyarrow: pip install pyarrow", "no-pyarrow")
+
+
+def need_recordings(given: argparse.Namespace) -> bool:
+    """Whether anything that was asked for shows trajectories."""
+    return not given.no_report or given.figures or given.mat
+
+
+def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> list[str]:
+    """Make what was asked for of an evaluation; returns the names of the files written.
+
+    What was asked for and has nothing to show is left out, with a note.
+    """
+    written: list[str] = []
+    left_out: list[str] = []
+    if given.parquet:
+        from ..reporting.tables import parquet_bytes
+
+        write_bytes(folder / PARQUET, parquet_bytes(evaluation.results))
+        written.append(PARQUET)
+    if given.mat:
+        if evaluation.recordings:
+            from ..reporting.mat import mat_bytes
+
+            write_bytes(folder / MAT, mat_bytes(Run(evaluation.results, evaluation.recordings)))
+        (written if evaluation.recordings else left_out).append(MAT)
+    if given.figures:
+        drawn, empty = evaluation.figures(folder / FIGURES)
+        written += [f"{FIGURES}/{name}" for name in drawn]
+        left_out += [f"{FIGURES}/{name}" for name in empty]
+    if not given.no_report:
+        evaluation.report(folder / REPORT)
+        written.append(REPORT)
+    if left_out:
+        print(f"not written, as {folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
+        print(NO_TRAJECTORIES, file=sys.stderr)
+    return written

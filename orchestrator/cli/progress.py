@@ -1,0 +1,57 @@
+"""Progress of an evaluation on standard error: cases done, running cost, time left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ..api.benchmark import OnResult
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import CaseResult, rules
+from ..benchmark.scorecard import score
+from .tables import terminal
+
+EVERY = 8
+"""Cases between two estimates of the cost; an estimate takes some milliseconds."""
+
+
+@contextmanager
+def progress(protocol: Protocol) -> Iterator[OnResult]:
+    """A live progress bar; the function it gives is told each result."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("cases  V so far {task.fields[cost]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    results: list[CaseResult] = []
+    bar = Progress(*columns, console=terminal(stderr=True))
+    task = bar.add_task("evaluating", total=None, cost="-")
+    with ExitStack() as stack:
+
+        def update(result: CaseResult, done: int, total: int) -> None:
+            if not results:  # what is wrong with the input is said before any bar is drawn
+                stack.enter_context(bar)
+            results.append(result)
+            bar.update(task, completed=done, total=total)
+            if done % EVERY == 0 or done == total:
+                cost = estimate(protocol, results)
+                bar.update(task, cost="-" if cost is None else f"{cost:.1f}")
+
+        yield update
+
+
+def estimate(protocol: Protocol, results: Sequence[CaseResult]) -> float | None:
+    """The mean of V_k over the configurations whose performance tests are all done; None before the first."""
+    tests = {test.name: len(protocol.sets[test.systems]) for test in protocol.tests if test.criteria}
+    counts: dict[int, int] = {}
+    for result in results:
+        if result.test in tests:
+            counts[result.configuration.index] = counts.get(result.configuration.index, 0) + 1
+    ready = [result for result in results if counts.get(result.configuration.index) == sum(tests.values())]
+    return score(rules(protocol), ready).cost if ready else None

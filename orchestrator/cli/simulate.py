@@ -1,0 +1,169 @@
+"""Simulate ONE case of the benchmark, or a variation of it, and write its signals (NPZ, CSV, MAT) and a plot."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..api.benchmark import Benchmark
+from ..api.controller import Controller
+from ..api.simulation import Simulation
+from ..benchmark.case import Case
+from ..benchmark.results import Results
+from ..benchmark.variation import Variation
+from ..errors import InputError
+from ..fmi.archive import open_archive
+from ..loop.trajectory import Status
+from ..reporting import trajectory_files
+from ..reporting.files import prepare_folder
+from ..reporting.run import load_run
+from ..text import printable
+from . import options
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .values import Parser, number
+from .variation import add_options, variation
+
+EXAMPLES = """examples:
+  python -m orchestrator.simulate --undisturbed --force 500 --t-1 1 --t-2 1.5 --duration 6    like Figure 9
+  python -m orchestrator.simulate --undisturbed --chirp-amplitude 1 -1                        like Figure 10
+  python -m orchestrator.simulate my_controller.fmu --case c07.compliant.gain_1               a case of an evaluation
+  python -m orchestrator.simulate --from runs/my_controller-paper --case c07.compliant.gain_1 the same, as it was run
+  python -m orchestrator.simulate --configuration 45 -60 --system random_3 --plant-set psi[2]=1e-3
+  python -m orchestrator.simulate --ideal --torque-limit 5 3                                  saturation alone
+"""
+
+CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
+"""Which case is simulated if no option says so; angles in degrees."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    run = load_run(given.run).results if given.run is not None else None
+    bench = options.benchmark(given) if run is None else _benchmark_of(run, given)
+    controller = options.controller(given) if run is None else _controller_of(run, given)
+    wanted = variation(given)
+    case = _case(bench, given)
+    simulation = bench.simulate(controller, bench.varied(case, wanted) if wanted != Variation() else case)
+    folder = given.output_dir or Path("runs") / _folder_name(controller, bench, simulation)
+    if given.output_dir is None:
+        folder = _free(folder)
+    prepare_folder(folder)
+    written = _write(simulation, folder, given)
+    _show(simulation, {name: criterion.unit for name, criterion in bench.rules.criteria.items()})
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    return EXIT_OK if simulation.ending.status in (Status.DONE, Status.UNSTABLE) else EXIT_INCOMPLETE
+
+
+def _show(simulation: Simulation, units: dict[str, str]) -> None:
+    result, ending = simulation.result, simulation.ending
+    status, message = (result.status, result.message) if result is not None else (ending.status, ending.message)
+    print(printable(simulation.title))
+    print(f"{status.value} at {ending.time:g} s" + (f": {printable(message)}" if message else ""))
+    print(f"largest TCP error {simulation.tcp_error.max() * 1e3:.4g} mm")
+    if result is None:
+        return
+    for name, unit in units.items():
+        value = getattr(result.measurements, name)
+        if value is not None:
+            print(f"{name} = {value:.6g} {unit}")
+    if result.measurements.limit_cycle is not None:
+        print(f"limit cycle {result.measurements.limit_cycle * 1e6:.3g} µm")
+
+
+def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
+    """Write what was asked for; returns the names of the files."""
+    table = simulation.columns()
+    writers = {
+        "trajectory.npz": (True, trajectory_files.write_npz),
+        "trajectory.csv": (given.csv, trajectory_files.write_csv),
+        "trajectory.mat": (given.mat, trajectory_files.write_mat),
+    }
+    written = [name for name, (wanted, _) in writers.items() if wanted]
+    for name in written:
+        writers[name][1](table, folder / name)
+    trajectory_files.write_plot(simulation.plot(), folder / "trajectory.png")
+    return [*written, "trajectory.png"]
+
+
+def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulation) -> str:
+    protocol = f"-{bench.rules.name}" if bench.rules.name != "paper" else ""
+    seed = f"-seed{bench.seed}" if bench.seed else ""
+    varied = "" if simulation.result is not None else "-varied"
+    pose = simulation.case.configuration
+    angles = f"-{math.degrees(pose.q_a1):g}_{math.degrees(pose.q_a2):g}" if pose.index < 0 else ""
+    return f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}"
+
+
+def _free(folder: Path) -> Path:
+    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
+    number = 2
+    found = folder
+    while found.exists():
+        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
+    return found
+
+
+def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:
+    """The benchmark of an earlier run, under the conditions given."""
+    protocol, seed, plant = run.protocol_file or run.protocol, run.seed, run.plant.parameters
+    return replace(options.benchmark(given), protocol=protocol, seed=seed, plant_parameters=plant)
+
+
+def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
+    """The controller of an earlier run, as it was used there."""
+    record = run.controller
+    file = given.controller or (Path(record.path) if record.path else None)
+    own = None if run.sample_time.as_in_benchmark else run.sample_time.seconds
+    controller = Controller(file, record.parameters, record.mapping, given.sample_time or own)
+    if file is not None and open_archive(Path(file)).sha256 != record.sha256:
+        raise InputError(f"{file} is not the controller of that run: its contents differ.", "other-controller", file)
+    return controller
+
+
+def _case(bench: Benchmark, given: argparse.Namespace) -> Case:
+    """The case that the options name, before it is varied."""
+    if given.case is None:
+        q_a1, q_a2 = (math.radians(angle) for angle in given.configuration or CONFIGURATION)
+        return bench.case_at((q_a1, q_a2), given.system or SYSTEM, given.test or TEST)
+    beside = [f"--{name}" for name in ("configuration", "system", "test") if getattr(given, name) is not None]
+    if beside:
+        raise InputError(
+            f"--case already says what {' and '.join(beside)} would. Give the one or the others.", "contradiction"
+        )
+    return bench.case(given.case)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        "simulate", "Simulate one case of the benchmark, or a variation of it.", EXAMPLES + "\n" + EXIT_CODES
+    )
+    options.add_controller(parser)
+    options.add_protocol(parser)
+    which = parser.add_argument_group("which case")
+    which.add_argument("--case", metavar="ID", help="a case of an evaluation, such as c07.compliant.gain_1")
+    which.add_argument(
+        "--from",
+        dest="run",
+        type=Path,
+        metavar="RUN",
+        help="the run of that case: its controller, protocol, seed and values are taken",
+    )
+    which.add_argument(
+        "--configuration",
+        nargs=2,
+        type=number(),
+        metavar=("Q_A1", "Q_A2"),
+        help="link angles in degrees (default: 18 -50, a pose of the grid)",
+    )
+    which.add_argument("--system", metavar="NAME", help="nominal (default), compliant, slippery, sticky, random_1, ...")
+    which.add_argument("--test", metavar="NAME", help="a test of the protocol, such as gain_1 (default: disturbance)")
+    add_options(parser)
+    parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
+    parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
+    parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
+    return parser

@@ -1,0 +1,138 @@
+"""The scorecard as tables for a terminal. Colour and width are left to rich, which honours NO_COLOR and pipes."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import sys
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from ..benchmark.results import CriterionScore, Results
+from ..reporting.repeat import simulate_command
+from ..reporting.wording import SHOWN, connectors, figure, loop_delay, number, remarks, requirement_rows
+from ..text import printable
+
+COLOURS = {"holds": "green", "fails": "red"}
+
+MESSAGES = 3
+"""Failed cases that are named; the others are counted."""
+
+NARROW = 72
+"""Characters per line, below which tables leave out what is not the result itself."""
+
+TINY = 50
+"""Characters per line, below which any column may be folded."""
+
+LOOK_ALIKES = {"µ": "u", "×": "x", "°": " deg", "…": "..."}
+"""What stands for a character that the terminal's encoding does not have; for all others, a question mark."""
+
+COLUMNS = ("value", "target", "paper", "of V", "worst")
+"""What is shown of a criterion, the most important first."""
+
+
+def terminal(stderr: bool = False) -> Console:
+    """Where all commands print to. Names like ":x:" stay what they are; see :data:`LOOK_ALIKES`."""
+    codecs.register_error("look-alike", _look_alike)
+    stream = sys.stderr if stderr else sys.stdout
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors="look-alike")
+    return Console(stderr=stderr, emoji=False)
+
+
+def show_results(results: Results, console: Console) -> None:
+    """Print the scorecard, the cases that failed with the commands that repeat them, and remarks."""
+    console.print(
+        f"[bold]{safe(results.benchmark)}[/bold]  protocol {safe(results.protocol)}  "
+        f"controller [bold]{safe(results.controller.file)}[/bold]\n"
+        f"seed {results.seed}\n{safe(loop_delay(results.loop_delay))}\n"
+        f"connectors {safe(connectors(results.controller))}\n"
+    )
+    console.print(_criteria(results, console.width))
+    console.print(_requirements(results, console.width))
+    _failures(results, console)
+    for remark in remarks(results):
+        console.print(f"[yellow]{safe(remark)}[/yellow]")
+
+
+def safe(text: str) -> str:
+    """Text of a stranger for the console: without control characters, and without markup."""
+    return escape(printable(text))
+
+
+def _look_alike(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)
+    return "".join(LOOK_ALIKES.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+
+def table(title: str) -> Table:
+    """An empty table in the common look: seven columns of figures fit into 80 characters."""
+    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+
+
+def _criteria(results: Results, width: int) -> Table:
+    grid = table("Worst case, averaged over the workspace")
+    grid.add_column("", no_wrap=True)
+    grid.add_column("criterion", overflow="fold", min_width=9)
+    figures = COLUMNS[:2] if width < NARROW else COLUMNS
+    for heading in figures:
+        grid.add_column(heading, justify="right", no_wrap=True)
+    grid.add_column("where", overflow="fold", min_width=None if width < TINY else 13)
+    for name, score in results.criteria.items():
+        worst = score.worst_case
+        shown = (
+            _coloured(score),
+            figure(score, score.target),
+            figure(score, score.paper),
+            number(score.share),
+            figure(score, worst.value if worst else None),
+        )
+        where = f"c{worst.configuration:02d}.{safe(worst.system)}" if worst else "-"
+        grid.add_row(name, f"{safe(score.title)} \\[{SHOWN[score.unit][1]}]", *shown[: len(figures)], where)
+    grid.add_section()
+    cost = results.rules.cost
+    total = (f"[bold]{number(results.cost)}[/bold]", number(cost.target), number(cost.paper))
+    grid.add_row("V", "Cost, eq. (15)", *total[: len(figures)])
+    return grid
+
+
+def _requirements(results: Results, width: int) -> Table:
+    grid = table(f"Stability: limit cycle below {results.rules.stability.limit_cycle * 1e6:g} µm")
+    grid.add_column("", no_wrap=True)
+    grid.add_column("requirement", overflow="fold", min_width=None if width < TINY else 11)
+    grid.add_column("verdict", no_wrap=True)
+    grid.add_column("largest", justify="right", no_wrap=width >= TINY, overflow="fold")
+    grid.add_column("where", overflow="fold", min_width=None if width < TINY else 9)
+    for row in requirement_rows(results):
+        colour = COLOURS.get(row.verdict)
+        word = f"[{colour}]{row.verdict}[/{colour}]" if colour else row.verdict
+        grid.add_row(row.name, row.title, word, row.amplitude, safe(row.judged.worst_case or "-"))
+    return grid
+
+
+def _failures(results: Results, console: Console) -> None:
+    """The first cases that failed, and the worst case of every requirement that fails, each with its command."""
+    failed = [case for case in results.cases if case.status != "done"]
+    repeated = {
+        case.id: f"{safe(case.id)}: [red]{case.status.value}[/red]: {safe(case.message)}" for case in failed[:MESSAGES]
+    }
+    for text in repeated.values():
+        console.print(text)
+    if len(failed) > MESSAGES:
+        console.print(f"... and {len(failed) - MESSAGES} more; see cases.csv.")
+    worst = {row.judged.worst_case: None for row in requirement_rows(results) if row.judged.passed is False}
+    commands = [simulate_command(results, id) for id in dict.fromkeys([*repeated, *worst]) if id]
+    if commands:
+        console.print("to repeat these, and the worst case of each requirement that fails:")
+    for command in commands:  # not wrapped: a command is there to be copied
+        console.print(f"  {safe(command)}", soft_wrap=True, highlight=False)
+
+
+def _coloured(score: CriterionScore) -> str:
+    if score.value is None:
+        return "[red]-[/red]"
+    colour = "green" if score.value <= score.target else "red"
+    return f"[{colour}]{figure(score, score.value)}[/{colour}]"

@@ -1,0 +1,91 @@
+"""From the words of a command line to values: the types of options."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+from ..exact_time import seconds
+
+MOST = 1e9
+"""The largest limit: seconds and megabytes that the system can still count."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors take two lines and not a page."""
+
+    def __init__(self, command: str, description: str, epilog: str = "") -> None:
+        super().__init__(
+            prog=f"python -m orchestrator.{command}",
+            description=description,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+
+    def error(self, message: str) -> None:  # type: ignore[override]  # it does not return either
+        self.exit(2, f"error: {message}\n{self.prog} --help shows the options\n")
+
+
+def time(text: str) -> Fraction:
+    """A non-negative time in seconds, exact: ``0.00025`` or ``1/3000``."""
+    try:
+        value = seconds(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time in seconds, such as 0.00025 or 1/3000") from None
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def connection(text: str) -> tuple[str, str]:
+    """``CONNECTOR=VARIABLE`` as a pair."""
+    connector, equals, variable = text.partition("=")
+    if not (equals and connector.strip() and variable.strip()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form CONNECTOR=VARIABLE, such as q_m[1]=In1")
+    return connector.strip(), variable.strip()
+
+
+def assignment(text: str) -> tuple[str, float]:
+    """``NAME=VALUE`` as a pair."""
+    name, equals, value = text.partition("=")
+    try:
+        if not equals or not name:
+            raise ValueError
+        return name.strip(), float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
+
+
+def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:
+    """The type of an option: a whole number from ``least`` to ``most``."""
+
+    def parse(text: str) -> int:
+        if not text.isdecimal() or not least <= int(text) <= most:
+            limit = f" to {most:g}" if most < math.inf else " on"
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least}{limit}")
+        return int(text)
+
+    return parse
+
+
+def number(
+    least: float = -math.inf, infinite: bool = False, most: float = math.inf, positive: bool = False
+) -> Callable[[str], float]:
+    """The type of an option: a finite number (or ``infinite``, too) from ``least`` to ``most``."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if math.isnan(value) or (math.isinf(value) and not infinite):
+            raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+        if value < least or (positive and value <= 0):
+            raise argparse.ArgumentTypeError(f"{text} is not above 0" if positive else f"{text} is below {least:g}")
+        if value > most:
+            raise argparse.ArgumentTypeError(f"{text} is above {most:g}")
+        return value
+
+    return parse

@@ -1,1 +1,0 @@
-"""Closed-loop co-simulation of one plant FMU and one controller FMU."""

@@ -1,0 +1,140 @@
+"""The process that workers are forked from: it has the whole stack imported, so that a worker starts at once.
+
+It is a process of its own, started from nothing: a worker has nothing of the caller, neither its main module nor its
+threads nor its memory. On Linux it adopts whatever outlives a worker, and ends it.
+"""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import shutil
+import signal
+import socket
+import sys
+import tempfile
+from contextlib import suppress
+from dataclasses import dataclass
+
+from .messages import DESCRIPTORS, NUMBER, REQUEST, readable, write_all
+from .process_tree import adopt_orphans, children
+from .worker import main as work
+
+LOOK = 1.0
+"""Seconds between two looks whether the owner is still there: a fork of it may hold the socket open."""
+
+
+@dataclass(frozen=True)
+class _Worker:
+    """``status`` is the descriptor where its owner waits for its exit code, ``folder`` the one it works in."""
+
+    status: int
+    folder: str
+
+
+def main(control: int, owner: int, module: str, scratch: str) -> None:
+    """Fork a worker for every message that comes through the socket ``control``, until that is closed.
+
+    It also ends, and all workers with it, at SIGTERM and when the process ``owner`` is not its parent any more.
+    ``module`` is imported first, and its function ``prepare`` called if there is one. Workers work in folders inside
+    ``scratch``, which is removed at the end.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # until there is something to clean up
+    workers: dict[int, _Worker] = {}
+    try:
+        adopt_orphans()
+        prepare = getattr(importlib.import_module(module), "prepare", None)
+        if prepare is not None:
+            prepare()
+        requests, awake = socket.socket(fileno=control), _wake_up()
+        while os.getppid() == owner:
+            ready = readable((control, awake), LOOK)
+            if awake in ready and signal.SIGTERM in os.read(awake, 4096):
+                return
+            _report_ended(workers)
+            if control in ready:
+                message, descriptors, _, _ = socket.recv_fds(requests, len(REQUEST), DESCRIPTORS)
+                if not message:
+                    return
+                _fork(descriptors, workers, scratch)
+    finally:
+        for pid in workers:
+            os.kill(pid, signal.SIGKILL)  # not reaped yet, so it is still the worker
+        for pid in workers:
+            os.waitpid(pid, 0)
+        _end_strays(())
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _wake_up() -> int:
+    """Descriptor from which the numbers of the signals that arrive can be read."""
+    awake, wake = os.pipe()
+    os.set_blocking(wake, False)
+    signal.set_wakeup_fd(wake)
+    for number in (signal.SIGCHLD, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    return awake
+
+
+def _fork(descriptors: list[int], workers: dict[int, _Worker], scratch: str) -> None:
+    if len(descriptors) < DESCRIPTORS:  # this process has too many; the owner sees that its socket is closed
+        for descriptor in descriptors:
+            os.close(descriptor)
+        return
+    *own, status = descriptors
+    try:
+        os.makedirs(scratch, exist_ok=True)
+        folder = tempfile.mkdtemp(dir=scratch)
+        server, pid = os.getpid(), os.fork()
+    except OSError as problem:
+        _send(status, -(problem.errno or errno.EAGAIN))
+        os.close(status)
+    else:
+        if pid == 0:
+            _work(own, folder, server)
+        workers[pid] = _Worker(status, folder)
+        _send(status, pid)
+    for descriptor in own:
+        os.close(descriptor)
+
+
+def _work(descriptors: list[int], folder: str, server: int) -> None:
+    """What the forked process does; it never returns."""
+    try:
+        signal.set_wakeup_fd(-1)
+        for number in (signal.SIGCHLD, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        channel, output, shared = descriptors
+        work(channel, output, shared, folder, server)
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+    finally:
+        os._exit(1)
+
+
+def _report_ended(workers: dict[int, _Worker]) -> None:
+    """Send the exit codes of the workers that have ended, negative for a signal, and end what they leave behind."""
+    with suppress(ChildProcessError):  # there is none left
+        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+            pid, state = ended
+            _end_strays(workers)
+            if pid in workers:
+                worker = workers.pop(pid)
+                shutil.rmtree(worker.folder, ignore_errors=True)
+                _send(worker.status, os.waitstatus_to_exitcode(state))
+                os.close(worker.status)
+
+
+def _end_strays(workers: dict[int, _Worker] | tuple[()]) -> None:
+    """End the children of this process that it has not forked: orphans of workers."""
+    for pid in children(os.getpid()):
+        if pid not in workers:
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, signal.SIGKILL)
+
+
+def _send(status: int, value: int) -> None:
+    with suppress(OSError):  # the owner does not want to know any more
+        write_all(status, NUMBER.pack(value))

@@ -1,0 +1,18 @@
+"""Entry of a worker process in a sandbox."""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+from .sandbox import given_folder
+
+
+def main(channel: int, output: int, trace: int) -> None:
+    """Fill the cache of this sandbox, then live the life of a worker with these descriptors."""
+    given = given_folder()
+    if given.is_dir():
+        shutil.copytree(given, given.parent, symlinks=True, dirs_exist_ok=True)
+    from . import worker  # not before: its imports load compiled code from the cache
+
+    worker.main(channel, output, trace, os.getcwd(), os.getppid())

@@ -1,0 +1,213 @@
+"""Tasks in worker processes that may crash, hang, leak or flood: each costs itself only."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+from ..codec import Malformed
+from ..errors import EnvironmentFault
+from ..fmi.archive import restore
+from ..fmi.trace import CONTROLLER
+from ..text import printable
+from .job import Died, Done, Job, Outcome, Refused
+from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
+from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
+
+TAIL = 8192
+"""Bytes of a worker's printed output that are kept."""
+
+LINES = 10
+LOOK = 0.2
+"""Seconds between two looks at the stop signal and the worker's memory."""
+
+PAUSE = 2.0
+"""Seconds between two looks, beyond which this process must have been suspended, and its workers perhaps with it."""
+
+GRACE = 5.0
+"""Seconds after which a worker is ended that outlives its own alarm: an FMU may ignore that."""
+
+SANDBOX_GRACE = 60.0
+"""The same if the worker starts from nothing and may have to compile."""
+
+ATTEMPTS = 3
+"""Workers that may be lost to faults of the environment before that is given up."""
+
+FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
+
+
+def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outcome]:
+    """Run the tasks of ``job`` in worker processes and yield one outcome per task, in order.
+
+    A task that fails or ends its process costs that task only: the rest goes on in a new worker. One that fails in a
+    process that has run others before, or whose process may have been ended by somebody else, gets a second chance in
+    a new process: so the outcome does not depend on what ran before. Once ``stop`` is set, the running worker is
+    killed and nothing more is yielded. Raises :class:`EnvironmentFault` if this machine keeps workers from running.
+    """
+    stop = stop or threading.Event()
+    first, tried, faults = 0, -1, 0
+    while first < len(job.tasks) and not stop.is_set():
+        try:
+            with suppress(Stopped), started(job.rest(first), stop) as child:
+                start = first
+                for outcome in _listen(child, job.rest(first), stop):
+                    number = start + outcome.index
+                    if number != tried and _deserves_another_chance(outcome, job):
+                        tried = number
+                        break
+                    first = number + 1
+                    yield replace(outcome, index=number)
+        except EnvironmentFault:
+            faults += 1
+            if faults == ATTEMPTS:
+                raise
+            restore(job.plant)
+            restore(job.controller)
+
+
+def _deserves_another_chance(outcome: Outcome, job: Job) -> bool:
+    if isinstance(outcome, Done):
+        return False
+    if restore(job.plant) | restore(job.controller):
+        return True  # the extracted files were not there, or not as they should be
+    if isinstance(outcome, Died):
+        if outcome.outside:
+            return True
+        if outcome.timeout and outcome.place.sample > 0:
+            return False  # what ran before may keep an FMU from starting; a hang on the way costs a whole time limit
+    return outcome.index > 0
+
+
+def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
+    """Outcomes of one worker: until its tasks are done, one fails, or the process dies or has to.
+
+    Raises :class:`EnvironmentFault` for a process that dies before an FMU can have anything to do with it, or that
+    reports such a fault itself.
+    """
+    index, tail, printed = 0, b"", 0
+    begin = looked = awake = time.monotonic()
+    loaded = suspended = False
+    inbox = Inbox(child.channel, job.largest)
+    sources = [child.channel, child.output]
+    grace = SANDBOX_GRACE if job.sandbox else GRACE
+
+    def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
+        child.process.kill()
+        words, taken = _lines(tail + _rest(child.output, job.limits.output)), time.monotonic() - begin
+        place = child.trace.read()
+        if not loaded and place.side != CONTROLLER:
+            told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
+            raise EnvironmentFault(told, "worker-lost")
+        return Died(index, timeout, message, kind or message, taken, place, words, outside or (timeout and suspended))
+
+    while not stop.is_set():
+        ready = readable(sources, LOOK)
+        now = time.monotonic()
+        suspended |= now - awake > PAUSE  # known before it is asked why a worker has ended
+        awake = now
+        if child.output in ready:
+            piece = os.read(child.output, 65536)
+            tail, printed = (tail + piece)[-TAIL:], printed + len(piece)
+            if not piece:
+                sources.remove(child.output)
+            if printed > job.limits.output:
+                told = f"it printed or logged more than {job.limits.output / 1e6:.0f} MB"
+                yield died(told, kind="it printed or logged too much")
+                return
+        if child.channel in ready:
+            closed = not inbox.receive()
+            try:
+                for message in inbox.messages():
+                    if isinstance(message, Loaded):
+                        if loaded:
+                            raise Garbage("it has loaded the FMUs twice")
+                        loaded = True
+                        continue
+                    if message.index != index or (isinstance(message, Finished) and not loaded):
+                        raise Garbage("an outcome that is not due")
+                    if isinstance(message, Failed):
+                        if message.error.kind == "environment":
+                            raise error_of(message.error)
+                        yield Refused(index, message.error, message.wall_time)
+                        return
+                    yield _done(message, job)
+                    index, printed, suspended = index + 1, 0, False
+                    begin = awake = time.monotonic()
+                    if index == len(job.tasks):
+                        return
+            except Garbage as problem:
+                words = "it wrote into a channel that is not its own"
+                yield died(f"{words} ({problem})", kind=words)
+                return
+            if closed:
+                yield died(*_cause(child.process, LAST_WORDS, job.sandbox))
+                return
+        if now - looked > LOOK:
+            suspended |= child.process.tree.is_stopped()
+            looked = now
+            used = child.process.tree.memory()
+            if used > job.limits.memory:
+                told = f"it used {used / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
+                yield died(told, kind="it used too much memory")
+                return
+            if now - begin > job.time_limits[index] + grace:
+                yield died(TIMED_OUT, timeout=True)
+                return
+            if child.channel not in ready and child.process.exit_code(0.0) is not None:
+                # Whatever it has started may still hold the channel open.
+                yield died(*_cause(child.process, 0.0, job.sandbox))
+                return
+
+
+def _done(message: Finished, job: Job) -> Done:
+    try:
+        return Done(message.index, job.decode(message.index, message.value), message.wall_time)
+    except Malformed as problem:
+        raise Garbage(str(problem)) from problem
+
+
+def _rest(output: int, most: int) -> bytes:
+    """What a dead worker had printed last, of at most ``most`` bytes: what it has started may go on printing."""
+    data, count = b"", 0
+    while count < most and readable([output], 0.0) and (piece := os.read(output, 65536)):
+        data, count = (data + piece)[-TAIL:], count + len(piece)
+    return data
+
+
+def _lines(tail: bytes) -> tuple[str, ...]:
+    return tuple(line[:500] for line in printable(tail).splitlines()[-LINES:])
+
+
+TIMED_OUT = "the time limit was reached"
+
+
+def _cause(process: Process, patience: float, sandboxed: bool) -> tuple[str, bool, bool]:
+    """How a process ended, in words; whether at its time limit; whether somebody else may have ended it."""
+    exit_code = process.exit_code(patience)
+    if exit_code is None:
+        if process.tree.is_alive():
+            return "it closed the channel of its results", False, False
+        return "the process that started it does not say how it ended", False, True
+    if exit_code == LOST:
+        return "the process was lost with the one that started it", False, True
+    number = -exit_code
+    if sandboxed and exit_code > 128:  # a sandbox passes signals on as exit codes
+        number = exit_code - 128
+    if number <= 0:
+        return f"the process ended by itself with exit code {exit_code}", False, False
+    name = _name(number)
+    if name == "SIGALRM":
+        return TIMED_OUT, True, False
+    return f"the process was ended by {name}", False, name in FOREIGN_SIGNALS
+
+
+def _name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,127 @@
+"""The life of a worker process: load two FMUs, run the tasks, send the outcomes, end."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import NoReturn
+
+from ..errors import BenchmarkError
+from ..fmi import trace
+from ..fmi.archive import reopen
+from ..fmi.slaves import Slave, load, log
+from .messages import Failed, Finished, FmuFiles, Loaded, error_record, frame, read_order, write_all
+from .process_tree import bind_to_parent
+from .shared_trace import SharedTrace
+
+MOST_DESCRIPTORS = 65536
+FAREWELL = 10.0
+"""Seconds that a worker whose tasks are done waits for its owner to end it."""
+
+Work = Callable[[Slave, Slave, bytes], bytes]
+
+
+def main(channel: int, output: int, shared: int, folder: str, parent: int) -> NoReturn:
+    """Run the order that comes through ``channel`` and send the outcomes back there.
+
+    Whatever the FMUs print or log goes to ``output``. ``shared`` is the file of the trace that the owner reads after a
+    crash. All three are file descriptors. The process works in ``folder`` and ends with the process ``parent``.
+    """
+    bind_to_parent(parent)
+    # Ctrl-C is the owner's to handle: inside a Python FMU it would be swallowed and look like a fatal error.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if os.getpgrp() != os.getpid():
+        os.setpgid(0, 0)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    log.echo_to(2)
+    trace.use(trace.Trace(SharedTrace(shared).buffer))
+    _close_all_but(channel)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    order = read_order(channel)
+    os.chdir(folder)  # an empty one: what works in the user's only would fail elsewhere
+    work = find_work(order.work)
+    surroundings = Surroundings()
+    begin = time.perf_counter()
+    index = 0
+    try:
+        _alarm(order.time_limits[0])
+        plant, controller = _load(order.plant, trace.PLANT), _load(order.controller, trace.CONTROLLER)
+        write_all(channel, frame(Loaded()))
+        for index, task in enumerate(order.tasks):  # noqa: B007 - the handler below needs the index
+            surroundings.restore()
+            _alarm(order.time_limits[index])
+            begin = time.perf_counter()
+            value = work(plant, controller, task)
+            write_all(channel, frame(Finished(index, value, time.perf_counter() - begin)))
+    except BenchmarkError as error:
+        write_all(channel, frame(Failed(index, error_record(error), time.perf_counter() - begin)))
+    sys.stdout.flush()
+    sys.stderr.flush()
+    _alarm(FAREWELL)
+    while True:  # the owner ends us, after it has looked for what the FMUs have started
+        signal.pause()
+
+
+def find_work(name: str) -> Work:
+    """The function called ``name``, "module:function"."""
+    module, _, function = name.partition(":")
+    found: Work = getattr(importlib.import_module(module), function)
+    return found
+
+
+def _load(files: FmuFiles, side: int) -> Slave:
+    return load(reopen(files.name, files.sha256, files.folder), side)
+
+
+def _close_all_but(descriptor: int) -> None:
+    """Close what the process has inherited: an FMU that writes into all it finds should find little."""
+    highest = min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS)
+    os.closerange(3, descriptor)
+    os.closerange(descriptor + 1, highest)
+
+
+class Surroundings:
+    """What belongs to the process and not to an instance, as it was before the FMUs came: a case that changes it must
+    not change the next case's numbers."""
+
+    def __init__(self) -> None:
+        self._folder = os.getcwd()
+        self._mask = os.umask(0o022)
+        os.umask(self._mask)
+        self._arithmetic = ctypes.create_string_buffer(1024)
+        """Rounding mode, flushing of small numbers to zero, traps: C's fenv_t, of some 30 bytes."""
+        self._library = _mathematics()
+        if self._library is not None:
+            self._library.fegetenv(self._arithmetic)
+
+    def restore(self) -> None:
+        """Put it back."""
+        os.makedirs(self._folder, exist_ok=True)  # somebody may have cleaned up temporary files
+        os.chdir(self._folder)
+        os.umask(self._mask)
+        if self._library is not None:
+            self._library.fesetenv(self._arithmetic)
+
+
+def _mathematics() -> ctypes.CDLL | None:
+    for name in (None, "libm.so.6"):
+        with contextlib.suppress(OSError, AttributeError):
+            library = ctypes.CDLL(name)
+            library.fesetenv, library.fegetenv  # noqa: B018 - looked up here
+            return library
+    return None
+
+
+def _alarm(limit: float) -> None:
+    """Let the system end this process after ``limit`` seconds (0: never), even inside a native loop that hangs."""
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # an FMU may have changed it
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+    signal.setitimer(signal.ITIMER_REAL, limit)

@@ -1,0 +1,1 @@
+"""FMUs of all kinds: archives, descriptions, connectors, units, and calls of their C functions."""

@@ -1,0 +1,81 @@
+"""Compiling FMUs that come as source code."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import fmpy
+from fmpy.model_description import ModelDescription
+
+from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
+
+from ..errors import InputError
+
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+
+
+def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
+    """Compile the sources that the description of the FMU ``name`` lists into ``library``.
+
+    Raises :class:`InputError` if there is no compiler or the sources do not compile.
+    """
+    alternative = f"export the FMU with a binary for {fmpy.platform}"
+    try:
+        compiler = find_compiler()
+    except BuildError as problem:
+        raise InputError(
+            f"{name} comes as source code only, and {problem}; or {alternative}.", "no-compiler", name
+        ) from None
+    if compiler is None:
+        wanted = os.environ.get("CC") or ", ".join(COMPILERS)
+        raise InputError(
+            f"{name} comes as source code only, and there is no C compiler here ({wanted}). Install one, or "
+            f"{alternative}.",
+            "no-compiler",
+            name,
+            wanted,
+        )
+    sources, definitions = _listed(folder, identifier, description)
+    if not sources:
+        raise InputError(
+            f"{name} has a folder of sources, but its description lists none to compile.", "bad-sources", name
+        )
+    for source in sources:
+        if not (folder / "sources" / source).resolve().is_relative_to((folder / "sources").resolve()):
+            raise InputError(
+                f"{name} is refused: its source file {source!r} lies outside the FMU.", "bad-sources", name, source
+            )
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        output = Path(scratch) / library.name
+        command = [
+            *compiler,
+            *FLAGS,
+            *definitions,
+            *(f"-I{path}" for path in (folder / "sources", FMI_HEADERS)),
+            *(str(folder / "sources" / source) for source in sources),
+            *("-o", str(output), "-lm"),
+        ]
+        try:
+            run_compiler(command, output)
+        except BuildError as problem:
+            lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
+            raise InputError(
+                f"The sources of {name} do not compile:\n  {lines}\n"
+                f"Mend the sources or the compiler (the environment's CC), or {alternative}.",
+                "bad-sources",
+                name,
+            ) from None
+        library.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(output, library)
+
+
+def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:
+    """Source files below ``sources`` and preprocessor definitions as compiler options."""
+    for configuration in description.buildConfigurations:
+        if configuration.modelIdentifier in (None, identifier):
+            sets = configuration.sourceFileSets
+            definitions = [f"-D{d.name}={d.value or ''}" for own in sets for d in own.preprocessorDefinitions]
+            return [source for own in sets for source in own.sourceFiles], definitions
+    return sorted(path.name for path in (folder / "sources").glob("*.c")), []

@@ -1,0 +1,270 @@
+"""The connectors of plant and controller, and which of an FMU's variables they are bound to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from fmpy.model_description import ModelDescription
+
+from ..errors import InputError
+from .lookup import unknown
+from .names import ARRAY, canonical, spelling, zero_based
+from .units import conversion
+from .variables import Variable, variables
+
+
+@dataclass(frozen=True)
+class Connector:
+    """A pair of real variables, ``name[1]`` and ``name[2]``, with the unit the master uses for it."""
+
+    name: str
+    causalities: tuple[str, ...]
+    unit: str
+    required: bool = True
+    meaning: str = ""
+
+    def components(self) -> tuple[str, str]:
+        """FMI names of the two components."""
+        return f"{self.name}[1]", f"{self.name}[2]"
+
+
+PLANT: tuple[Connector, ...] = (
+    Connector("u_m", ("input",), "N.m"),
+    Connector("u_d", ("input",), "N.m"),
+    Connector("F", ("input",), "N"),
+    Connector("q_m", ("output",), "rad"),
+    Connector("q_a", ("output",), "rad"),
+    Connector("X", ("output",), "m"),
+    Connector("q_m_ref", ("calculatedParameter", "output"), "rad"),
+    Connector("u_m0", ("calculatedParameter", "output"), "N.m"),
+    Connector("q_a_start", ("parameter",), "rad"),
+)
+
+_SETTABLE = ("input", "parameter")
+
+CONTROLLER: tuple[Connector, ...] = (
+    Connector("q_m", ("input",), "rad", False, "measured motor angles"),
+    Connector("u_m", ("output",), "N.m", True, "motor torques to command"),
+    Connector("q_m_ref", _SETTABLE, "rad", False, "motor angles to hold"),
+    Connector("e", ("input",), "rad", False, "position error q_m_ref - q_m, instead of the two"),
+    Connector("u_m0", _SETTABLE, "N.m", False, "torques in the initial steady state"),
+    Connector("q_a_ref", _SETTABLE, "rad", False, "link angles in the initial steady state"),
+)
+
+SAMPLE_TIME = "T_s"
+"""Optional scalar parameter of a controller: its sample time [s]."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A connector found in an FMU: one array or two scalars, and the factors from the FMU's units to the connector's.
+
+    ``spelled`` is how it was found: "exact", "by spelling", or "mapped". ``notes`` are meant for the user.
+    """
+
+    connector: Connector
+    variables: tuple[Variable, ...]
+    factors: tuple[float, float]
+    spelled: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_parameter(self) -> bool:
+        """Whether it is set before initialization rather than during it."""
+        return self.variables[0].causality == "parameter"
+
+    def values(self, pair: Iterable[float]) -> dict[Variable, list[float]]:
+        """A pair in the connector's unit as values of the FMU's variables."""
+        elements = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
+        if len(self.variables) == 1:
+            return {self.variables[0]: elements}
+        return {variable: [element] for variable, element in zip(self.variables, elements, strict=True)}
+
+
+Binding = Mapping[str, Bound]
+"""Bound connectors by name; optional ones may be absent."""
+
+
+def bind(
+    description: ModelDescription,
+    connectors: tuple[Connector, ...],
+    what: str,
+    mapping: Mapping[str, str] | None = None,
+) -> Binding:
+    """Find the variables of all ``connectors`` in an FMU: as mapped, else by exact name, else by spelling.
+
+    ``mapping`` gives the FMU's variable for a component ("q_m[1]") or, for an array, a connector ("q_m"); ``what``
+    ("The controller x.fmu") begins messages. Raises :class:`InputError` if a required connector is missing, an optional
+    one has only one of its components, two candidates spell the same, or a variable has another causality, type, size
+    or kind of unit. What is mapped to one connector is not considered for others.
+    """
+    known = variables(description)
+    mapping = _checked(mapping or {}, connectors, known, what)
+    free = {name: variable for name, variable in known.items() if name not in mapping.values()}
+    binding: dict[str, Bound] = {}
+    for connector in connectors:
+        mapped = _mapped(connector, known, mapping, what)
+        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, what)
+        if found:
+            binding[connector.name] = _bound(description, connector, found, spelled, what)
+        elif connector.required:
+            raise _missing(connector, known, what)
+    return binding
+
+
+def bind_controller(description: ModelDescription, what: str, mapping: Mapping[str, str] | None = None) -> Binding:
+    """:func:`bind` for a controller, which needs ``q_m``, or ``e`` in its place: one of the two is fed."""
+    binding = bind(description, CONTROLLER, what, mapping)
+    if "q_m" not in binding and "e" not in binding:
+        raise _missing(CONTROLLER[0], variables(description), what)
+    if "e" in binding and "q_m" in binding:
+        if "q_m_ref" not in binding:
+            raise InputError(
+                f"{what} has both inputs, q_m and e, but no q_m_ref. The benchmark feeds one of the two: give the "
+                "controller q_m_ref and form the error inside, or leave q_m out.",
+                "connector-missing",
+                what,
+                "q_m_ref",
+            )
+        return {name: bound for name, bound in binding.items() if name != "e"}
+    return binding
+
+
+def _checked(
+    mapping: Mapping[str, str], connectors: tuple[Connector, ...], known: Mapping[str, Variable], what: str
+) -> Mapping[str, str]:
+    allowed = [name for connector in connectors for name in (connector.name, *connector.components())]
+    for target, source in mapping.items():
+        if target not in allowed:
+            message = f"The mapping names {target}, which is not a connector."
+            raise unknown(message, "no-connector", what, target, allowed)
+        if source not in known:
+            message = f"{what} has no variable {source}, to which {target} is mapped."
+            raise unknown(message, "no-variable", what, source, known)
+        other = next(name for name, variable in mapping.items() if variable == source)
+        if other != target:
+            raise InputError(
+                f"The mapping has {source} for both {other} and {target}. Map each to a variable of its own.",
+                "bad-mapping",
+                what,
+                source,
+            )
+    return mapping
+
+
+def _mapped(
+    connector: Connector, known: Mapping[str, Variable], mapping: Mapping[str, str], what: str
+) -> list[Variable]:
+    components = connector.components()
+    if connector.name in mapping:
+        return [known[mapping[connector.name]]]
+    mapped = [known[mapping[name]] for name in components if name in mapping]
+    if len(mapped) == 1:
+        raise InputError(
+            f"The mapping has only one of {components[0]} and {components[1]}. Give both.",
+            "bad-mapping",
+            what,
+            connector.name,
+            components,
+        )
+    return mapped
+
+
+def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
+    own = known.get(connector.name)
+    arrays = [own] if own is not None and own.size > 1 else []
+    for pair in (connector.components(), zero_based(connector.name)):
+        if all(name in known for name in pair):
+            every = (f"{connector.name}[{index}]" for index in range(10))
+            scalars = [known[name] for name in every if name in known]
+            if arrays:
+                raise _ambiguous(connector, arrays, scalars, what)
+            return scalars, "exact"
+    return (arrays, "exact") if arrays else (_by_spelling(connector, known, what), "by spelling")
+
+
+def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
+    wanted = canonical(connector.name)
+    candidates: dict[int, list[Variable]] = {}
+    for variable in known.values():
+        found = spelling(variable.name, variable.size > 1)
+        if found is not None and found.base == wanted and variable.causality in connector.causalities:
+            candidates.setdefault(found.index, []).append(variable)
+    arrays = candidates.pop(ARRAY, [])
+    scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
+    if len(arrays) + max(map(len, candidates.values()), default=0) > 1:
+        raise _ambiguous(connector, arrays, scalars, what)
+    if arrays:
+        return arrays
+    if set(candidates) >= {1, 2} or set(candidates) == {0, 1}:
+        return scalars
+    if set(candidates) in ({0}, {1}, {2}) and not connector.required:
+        raise InputError(
+            f"{what} has {scalars[0].name}, but not the other component of {connector.name}.",
+            "connector-half",
+            what,
+            connector.name,
+            [scalars[0].name],
+        )
+    return []
+
+
+def _ambiguous(connector: Connector, arrays: list[Variable], scalars: list[Variable], what: str) -> InputError:
+    candidates = [variable.name for variable in (*arrays, *scalars)]
+    return InputError(
+        f"{what} has more than one candidate for {connector.name}: {', '.join(candidates)}.",
+        "connector-ambiguous",
+        what,
+        connector.name if arrays else connector.components()[0],
+        candidates,
+    )
+
+
+def _bound(
+    description: ModelDescription, connector: Connector, found: list[Variable], spelled: str, what: str
+) -> Bound:
+    wanted = " or ".join(connector.causalities)
+    for variable in found:
+        if not variable.is_real or variable.causality not in connector.causalities:
+            raise InputError(
+                f"{what}: {variable.name} is declared as {variable.type}, {variable.causality}, but {connector.name} "
+                f"must be a real {wanted} [{connector.unit}]. Change its declaration and export the FMU again.",
+                "connector-type",
+                what,
+                variable.name,
+            )
+    size = sum(variable.size for variable in found)
+    if size != 2:
+        names = ", ".join(variable.name for variable in found)
+        raise InputError(
+            f"{what}: {names} has {size} elements, but {connector.name} needs 2, one per axis. "
+            "Change its dimension and export the FMU again.",
+            "connector-size",
+            what,
+            names,
+        )
+    if len({variable.type for variable in found}) > 1:
+        raise InputError(
+            f"{what}: {found[0].name} and {found[1].name} differ in type. Give both the same.",
+            "connector-type",
+            what,
+            found[0].name,
+        )
+    units = [
+        conversion(description, variable.unit, connector.unit, f"{what}: {variable.name}")
+        for variable in found
+        for _ in range(variable.size)
+    ]
+    notes = tuple(dict.fromkeys(unit.note for unit in units if unit.note))
+    return Bound(connector, tuple(found), (units[0].factor, units[1].factor), spelled, notes)
+
+
+def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> InputError:
+    first, second = connector.components()
+    candidates = [name for name, v in known.items() if v.causality in connector.causalities]
+    wanted = " or ".join(connector.causalities)
+    message = f"{what} has no {wanted} {first}, {second} [{connector.unit}] ({connector.meaning})."
+    found = unknown(message, "connector-missing", what, first, candidates)
+    found.value = connector.name
+    return found

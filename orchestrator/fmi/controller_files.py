@@ -1,0 +1,136 @@
+"""Files that say how a controller is used: connector mappings (TOML, SSP's SSM) and parameters (TOML, SSP's SSV)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from fmpy.model_description import BaseUnit, Unit
+from lxml import etree
+
+from ..errors import InputError
+from .archive import Archive
+from .lookup import find_parameters
+from .units import EXPONENTS, factor_to_own
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+SSV_TYPES = {"Real", "Integer", "Float64", "Float32", *(f"{sign}Int{n}" for sign in ("", "U") for n in (8, 16, 32, 64))}
+"""Elements with a numeric value in SSP 1.0 and 2.0."""
+
+
+def read_mapping(file: Path) -> dict[str, str]:
+    """Connector to FMU variable. TOML: a table ``[map]`` of ``"q_m[1]" = "In1"``. SSM: ``MappingEntry`` elements."""
+    if file.suffix == ".ssm":
+        entries = list(_root(file).iterfind(".//{*}MappingEntry"))
+        if not entries:
+            raise InputError(
+                f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which.",
+                "bad-mapping",
+                file,
+            )
+        for entry in entries:
+            for child in entry.iterchildren(etree.Element):
+                raise InputError(
+                    f"{file}: the mapping of {entry.get('target')} has a {etree.QName(child).localname}, which is "
+                    "not supported. Units are converted by the FMU's own unit definitions.",
+                    "bad-mapping",
+                    file,
+                    entry.get("target"),
+                )
+        return {entry.get("target", ""): entry.get("source", "") for entry in entries}
+    table = _toml(file).get("map")
+    if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
+        raise InputError(f'{file} has no table [map] of lines like "q_m[1]" = "In1".', "bad-mapping", file)
+    return dict(table)
+
+
+def read_parameters(file: Path, controller: Archive) -> dict[str, float]:
+    """Parameter name to value, in the unit the controller has for it. TOML: a table ``[parameters]`` of numbers or
+    lists (``K_p = [45, 15]`` sets ``K_p[1]`` and ``K_p[2]``). SSV: ``Parameter`` elements of a numeric type, whose
+    units, if they have any, are converted."""
+    if file.suffix == ".ssv":
+        return _ssv_values(file, controller)
+    table = _toml(file).get("parameters")
+    if not isinstance(table, Mapping):
+        raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.', "bad-parameters", file)
+    values: dict[str, float] = {}
+    for name, value in table.items():
+        if isinstance(value, list):
+            values.update({f"{name}[{i}]": _number(file, name, element) for i, element in enumerate(value, start=1)})
+        else:
+            values[name] = _number(file, name, value)
+    return values
+
+
+def _ssv_values(file: Path, controller: Archive) -> dict[str, float]:
+    values: dict[str, float] = {}
+    root = _root(file)
+    definitions = [_unit(file, unit) for unit in root.iterfind(".//{*}Units/{*}Unit")]
+    for parameter in root.iterfind(".//{*}Parameter"):
+        name = parameter.get("name", "")
+        types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
+        if not types:
+            raise InputError(
+                f"{file}: the parameter {name} has no value of type Real or Integer.", "bad-parameters", file, name
+            )
+        values[name] = _number(file, name, types[0].get("value"))
+        unit = types[0].get("unit")
+        if unit:
+            values[name] *= _factor(controller, name, unit, definitions, f"{file}: the parameter {name}")
+    if not values:
+        raise InputError(
+            f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value.",
+            "bad-parameters",
+            file,
+        )
+    return values
+
+
+def _factor(controller: Archive, name: str, unit: str, definitions: Iterable[Unit], where: str) -> float:
+    """From a value in ``unit`` to one in the unit that the controller has for its parameter ``name``."""
+    (variable,) = find_parameters(controller.description, {name: 0.0}, f"The controller {controller.name}")
+    return factor_to_own(controller.description, variable.unit, unit, definitions, where)
+
+
+def _unit(file: Path, element: etree._Element) -> Unit:
+    name, base = element.get("name", ""), element.find("{*}BaseUnit")
+    if base is None:
+        return Unit(name)
+    numbers = {key: _number(file, f"the unit {name}", base.get(key, "0")) for key in (*EXPONENTS, "offset")}
+    return Unit(name, BaseUnit(**numbers, factor=_number(file, f"the unit {name}", base.get("factor", "1"))))
+
+
+def _number(file: Path, name: str, value: Any) -> float:
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"{file}: the value of {name}, {value!r}, is not a number.", "not-a-number", file, value
+        ) from None
+
+
+def _toml(file: Path) -> dict[str, Any]:
+    try:
+        return dict(tomllib.loads(file.read_text(encoding="utf-8")))
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from None
+    except ValueError as problem:  # TOMLDecodeError, text that is not UTF-8, a number of thousands of digits
+        raise InputError(f"{file} is not a TOML file: {problem}.", "bad-file", file) from None
+
+
+def _root(file: Path) -> etree._Element:
+    try:
+        return etree.parse(str(file), etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem}.", "no-file", file) from None
+    except etree.XMLSyntaxError as problem:
+        raise InputError(f"{file} is not a well-formed XML file: {problem}.", "bad-file", file) from None

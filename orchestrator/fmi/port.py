@@ -1,0 +1,252 @@
+"""Native access to an instantiated slave from the compiled loop: one exchange of values around one step.
+
+FMI 1, 2 and 3 co-simulation differ in how a step is called. Model Exchange controllers are stepped here too, from event
+to event: every sample is one, since inputs jump there, and between two of them the solver integrates if there is one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..jit import call_status, compiled, inlined
+from .trace import CALL, SIDE
+
+SET, STEP, GET = range(3)
+"""Which FMI call failed."""
+
+WARNING = 1
+"""Highest FMI status that does not end a simulation."""
+
+TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
+"""What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
+the step, or goes on asking for another event iteration. No status an FMU can return is as large."""
+
+CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3 = range(4)
+"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange."""
+
+SET_TIME, ENTER_EVENTS, UPDATE, ENTER_CONTINUOUS, COMPLETED = range(5)
+"""Functions of Model Exchange in ``Port.functions``."""
+
+NEXT_EVENT, IN_EVENT_MODE, REACHED, STATE_EVENT = range(4)
+"""Entries of ``Port.clock``: time of the next time event [s], 1 while the FMU is in event mode; and what a solver
+reports: the time it has reached [s], 1 if a state event stopped it there."""
+
+MOST_ITERATIONS = 1000
+"""Event iterations at one time, after which an FMU is given up on."""
+
+
+class Port(NamedTuple):
+    """C functions by address, value references and value buffers of one slave.
+
+    ``inputs`` and ``outputs`` are uint32 value references; a reference to an array stands for all its elements, and
+    the value buffers (float64) hold the elements. If ``single`` is true, inputs or outputs are Float32 and pass
+    through the buffers of that type. ``scale`` and ``offset`` turn a signal into an input value, scale (signal -
+    offset), and ``output_scale`` an output value into a signal.
+    """
+
+    stepping: int
+    with_sizes: bool
+    """Whether get and set take the number of values beside the number of references, as in FMI 3."""
+    instance: int
+    set_values: int
+    do_step: int
+    """doStep, or in Model Exchange the solver, with the arguments of FMI 2's; 0 if there is nothing to solve."""
+    get_values: int
+    functions: np.ndarray
+    """int64 addresses, shape (5,); 0 for a function that must not be called."""
+    clock: np.ndarray
+    """float64, shape (4,)."""
+    info: np.ndarray
+    """float64, shape (4,): memory for what an FMU reports through pointers."""
+    inputs: np.ndarray
+    input_values: np.ndarray
+    outputs: np.ndarray
+    output_values: np.ndarray
+    single: tuple[bool, bool]
+    input_singles: np.ndarray
+    output_singles: np.ndarray
+    offset: np.ndarray
+    scale: np.ndarray
+    output_scale: np.ndarray
+    side: int
+    trace: np.ndarray
+    """Words of :class:`orchestrator.fmi.trace.Trace`: before each call it is noted there."""
+
+
+@inlined
+def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tuple[int, int]:
+    """Write the first ``count`` inputs, advance by ``step`` [s] from ``time`` [s], read the outputs if ``read``.
+
+    Returns the last call made (SET, STEP or GET) and its status; a status above WARNING ends the exchange.
+    """
+    port.trace[SIDE] = port.side
+    if port.stepping == EVENTS or port.stepping == EVENTS_3:
+        return _exchange_events(port, count, time, step, read)
+    written = _write(port, count) if count > 0 else 0
+    if written > WARNING:
+        return SET, written
+    port.trace[CALL] = 1 + STEP
+    if port.stepping == CO_SIMULATION:
+        stepped = call_status(port.do_step, (port.instance, time, step, np.int32(1)))
+    else:
+        stepped = _do_step_3(port, time, step)
+    if stepped > WARNING:
+        return STEP, stepped
+    got = _read(port) if read else 0
+    return GET, max(written, stepped, got)
+
+
+@compiled
+def exchange_often(port: Port, first: int, steps: int, step: float) -> int:
+    """``steps`` exchanges with the same inputs, from sample ``first`` on; returns the worst status. For timing."""
+    worst = 0
+    for k in range(first, first + steps):
+        worst = max(worst, exchange(port, port.inputs.size, k * step, step, True)[1])
+    return worst
+
+
+@inlined
+def _write(port: Port, count: int) -> int:
+    port.trace[CALL] = 1 + SET
+    references, values = port.inputs.ctypes.data, port.input_values.ctypes.data
+    if port.single[0]:
+        for i in range(port.input_values.size):
+            port.input_singles[i] = port.input_values[i]
+        values = port.input_singles.ctypes.data
+    if port.with_sizes:
+        sizes = (np.int64(count), values, np.int64(port.input_values.size))
+        return call_status(port.set_values, (port.instance, references, sizes[0], sizes[1], sizes[2]))
+    return call_status(port.set_values, (port.instance, references, np.int64(count), values))
+
+
+@inlined
+def _read(port: Port) -> int:
+    port.trace[CALL] = 1 + GET
+    references, values = port.outputs.ctypes.data, port.output_values.ctypes.data
+    if port.single[1]:
+        values = port.output_singles.ctypes.data
+    count = np.int64(port.outputs.size)
+    if port.with_sizes:
+        size = np.int64(port.output_values.size)
+        status = call_status(port.get_values, (port.instance, references, count, values, size))
+    else:
+        status = call_status(port.get_values, (port.instance, references, count, values))
+    if port.single[1]:
+        for i in range(port.output_values.size):
+            port.output_values[i] = port.output_singles[i]
+    return status
+
+
+@inlined
+def _do_step_3(port: Port, time: float, step: float) -> int:
+    """fmi3DoStep with its outputs eventHandlingNeeded, terminateSimulation, earlyReturn, lastSuccessfulTime."""
+    flags = port.info.view(np.uint8)
+    flags[:3] = 0
+    port.info[1] = time + step
+    at = port.info.ctypes.data
+    status = call_status(port.do_step, (port.instance, time, step, np.uint8(1), at, at + 1, at + 2, at + 8))
+    if status > WARNING:
+        return status
+    if flags[1]:
+        return TERMINATED
+    if flags[2] or port.info[1] < time + step * (1.0 - 1e-6):
+        return EARLY_RETURN
+    return status
+
+
+@compiled
+def _exchange_events(port: Port, count: int, time: float, step: float, read: bool) -> tuple[int, int]:
+    """Model Exchange: an event at ``time``, in which inputs are written and what is due happens, then on from there."""
+    tolerance = 1e-6 * step
+    port.trace[CALL] = 1 + STEP
+    # An FMU may miss its own event if the time is a rounding error early.
+    due = port.clock[NEXT_EVENT] <= time + tolerance
+    now = max(time, port.clock[NEXT_EVENT]) if due else time
+    status = call_status(port.functions[SET_TIME], (port.instance, now))
+    if status <= WARNING and port.clock[IN_EVENT_MODE] == 0.0:
+        status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
+    if status > WARNING:
+        return STEP, status
+    written = _write(port, count) if count > 0 else 0
+    if written > WARNING:
+        return SET, written
+    port.trace[CALL] = 1 + STEP
+    stepped = _handle_event(port)
+    if stepped <= WARNING:
+        stepped = max(stepped, _advance(port, time, time + step, tolerance))
+    if stepped > WARNING:
+        return STEP, stepped
+    got = _read(port) if read else 0
+    return GET, max(written, stepped, got)
+
+
+@compiled
+def _advance(port: Port, time: float, end: float, tolerance: float) -> int:
+    """From event to event; one at ``end`` is left to the next sample, whose inputs it is to see."""
+    worst = 0
+    while time < end - tolerance:
+        status, time, event = _integrate(port, time, min(end, port.clock[NEXT_EVENT]), tolerance)
+        if status <= WARNING and (event or time < end - tolerance):
+            status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
+            if status <= WARNING:
+                status = _handle_event(port)
+        if status > WARNING:
+            return status
+        worst = max(worst, status)
+    return worst
+
+
+@compiled
+def _integrate(port: Port, time: float, goal: float, tolerance: float) -> tuple[int, float, bool]:
+    """Continuous time up to ``goal`` or a state event: the status, the time reached, and whether an event is wanted."""
+    event = False
+    if port.do_step != 0 and goal > time + tolerance:
+        status = call_status(port.do_step, (port.instance, time, goal - time, np.int32(1)))
+        if status > WARNING:
+            return status, time, False
+        goal, event = port.clock[REACHED], port.clock[STATE_EVENT] > 0.0
+    status = call_status(port.functions[SET_TIME], (port.instance, goal))
+    if status > WARNING or port.functions[COMPLETED] == 0:
+        return status, goal, event
+    flags = port.info.view(np.int32)
+    flags[:2] = 0
+    at = port.info.ctypes.data
+    if port.stepping == EVENTS:
+        status = call_status(port.functions[COMPLETED], (port.instance, np.int32(1), at, at + 4))
+        wanted, terminate = flags[0] != 0, flags[1] != 0
+    else:
+        bits = port.info.view(np.uint8)
+        status = call_status(port.functions[COMPLETED], (port.instance, np.uint8(1), at, at + 1))
+        wanted, terminate = bits[0] != 0, bits[1] != 0
+    return TERMINATED if status <= WARNING and terminate else status, goal, event or wanted
+
+
+@compiled
+def _handle_event(port: Port) -> int:
+    """Event iteration until the FMU is content; leaves event mode and notes the time of the next event."""
+    worst = 0
+    for _ in range(MOST_ITERATIONS):
+        if port.stepping == EVENTS:
+            # struct fmi2EventInfo: five 4-byte flags, padding, nextEventTime
+            flags = port.info.view(np.int32)
+            flags[:5] = 0
+            status = call_status(port.functions[UPDATE], (port.instance, port.info.ctypes.data))
+            again, terminate, defined = flags[0] != 0, flags[1] != 0, flags[4] != 0
+        else:
+            bits = port.info.view(np.uint8)
+            bits[:5] = 0
+            at = port.info.ctypes.data
+            status = call_status(port.functions[UPDATE], (port.instance, at, at + 1, at + 2, at + 3, at + 4, at + 24))
+            again, terminate, defined = bits[0] != 0, bits[1] != 0, bits[4] != 0
+        if status > WARNING:
+            return status
+        if terminate:
+            return TERMINATED
+        worst = max(worst, status)
+        if not again:
+            port.clock[NEXT_EVENT] = port.info[3] if defined else np.inf
+            port.clock[IN_EVENT_MODE] = 0.0
+            return max(worst, call_status(port.functions[ENTER_CONTINUOUS], (port.instance,)))
+    return ENDLESS_EVENTS

@@ -1,0 +1,27 @@
+"""FMUs as slaves of the master loop, one class per standard and kind."""
+
+from __future__ import annotations
+
+from ..archive import Archive
+from ..trace import NOBODY
+from .base import Slave
+from .fmi1 import Fmi1CoSimulation
+from .fmi2 import Fmi2CoSimulation
+from .fmi3 import Fmi3CoSimulation
+from .model_exchange import Fmi2ModelExchange, Fmi3ModelExchange
+
+__all__ = ["Slave", "load"]
+
+CLASSES: dict[tuple[str, str], type[Slave]] = {
+    ("1", "CoSimulation"): Fmi1CoSimulation,
+    ("2", "CoSimulation"): Fmi2CoSimulation,
+    ("3", "CoSimulation"): Fmi3CoSimulation,
+    ("2", "ModelExchange"): Fmi2ModelExchange,
+    ("3", "ModelExchange"): Fmi3ModelExchange,
+}
+"""By major FMI version and kind; an archive of any other combination is refused when it is opened."""
+
+
+def load(archive: Archive, side: int = NOBODY) -> Slave:
+    """Load the library of an opened FMU; ``side`` (PLANT, CONTROLLER) is noted in the process's trace."""
+    return CLASSES[archive.major_version, archive.kind](archive, side)

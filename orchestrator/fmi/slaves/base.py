@@ -1,0 +1,211 @@
+"""What slaves of all standards have in common: the life cycle, and how its failures are reported."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import FmuError
+from .. import trace
+from ..archive import Archive
+from ..port import Port
+from ..variables import Variable
+from . import log
+from .modules import PrivateModules
+
+Values = Mapping[Variable, Sequence[float]]
+"""Values of variables, all elements of each."""
+
+
+class Slave(ABC):
+    """One loaded FMU, of which one instance at a time is alive.
+
+    A subclass says how its standard instantiates, initializes and steps.
+    """
+
+    stepping: int
+    """How the compiled loop steps it, see :mod:`orchestrator.fmi.port`."""
+
+    with_sizes = False
+    _reset_first = False
+    calls: Mapping[str, str]
+    """FMI names of the functions behind "set", "step" and "get"."""
+
+    def __init__(self, archive: Archive, side: int = trace.NOBODY) -> None:
+        """Load the FMU's library; raises :class:`FmuError` if the platform's loader refuses it."""
+        self.archive, self.side = archive, side
+        self._modules = PrivateModules(archive.folder / "resources")
+        trace.current.note(side, "loading its library")
+        log.watch_files()
+        folder = os.getcwd()
+        try:
+            self._fmu = self._load()
+        except Exception as problem:
+            raise FmuError(f"{archive.name} cannot be loaded: {problem}", "load") from problem
+        finally:
+            os.chdir(folder)  # FMPy leaves a failed load inside the FMU's folder
+
+    @abstractmethod
+    def _load(self) -> Any:
+        """The FMPy object that holds the library."""
+
+    @abstractmethod
+    def _instantiate(self, stop_time: float) -> None:
+        """Create the instance and set up the experiment."""
+
+    @abstractmethod
+    def _free(self) -> None:
+        """Free the instance but leave the library loaded: FMPy's freeInstance unloads it, and the next instance
+        would call into nothing."""
+
+    @abstractmethod
+    def _initialize(self, within: Values) -> None:
+        """From the instantiated state to the first step, setting ``within`` on the way."""
+
+    @abstractmethod
+    def set(self, values: Values) -> None:
+        """Set variables."""
+
+    @abstractmethod
+    def get(self, variables: Sequence[Variable]) -> list[float]:
+        """Values of variables, the elements of arrays one after the other."""
+
+    @abstractmethod
+    def terminate(self) -> None:
+        """End the simulation of the instance."""
+
+    @abstractmethod
+    def _reset(self, stop_time: float) -> None:
+        """Bring the instance back to where ``_instantiate`` left it."""
+
+    @contextmanager
+    def resetting(self) -> Iterator[None]:
+        """Within, every new instance is initialized and reset before it is used."""
+        self._reset_first = True
+        try:
+            yield
+        finally:
+            self._reset_first = False
+
+    @contextmanager
+    def instantiated(self, stop_time: float) -> Iterator[Slave]:
+        """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
+        log.clear()
+        with self._modules.in_place(), self._reported("instantiation"):
+            try:
+                self._instantiate(stop_time)
+            except Exception as problem:
+                raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
+        try:
+            if self._reset_first:
+                with self._modules.in_place():
+                    self._initialize({})
+                    with self._reported("reset"):
+                        self._reset(stop_time)
+            yield self
+        finally:
+            trace.current.note(self.side, "freeing the instance")
+            self._free()
+
+    def _usual_reasons(self) -> str:
+        """Why FMUs give no instance: all they can say is NULL, and what they log."""
+        description = self.archive.description
+        interface = description.coSimulation or description.modelExchange
+        reasons = (
+            "Usual reasons are a missing licence, a GUID that is not the binary's, or a missing file: simulations "
+            "run in an empty folder, so files belong in the FMU's resources."
+        )
+        if str(interface.needsExecutionTool).lower() in ("true", "1"):
+            tool = description.generationTool or "its exporter's tool"
+            reasons += f" The FMU declares that it needs a tool to run: is {tool} or its runtime installed here?"
+        return reasons
+
+    def initialize(self, before: Values, within: Values) -> None:
+        """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""
+        self.set(before)
+        with self._modules.in_place():
+            self._initialize(within)
+
+    @contextmanager
+    def own_modules(self) -> Iterator[None]:
+        """Within, a Python FMU finds its own modules, also those it imports only now."""
+        with self._modules.in_place():
+            yield
+
+    def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
+        """Native access for the compiled loop; signals and values are the same until scaled otherwise."""
+        size_in, size_out = (sum(variable.size for variable in side) for side in (inputs, outputs))
+        single = tuple(any(variable.type == "Float32" for variable in side) for side in (inputs, outputs))
+        set_values, get_values = (self._accessor(kind, narrow) for kind, narrow in zip("sg", single, strict=True))
+        trace.current.expect(self.side, (set_values, self.calls["step"], get_values))
+        return Port(
+            stepping=self.stepping,
+            with_sizes=self.with_sizes,
+            instance=self.instance,
+            set_values=self.address(set_values),
+            do_step=self._step_address(),
+            get_values=self.address(get_values),
+            functions=self._functions(),
+            clock=np.array([np.inf, 1.0, 0.0, 0.0]),
+            info=np.zeros(4),
+            inputs=np.array([variable.reference for variable in inputs], dtype=np.uint32),
+            input_values=np.zeros(size_in),
+            outputs=np.array([variable.reference for variable in outputs], dtype=np.uint32),
+            output_values=np.zeros(size_out),
+            single=(single[0], single[1]),
+            input_singles=np.zeros(size_in, dtype=np.float32),
+            output_singles=np.zeros(size_out, dtype=np.float32),
+            offset=np.zeros(2),
+            scale=np.ones(2),
+            output_scale=np.ones(2),
+            side=self.side,
+            trace=trace.current.words,
+        )
+
+    def _accessor(self, kind: str, narrow: bool) -> str:
+        return self.calls["set" if kind == "s" else "get"].replace("64", "32" if narrow else "64")
+
+    def _step_address(self) -> int:
+        return self.address(self.calls["step"])
+
+    def _functions(self) -> np.ndarray:
+        """Addresses of the functions of Model Exchange."""
+        return np.zeros(5, dtype=np.int64)
+
+    @property
+    def instance(self) -> int:
+        """The instance pointer as an integer."""
+        component: Any = self._fmu.component
+        return int(getattr(component, "value", component))
+
+    def address(self, function: str) -> int:
+        """Address of the C function ``function``, such as ``fmi2DoStep``."""
+        return ctypes.cast(self._fmu._functions[function], ctypes.c_void_p).value or 0
+
+    @contextmanager
+    def _reported(self, call: str) -> Iterator[None]:
+        """Whatever fails within becomes an :class:`FmuError` that names the FMU, the call, and the FMU's messages."""
+        trace.current.note(self.side, call)
+        try:
+            yield
+        except FmuError:
+            raise
+        except Exception as problem:
+            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.lines()) from None
+
+    def _do(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a method of the FMPy object."""
+        with self._reported(function.__name__):
+            return function(*arguments)
+
+
+def library_path(folder: Path, platform: str, identifier: str, extension: str) -> str:
+    """The shared library of an extracted FMU."""
+    return str(folder / "binaries" / platform / f"{identifier}{extension}")

@@ -1,0 +1,138 @@
+"""Units: the factor from an FMU's declared unit to a connector's, from a given one to the FMU's, by base units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fmpy.model_description import ModelDescription, Unit
+
+from ..errors import InputError
+
+EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A unit as ``factor`` times a product of base units; ``exponents`` in the order of ``EXPONENTS``.
+
+    ``offset`` is where its zero is, in base units.
+    """
+
+    factor: float
+    exponents: tuple[int, ...]
+    offset: float = 0.0
+
+
+def _of(factor: float = 1.0, **exponents: int) -> Dimension:
+    return Dimension(factor, tuple(exponents.get(name, 0) for name in EXPONENTS))
+
+
+KNOWN: dict[str, Dimension] = {
+    **dict.fromkeys(("rad", "radian"), _of(rad=1)),
+    **dict.fromkeys(("deg", "degree", "°"), _of(math.pi / 180, rad=1)),
+    **dict.fromkeys(("N.m", "Nm", "N*m", "N m", "N·m"), _of(kg=1, m=2, s=-2)),
+    **dict.fromkeys(("mN.m", "mNm", "mN*m"), _of(1e-3, kg=1, m=2, s=-2)),
+    **dict.fromkeys(("kN.m", "kNm", "kN*m"), _of(1e3, kg=1, m=2, s=-2)),
+    "N": _of(kg=1, m=1, s=-2),
+    "m": _of(m=1),
+    **dict.fromkeys(("s", "sec"), _of(s=1)),
+    "ms": _of(1e-3, s=1),
+    "1": _of(),
+}
+"""Units that are understood by name if an FMU does not define them."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """``value in the connector's unit = factor * value in the FMU``; ``note`` says what could not be checked."""
+
+    factor: float
+    note: str = ""
+
+
+def conversion(description: ModelDescription, unit: str | None, wanted: str, where: str) -> Conversion:
+    """The conversion from ``unit``, as declared in an FMU, to the unit ``wanted`` of a connector.
+
+    Raises :class:`InputError` if the two are of different kind or the declared one cannot be understood. An angle
+    may also be declared dimensionless, as in SI.
+    """
+    if unit is None:
+        return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
+    found, target = _dimension(unit, description.unitDefinitions, where), KNOWN[wanted]
+    if found is not None and found.offset:
+        raise InputError(
+            f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g}). "
+            f"Declare it in {wanted}.",
+            "unit-offset",
+            where,
+            unit,
+        )
+    if found is None:
+        if unit == wanted:
+            return Conversion(1.0)
+        raise InputError(
+            f"{where} has the unit {unit!r}, which the FMU does not define by base units. "
+            f"Declare it in {wanted}, or give its definition a BaseUnit.",
+            "unknown-unit",
+            where,
+            unit,
+        )
+    if found.exponents != target.exponents:
+        if any(found.exponents) or target != KNOWN["rad"]:
+            raise InputError(
+                f"{where} has the unit {unit!r}, which is not convertible to {wanted}. Connect it to another variable.",
+                "wrong-unit",
+                where,
+                unit,
+            )
+        return Conversion(found.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
+    return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
+
+
+def factor_to_own(
+    description: ModelDescription, own: str | None, given: str, definitions: Iterable[Unit], where: str
+) -> float:
+    """The factor from a value in the unit ``given`` to one in an FMU's ``own`` unit.
+
+    ``definitions`` come with the value and override the FMU's for ``given``. Raises :class:`InputError` if the two
+    cannot be compared or are of different kind.
+    """
+    found = _dimension(given, [*definitions, *description.unitDefinitions], where)
+    target = _dimension(own, description.unitDefinitions, where) if own is not None else None
+    if found is None or target is None:
+        if given == own:
+            return 1.0
+        raise InputError(
+            f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
+            "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it.",
+            "unknown-unit",
+            where,
+            given,
+        )
+    if found.offset != target.offset or found.exponents[:-1] != target.exponents[:-1]:  # gains may leave out radians
+        raise InputError(
+            f"{where} is given in {given!r}, which is not convertible to {own}. Give it in {own}.",
+            "wrong-unit",
+            where,
+            given,
+        )
+    return found.factor / target.factor
+
+
+def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension | None:
+    """What ``unit`` is made of, by its definition or else by its name; None if neither says so."""
+    base = next((known.baseUnit for known in definitions if known.name == unit), None)
+    if base is None:
+        return KNOWN.get(unit)
+    factor, offset = float(base.factor), float(base.offset)
+    if not (0.0 < factor < math.inf and math.isfinite(offset)):
+        raise InputError(
+            f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}. "
+            "Give its BaseUnit a positive factor and a finite offset.",
+            "bad-unit",
+            where,
+            unit,
+        )
+    return Dimension(factor, tuple(int(getattr(base, name)) for name in EXPONENTS), offset)

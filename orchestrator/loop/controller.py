@@ -1,0 +1,76 @@
+"""The controller's side of the loop: bound, initialized in the plant's steady state, ready to be stepped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from ..fmi.connectors import Binding
+from ..fmi.lookup import find_parameters
+from ..fmi.port import Port
+from ..fmi.slaves import Slave
+from ..fmi.units import conversion
+from ..fmi.variables import Variable
+from .scenario import Pair
+from .setup import Setup, controller_binding, sample_time_parameter
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The plant's steady state: motor angles, torques to command, link angles [rad, N.m, rad]."""
+
+    q_m_ref: Pair
+    u_m0: Pair
+    q_a_ref: Pair
+
+
+@contextmanager
+def prepared(
+    slave: Slave, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None = None
+) -> Iterator[Port]:
+    """An instance of the controller, initialized at rest; ends with the block.
+
+    ``first`` are the motor angles [rad] it sees during initialization, q_m_ref unless said otherwise: at rest the
+    sensor shows the reference, and with equal values in initialization mode it makes no difference whether an
+    exporter takes its first sample there or in the first step.
+    """
+    binding = controller_binding(slave.archive, setup)
+    what = f"The controller {slave.archive.name}"
+    before = find_parameters(slave.archive.description, setup.parameters, what)
+    T_s = sample_time_parameter(slave.archive, setup)
+    if T_s is not None:
+        unit = conversion(slave.archive.description, T_s.unit, "s", f"{what}: {T_s.name}")
+        before[T_s] = [float(sample_time) / unit.factor]
+    seen = steady.q_m_ref if first is None else first
+    known = {
+        "q_m_ref": steady.q_m_ref,
+        "q_m": seen,
+        "e": (steady.q_m_ref[0] - seen[0], steady.q_m_ref[1] - seen[1]),
+        "u_m0": steady.u_m0,
+        "q_a_ref": steady.q_a_ref,
+    }
+    within: dict[Variable, list[float]] = {}
+    for name, pair in known.items():
+        if name in binding:
+            (before if binding[name].is_parameter else within).update(binding[name].values(pair))
+
+    with slave.instantiated(stop_time):
+        slave.initialize(before, within)
+        with slave.own_modules():
+            yield _port(slave, binding, steady)
+
+
+def _port(slave: Slave, binding: Binding, steady: Steady) -> Port:
+    """The controller's port with the units of both sides, and the position error formed if that is its input."""
+    measured, torque = binding["e" if "e" in binding else "q_m"], binding["u_m"]
+    port = slave.port(measured.variables, torque.variables)
+    to_input = 1.0 / np.array(measured.factors)
+    if measured.connector.name == "e":
+        port = port._replace(offset=np.array(steady.q_m_ref), scale=-to_input)
+    else:
+        port = port._replace(scale=to_input)
+    return port._replace(output_scale=np.array(torque.factors))

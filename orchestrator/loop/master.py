@@ -1,0 +1,190 @@
+"""The master: two slaves and a scenario in, a trajectory out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import FmuError
+from ..fmi import port, trace
+from ..fmi.connectors import PLANT, Binding, bind
+from ..fmi.lookup import find_outputs, find_parameters
+from ..fmi.slaves import Slave, log
+from . import closed_loop as loop
+from . import random_streams, signals
+from .controller import Steady, prepared
+from .plan import make_plan
+from .scenario import Pair, Scenario
+from .setup import Setup
+from .trajectory import Ending, Status, Trajectory
+
+RUNAWAY = 1e9
+"""A motor angle [rad] that limited torques cannot cause in any simulation: the plant itself has failed."""
+
+STATUS_WORDS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+STEPPING_WORDS = {
+    port.TERMINATED: "ended the simulation",
+    port.EARLY_RETURN: "stopped before the end of the step",
+    port.ENDLESS_EVENTS: "asks for event iterations without end",
+}
+
+
+def simulate(
+    plant: Slave,
+    controller: Slave,
+    scenario: Scenario,
+    setup: Setup | None = None,
+    observe: Sequence[str] = (),
+) -> Trajectory:
+    """Simulate the closed loop of ``scenario``.
+
+    The plant is initialized first; the steady state it publishes, q_m_ref and u_m0, is what the controller is
+    initialized with. ``observe`` names further plant outputs to record. Raises :class:`~orchestrator.errors.FmuError`
+    if an FMU fails before the first sample, :class:`~orchestrator.errors.InputError` if a name is unknown; the
+    trajectory's ending holds what happens later.
+    """
+    what = f"The plant {plant.archive.name}"
+    binding = bind(plant.archive.description, PLANT, what)
+    parameters = find_parameters(plant.archive.description, dict(scenario.parameters), what)
+    observed = find_outputs(plant.archive.description, observe, what)
+    inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
+    outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
+    stop_time = float(scenario.samples * scenario.sample_time)
+    trace.current.reset()
+
+    with plant.instantiated(stop_time):
+        plant.initialize(parameters, {})
+        steady = steady_state(plant, binding)
+        with prepared(controller, setup or Setup(), steady, scenario.sample_time, stop_time) as controller_port:
+            parts = _loop(scenario, steady)
+            record = _record(scenario, plant.get(outputs), steady, parts)
+            raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
+            ending = _ending(raw, record, scenario, plant, controller)
+            if not ending.failed_call:
+                ending = _terminated(ending, controller, plant)
+    return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
+
+
+def steady_state(plant: Slave, binding: Binding) -> Steady:
+    """What the initialized plant publishes."""
+    q_m_ref, u_m0, q_a = (_pair(plant.get(binding[name].variables)) for name in ("q_m_ref", "u_m0", "q_a"))
+    return Steady(q_m_ref, u_m0, q_a)
+
+
+def _pair(values: Sequence[float]) -> Pair:
+    first, second = values
+    return first, second
+
+
+def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:
+    drive, sensor = scenario.drive, scenario.sensor
+    return loop.Loop(
+        samples=scenario.samples,
+        plan=make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold),
+        q_m_ref=np.array(steady.q_m_ref),
+        u_m0=np.array(steady.u_m0),
+        gain=np.array(drive.gain),
+        limit=np.array(drive.limit),
+        torque_quantum=np.array(drive.quantum),
+        angle_quantum=sensor.quantum,
+        noise=random_streams.noise(sensor.noise, scenario.samples + 1),
+        chirp=signals.chirp_signal(scenario.chirp),
+        pulse=signals.pulse_signal(scenario.pulse),
+        abort_distance=scenario.abort_distance,
+    )
+
+
+def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts: loop.Loop) -> loop.Record:
+    """Empty arrays with the initial state in row 0; a delayed sensor's line is filled with the reference."""
+    samples = scenario.samples
+    record = loop.Record(
+        outputs=np.empty((samples + 1, len(outputs))),
+        measured=np.empty((samples + 1, 2)),
+        command=np.empty((samples, 2)),
+        torque=np.empty((samples, 2)),
+    )
+    record.outputs[0] = outputs
+    taken_at_0 = [delay % scenario.sample_time == 0 for delay in scenario.sensor.delay]
+    record.measured[0] = np.where(taken_at_0, record.outputs[0, :2] + parts.noise[0], steady.q_m_ref)
+    return record
+
+
+def _ending(raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
+    time = float(raw.sample * scenario.sample_time)
+    if raw.reason == loop.FINISHED:
+        return Ending(Status.DONE, time, "", raw.warnings)
+    lost = _lost(record.outputs[raw.sample], scenario)
+    if raw.reason in (loop.DIVERGED, loop.ABSURD_TORQUE) and lost:
+        message = f"{plant.archive.name} {lost}: look at the plant's parameters"
+        return Ending(Status.ERROR, time, message, raw.warnings)
+    if raw.reason == loop.DIVERGED:
+        message = f"the TCP was more than {scenario.abort_distance:g} m from where it began"
+        return Ending(Status.UNSTABLE, time, message, raw.warnings)
+    if raw.reason == loop.ABSURD_TORQUE:
+        message = f"{controller.archive.name} asked for a torque that is not a number or beyond {loop.ABSURD:g} N.m"
+        return Ending(Status.ERROR, time, message, raw.warnings)
+    slave = plant if raw.reason == loop.PLANT_FAILED else controller
+    failure = exchange_failure(slave, raw.call, raw.status)
+    return Ending(Status.ERROR, time, str(failure), raw.warnings, failure.call)
+
+
+def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
+    """What shows that the plant's ``outputs`` (q_m, X, ...) are no motion of a manipulator; empty if nothing does."""
+    if not np.all(np.isfinite(outputs)):
+        return "gave outputs that are not finite numbers"
+    if np.all(np.isfinite(scenario.drive.limit)) and np.max(np.abs(outputs[:2])) > RUNAWAY:
+        return f"gave motor angles beyond {RUNAWAY:g} rad"
+    return ""
+
+
+def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
+    """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
+    name = slave.calls[("set", "step", "get")[call]]
+    if status in STEPPING_WORDS:
+        message = f"{slave.archive.name} {STEPPING_WORDS[status]}"
+    elif status < len(STATUS_WORDS):
+        message = f"{slave.archive.name}: {name} returned {STATUS_WORDS[status]}"
+    else:
+        signed = status - (1 << 32 if status >= 1 << 31 else 0)
+        message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
+    return FmuError(message, name, log.lines())
+
+
+def _terminated(ending: Ending, *slaves: Slave) -> Ending:
+    """Ends the simulation of ``slaves``, too; a failure to do so is a warning and changes no result."""
+    for slave in slaves:
+        try:
+            slave.terminate()
+        except FmuError as problem:
+            message = "\n  ".join(filter(None, (ending.message, f"after its end: {problem}")))
+            ending = replace(ending, message=message, warnings=ending.warnings + 1)
+    return ending
+
+
+def _trajectory(
+    scenario: Scenario,
+    record: loop.Record,
+    raw: loop.Exit,
+    ending: Ending,
+    observed: Sequence[str],
+    steady: Steady,
+) -> Trajectory:
+    """The samples that were reached."""
+    commands = raw.sample
+    states = commands + 1
+    interval = scenario.sample_time
+    return Trajectory(
+        time=np.arange(states) * interval.numerator / interval.denominator,
+        q_m=record.outputs[:states, 0:2],
+        X=record.outputs[:states, 2:4],
+        extra={name: record.outputs[:states, 4 + column] for column, name in enumerate(observed)},
+        measured=record.measured[:states],
+        command=record.command[:commands],
+        torque=record.torque[:commands],
+        q_m_ref=steady.q_m_ref,
+        u_m0=steady.u_m0,
+        ending=ending,
+    )

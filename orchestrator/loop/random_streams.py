@@ -1,0 +1,25 @@
+"""Random numbers that a seed determines for good."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .scenario import Noise
+
+
+def stable_stream(seed: tuple[int, ...]) -> np.random.RandomState:
+    """The stream of a seed.
+
+    NumPy guarantees the streams of its bit generators and of the frozen ``RandomState``, but not those of
+    ``Generator``; a benchmark's noise has to outlive a library's next version.
+    """
+    return np.random.RandomState(np.random.PCG64(np.random.SeedSequence(seed)))
+
+
+def noise(spec: Noise, samples: int) -> np.ndarray:
+    """Measurement noise [rad] of shape (samples, 2)."""
+    if spec.sigma == 0.0:
+        return np.zeros((samples, 2))
+    numbers = stable_stream(spec.seed).standard_normal((samples, 2))
+    numbers *= spec.sigma  # in place: fresh memory costs more than the product
+    return numbers

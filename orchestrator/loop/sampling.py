@@ -1,0 +1,73 @@
+"""The sample time at which a controller runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ..errors import InputError
+from ..exact_time import seconds
+from ..fmi.archive import Archive
+
+MOST = 1000
+"""Largest ratio of a controller's and the benchmark's sample time, either way: beyond it is a slip."""
+
+
+@dataclass(frozen=True)
+class SampleTime:
+    """``value`` [s], and where it comes from: "given", "fixedInternalStepSize", "DefaultExperiment" or "benchmark"."""
+
+    value: Fraction
+    origin: str
+
+
+def controller_sample_time(controller: Archive, benchmark: Fraction, given: Fraction | None = None) -> SampleTime:
+    """The sample time of ``controller``: as given, else its own, else the ``benchmark``'s [s].
+
+    Raises :class:`InputError` if it is not an integer multiple or fraction of the benchmark's.
+    """
+    found = _find(controller, benchmark, given)
+    ratio = found.value / benchmark if found.value > 0 else Fraction(0)
+    if found.value <= 0 or min(ratio.numerator, ratio.denominator) != 1 or max(ratio.as_integer_ratio()) > MOST:
+        raise InputError(
+            f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), which is not an "
+            f"integer multiple or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s.",
+            "bad-sample-time",
+            controller.name,
+            float(found.value),
+        )
+    return found
+
+
+def _find(controller: Archive, benchmark: Fraction, given: Fraction | None) -> SampleTime:
+    if given is not None:
+        return SampleTime(given, "given")
+    description = controller.description
+    fixed = getattr(description.coSimulation, "fixedInternalStepSize", None) if description.coSimulation else None
+    experiment = description.defaultExperiment
+    default = experiment.stepSize if experiment is not None else None
+    for text, origin in ((fixed, "fixedInternalStepSize"), (default, "DefaultExperiment")):
+        if text not in (None, ""):
+            return SampleTime(_near(_read(controller, str(text), origin), benchmark), origin)
+    return SampleTime(benchmark, "benchmark")
+
+
+def _read(controller: Archive, text: str, origin: str) -> Fraction:
+    try:
+        return seconds(text)
+    except ValueError:
+        raise InputError(
+            f"The sample time of {controller.name}, {text!r} ({origin}), is not a number of seconds.",
+            "bad-sample-time",
+            controller.name,
+            text,
+        ) from None
+
+
+def _near(value: Fraction, benchmark: Fraction) -> Fraction:
+    """``value``, freed from the rounding of a decimal notation: 0.000333333 is a third of 0.001."""
+    for ratio in (value / benchmark, benchmark / value if value else Fraction(0)):
+        whole = round(ratio)
+        if whole and abs(ratio - whole) < Fraction(1, 10**5) * whole:
+            return benchmark * whole if value >= benchmark else benchmark / whole
+    return value

@@ -1,0 +1,65 @@
+"""How a controller is used: its parameters, and which of its variables the connectors are bound to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..errors import InputError
+from ..fmi.archive import Archive
+from ..fmi.connectors import SAMPLE_TIME, Binding, bind_controller
+from ..fmi.names import canonical
+from ..fmi.variables import Variable, variables
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a controller is used: ``parameters`` by name (in the FMU's units), ``mapping`` from connectors to its
+    variables."""
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    mapping: Mapping[str, str] = field(default_factory=dict)
+
+
+def controller_binding(controller: Archive, setup: Setup) -> Binding:
+    """The controller's connectors.
+
+    Raises :class:`~orchestrator.errors.InputError` if they do not fit, or ``setup`` gives a value to one of them.
+    """
+    binding = bind_controller(controller.description, f"The controller {controller.name}", setup.mapping)
+    connected = {variable.name: name for name, bound in binding.items() for variable in bound.variables}
+    for name in setup.parameters:
+        connector = connected.get(name) or connected.get(name.partition("[")[0])
+        if connector is not None and binding[connector].is_parameter:
+            raise InputError(
+                f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark gives its "
+                "value in every case.",
+                "connector-parameter",
+                controller.name,
+                name,
+            )
+    return binding
+
+
+def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
+    """The controller's parameter T_s, if it has one that ``setup`` leaves to the benchmark.
+
+    The exact name takes precedence over others that spell the same, as with connectors; raises
+    :class:`~orchestrator.errors.InputError` if there are several of these.
+    """
+    scalars = [v for v in variables(controller.description).values() if v.is_real and v.size == 1]
+    parameters = [v for v in scalars if v.causality == "parameter"]
+    alike = [v for v in parameters if canonical(v.name.split(".")[-1]) == canonical(SAMPLE_TIME)]
+    candidates = [v for v in alike if v.name == SAMPLE_TIME] or alike
+    if any(v.name in setup.parameters for v in candidates):
+        return None
+    if len(candidates) > 1:
+        names = ", ".join(v.name for v in candidates)
+        raise InputError(
+            f"The controller {controller.name} has more than one candidate for its sample time {SAMPLE_TIME}: {names}.",
+            "ambiguous-sample-time",
+            controller.name,
+            SAMPLE_TIME,
+            (v.name for v in candidates),
+        )
+    return candidates[0] if candidates else None

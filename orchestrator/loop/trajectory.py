@@ -1,0 +1,65 @@
+"""What one simulation leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from .scenario import Pair
+
+
+class Status(str, Enum):
+    """How a simulation ended."""
+
+    DONE = "done"
+    UNSTABLE = "unstable"
+    CRASHED = "crashed"
+    TIMEOUT = "timeout"
+    ERROR = "error"
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class Ending:
+    """``status``, the simulated ``time`` [s] it came at, and for anything but DONE a sentence why (for DONE
+    perhaps a warning).
+
+    ``warnings`` counts FMI calls that returned a warning; ``failed_call`` names the one that returned worse.
+    """
+
+    status: Status
+    time: float
+    message: str = ""
+    warnings: int = 0
+    failed_call: str = ""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Sampled signals of one simulation with N samples reached; times t_k = k T_s.
+
+    ``time`` [s], ``q_m`` [rad], ``X`` [m] and ``extra`` (the other plant outputs asked for, by name) have N + 1 rows,
+    the first one the initial state; ``measured`` [rad] is what the controller's delay line was fed with.
+    ``command`` and ``torque`` [N.m] have N rows: what the controller asked for, and what went to the drive.
+    ``q_m_ref`` [rad] and ``u_m0`` [N.m] are the plant's published steady state.
+    """
+
+    time: np.ndarray
+    q_m: np.ndarray
+    X: np.ndarray
+    extra: dict[str, np.ndarray]
+    measured: np.ndarray
+    command: np.ndarray
+    torque: np.ndarray
+    q_m_ref: Pair
+    u_m0: Pair
+    ending: Ending
+
+    @property
+    def tcp_error(self) -> np.ndarray:
+        """Distance of the TCP from where it began, shape (N + 1,) [m]."""
+        offset = self.X - self.X[0]
+        distance: np.ndarray = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
+        return distance

@@ -1,0 +1,6 @@
+"""``python -m orchestrator.report``: see :mod:`orchestrator.cli.report`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("report"))

@@ -1,0 +1,70 @@
+"""The page ``compare.html``: leaderboards, bars, difference maps, and the runs' worst cases laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..codec import plain
+from . import pages
+from .comparison import Entry, Group
+from .payload import criteria, packed_worst, workspace
+from .wording import requirement_rows
+
+FILE = "compare.html"
+
+CURVE_INTERVALS = 2500
+"""Intervals that a worst case is thinned out to."""
+
+
+def compare_html(groups: Sequence[Group]) -> str:
+    """The comparison as one HTML file. Its figures show the runs of the first group."""
+    entries = groups[0].entries
+    first = entries[0].run.results
+    payload = {
+        **workspace(first),
+        "criteria": criteria(first),
+        "rules": plain(first.rules),
+        "runs": [_run(entry) for entry in entries],
+    }
+    shown = [
+        {
+            "title": group.title,
+            "difference": group.difference,
+            "notes": group.notes,
+            "rules": group.conditions.rules,
+            "criteria": criteria(group.entries[0].run.results),
+            "rows": [_row(str(rank), entry) for rank, entry in enumerate(group.ranked, start=1)]
+            + [_row("-", entry, reason) for entry, reason in group.unranked],
+        }
+        for group in groups
+    ]
+    return pages.render("compare.html", pages.COMPARE, payload, groups=shown, several=len(entries) > 1)
+
+
+def _row(rank: str, entry: Entry, reason: str = "") -> dict[str, Any]:
+    results = entry.run.results
+    return {
+        "rank": rank,
+        "name": entry.name,
+        "reason": reason,
+        "cost": results.cost,
+        "criteria": criteria(results),
+        "requirements": requirement_rows(results),
+    }
+
+
+def _run(entry: Entry) -> dict[str, Any]:
+    """A run for the figures: costs by configuration, and the worst case of every criterion of the TCP error."""
+    results = entry.run.results
+    worst = {
+        name: packed_worst(recorded, CURVE_INTERVALS, results)
+        for name in ("B5", "B6", "B7")
+        for recorded in entry.run.recorded(name)
+    }
+    return {
+        "name": entry.name,
+        "criteria": plain(results.criteria),
+        "configurations": plain(results.configurations),
+        "worst": worst,
+    }

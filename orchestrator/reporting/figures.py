@@ -1,0 +1,224 @@
+"""Figures 3, 4 and 8 to 12 of the paper, of this run: PDF and SVG for a paper, PNG for a look."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from plant_fmu.flexible_manipulator import dynamics
+from plant_fmu.flexible_manipulator.coefficients import Joint
+from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
+
+from .files import prepare_folder, write_bytes
+from .recording import EXAMPLE, SPREAD, Recording
+from .run import Run
+from .trajectory_files import interpreted
+
+FORMATS: Mapping[str, Mapping[str, Any]] = {
+    "pdf": {"metadata": {"CreationDate": None}},
+    "svg": {"metadata": {"Date": None}},
+    "png": {"dpi": 200},
+}
+"""File endings, and what keeps a file free of the time it was written at."""
+
+STYLE: Any = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 0.8,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "flexible-manipulator",
+}
+SIZE = (3.4, 2.4)
+"""One column of a paper [inch]."""
+
+ARC_MINUTE = math.pi / (180 * 60)
+COLOURS = ("#0072b2", "#d55e00")
+"""After Okabe and Ito, distinguishable by colour-blind readers."""
+MUTED = "0.72"
+DASHED: Any = {"color": "k", "linestyle": "dashed", "linewidth": 0.7}
+
+
+def write_figures(run: Run, folder: Path) -> tuple[list[str], list[str]]:
+    """Write all figures that the run has data for into ``folder``, which is created.
+
+    Returns the names of the figures written, without endings, and of the others.
+    """
+    prepare_folder(folder)
+    with rc_context(STYLE):
+        made = {name: draw(run) for name, draw in FIGURES.items()}
+        for name, figure in made.items():
+            if figure is not None:
+                _save(figure, folder / name)
+    return [name for name in made if made[name] is not None], [name for name in made if made[name] is None]
+
+
+def stiffness(run: Run) -> Figure:
+    """Figure 3: spring torque [Nm] over gear deflection [arc minutes], eq. (5), nominal parameters."""
+    figure, axes = _axes("Deflection $\\Delta_q$ [arcmin]", "Spring torque $\\tau_s$ [Nm]")
+    for axis, colour, joint in _nominal_joints(run):
+        delta = np.linspace(-2 * joint.psi, 2 * joint.psi, 401)
+        torque = [interpreted(dynamics.spring)(joint, value) for value in delta]
+        axes.plot(delta / ARC_MINUTE, torque, color=colour, label=f"axis {axis}")
+    axes.legend()
+    return figure
+
+
+def friction(run: Run) -> Figure:
+    """Figure 4: friction torque [Nm] over motor speed [rad/s], eq. (8), on the motor's side, nominal parameters."""
+    figure, axes = _axes("Motor speed $\\dot q_m$ [rad/s]", "Friction torque $f / n$ [Nm]")
+    v = np.linspace(-30, 30, 2001)
+    for axis, colour, joint in _nominal_joints(run):
+        torque = [interpreted(dynamics.friction)(joint, value) for value in v]
+        axes.plot(v, torque, color=colour, label=f"axis {axis}")
+    axes.legend()
+    return figure
+
+
+def circles(run: Run) -> Figure | None:
+    """Figure 8: path of the TCP [mm] from the force on, in the circle of B5, and enlarged in that of B6."""
+    example = next(iter(run.recorded(EXAMPLE)), None)
+    if example is None or not _within(example, example.about.window[0], math.inf).any():
+        return None
+    start, due = example.about.window[0], example.about.window[1] + _target(run, "B6")
+    large, small = 1e3 * _target(run, "B5"), 1e3 * run.results.rules.settling_error
+    figure = Figure(figsize=(2 * SIZE[0], 1.15 * SIZE[0]), layout="constrained")
+    x, z = 1e3 * example.motion[:, 1], 1e3 * example.motion[:, 2]
+    late = _within(example, due, math.inf)
+    early = _within(example, start, math.inf) & ~late
+    shown = ((large, f"B5 target: {large:g} mm", None), (small, f"settled: {small:g} mm", 2 * small))
+    for axes, (radius, name, reach) in zip(figure.subplots(1, 2), shown, strict=True):
+        axes.plot(x[early], z[early], color=COLOURS[0], label="force and settling")
+        axes.plot(x[late], z[late], color=COLOURS[1], label=f"after {_target(run, 'B6'):g} s of settling")
+        angle = np.linspace(0, 2 * np.pi, 181)
+        axes.plot(radius * np.cos(angle), radius * np.sin(angle), **DASHED, label=name)
+        axes.set(xlabel="x [mm]", ylabel="z [mm]", aspect="equal")
+        if reach is not None:
+            axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
+        axes.locator_params(nbins=6)  # more would run into each other
+        _legend_above(axes)
+    return figure
+
+
+def example_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+    """Figures 9 and 10: TCP position error [mm] of the example over time [s], due to the force or the chirp."""
+
+    def draw(run: Run) -> Figure | None:
+        return _errors(run, due_to_force, [(entry, COLOURS[0], "nominal", 2) for entry in run.recorded(EXAMPLE)])
+
+    return draw
+
+
+def spread_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+    """Figures 11 and 12: the same for the uncertain systems; those assumed and the worst of all stand out."""
+
+    def draw(run: Run) -> Figure | None:
+        shown = run.recorded(SPREAD)
+        worst = max(shown, key=lambda entry: _peak(entry, due_to_force), default=None)
+        others = [entry for entry in shown if _is_random(entry) and entry is not worst]
+        looks = [(entry, MUTED, f"{len(others)} others", 2) for entry in others]
+        for entry in (entry for entry in shown if not _is_random(entry) or entry is worst):
+            name = entry.about.system + (" (worst)" if entry is worst else "")
+            looks.append((entry, *((COLOURS[1], name, 3) if _is_random(entry) else (COLOURS[0], name, 4))))
+        return _errors(run, due_to_force, looks)
+
+    return draw
+
+
+def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, str, int]]) -> Figure | None:
+    """TCP error [mm] over time [s] of recordings, each with colour, name and layer; equal names share an entry."""
+    shown = [look for look in looks if _within(look[0], *_window(look[0], due_to_force)).any()]
+    if not shown:
+        return None
+    begin, end = _window(shown[0][0], due_to_force)
+    figure, axes = _axes("Time [s]", "TCP position error [mm]")
+    width = 0.8 if len(shown) == 1 else 0.5
+    named: set[str] = set()
+    for entry, colour, name, layer in shown:
+        inside = _within(entry, begin, end)
+        label = "_" if name in named else name  # Matplotlib leaves labels with an underscore out
+        axes.plot(
+            entry.motion[inside, 0],
+            1e3 * entry.error[inside],
+            color=colour,
+            label=label,
+            linewidth=width,
+            zorder=layer,
+        )
+        named.add(name)
+    criterion = "B5" if due_to_force else "B7"
+    target = 1e3 * _target(run, criterion)
+    axes.axhline(target, **DASHED, label=f"{criterion} target: {target:g} mm", zorder=5)
+    axes.set(xlim=(begin, end), ylim=(0, None))
+    _legend_above(axes)
+    return figure
+
+
+FIGURES: Mapping[str, Callable[[Run], Figure | None]] = {
+    "figure_03_stiffness": stiffness,
+    "figure_04_friction": friction,
+    "figure_08_circles": circles,
+    "figure_09_force": example_error(due_to_force=True),
+    "figure_10_chirp": example_error(due_to_force=False),
+    "figure_11_force_uncertain": spread_error(due_to_force=True),
+    "figure_12_chirp_uncertain": spread_error(due_to_force=False),
+}
+
+
+def _nominal_joints(run: Run) -> list[tuple[int, str, Joint]]:
+    """Both axes with a colour, and the constants of motor and gear."""
+    nominal = run.results.plant.nominal
+    return [(axis, colour, joint_of(nominal, axis)) for axis, colour in zip((1, 2), COLOURS, strict=True)]
+
+
+def _window(entry: Recording, due_to_force: bool) -> tuple[float, float]:
+    """The time shown [s]: from shortly before the force to the settling time, or up to the force."""
+    begin, end = entry.about.window
+    return (begin - 0.2, end + 3.0) if due_to_force else (0.0, begin)
+
+
+def _within(entry: Recording, begin: float, end: float) -> np.ndarray:
+    """Which samples of ``motion`` were taken from ``begin`` to ``end`` [s]."""
+    t = entry.motion[:, 0]
+    return (t >= begin) & (t <= end)
+
+
+def _is_random(entry: Recording) -> bool:
+    return entry.about.system.startswith("random")
+
+
+def _peak(entry: Recording, due_to_force: bool) -> float:
+    """The largest TCP error [m] in the time shown; a case that ended before has none."""
+    return float(max(entry.error[_within(entry, *_window(entry, due_to_force))], default=0.0))
+
+
+def _target(run: Run, name: str) -> float:
+    return run.results.criteria[name].target
+
+
+def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=SIZE, layout="constrained")
+    axes = figure.subplots()
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    return figure, axes
+
+
+def _legend_above(axes: Axes) -> None:
+    """A legend that covers nothing of what is drawn, wherever that is."""
+    axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+
+
+def _save(figure: Figure, file: Path) -> None:
+    for ending, options in FORMATS.items():
+        stream = io.BytesIO()
+        figure.savefig(stream, format=ending, **options)
+        write_bytes(file.with_suffix(f".{ending}"), stream.getvalue())

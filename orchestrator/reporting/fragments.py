@@ -1,0 +1,50 @@
+"""Results as a piece of HTML, for notebooks: escaped, without scripts, and in the notebook's own style."""
+
+from __future__ import annotations
+
+import base64
+
+from ..benchmark.results import CaseResult, Results
+from ..loop.trajectory import Ending
+from . import pages
+from .wording import SHOWN, figure, number, remarks, requirement_rows
+
+UNITS = {
+    **dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m"),
+    "B5": "m",
+    "B6": "s",
+    "B7": "m",
+    "limit_cycle": "m",
+    "rest_error": "m",
+}
+"""Units of :class:`~orchestrator.benchmark.results.Measurements`."""
+
+
+def results_fragment(results: Results) -> str:
+    """The scorecard and the verdicts as two small tables, with V above and what a reader must know below."""
+    rows = [
+        (name, score.title, SHOWN[score.unit][1], *(figure(score, v) for v in (score.value, score.target, score.paper)))
+        for name, score in results.criteria.items()
+    ]
+    return pages.filled(
+        "results_fragment.html",
+        results=results,
+        criteria=rows,
+        requirements=requirement_rows(results),
+        remarks=remarks(results),
+    )
+
+
+def simulation_fragment(title: str, ending: Ending, result: CaseResult | None, figure_svg: str) -> str:
+    """How a simulation ended, what was measured if it is a case of the protocol, and its plot."""
+    found = [] if result is None else [(name, getattr(result.measurements, name), unit) for name, unit in UNITS.items()]
+    return pages.filled(
+        "simulation_fragment.html",
+        title=title,
+        ending=ending,
+        measured=[
+            (name, number(value, SHOWN[unit][0]), SHOWN[unit][1]) for name, value, unit in found if value is not None
+        ],
+        # An image cannot run what a script in it says.
+        image="data:image/svg+xml;base64," + base64.b64encode(figure_svg.encode()).decode("ascii"),
+    )

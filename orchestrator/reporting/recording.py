@@ -1,0 +1,168 @@
+"""The few trajectories a run keeps for its report: thinned out, and stored beside the results.
+
+A thinned signal keeps the smallest and the largest sample of every interval, at the times they were taken. So no peak
+is lost and every point shown is one that was computed; what lies between two points is not.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..benchmark.case import Case
+from ..codec import Finite, Malformed, NonNegative, Struct, from_json, to_json
+from ..errors import InputError
+from ..loop.trajectory import Status, Trajectory
+from .files import TRAJECTORIES, write_bytes
+
+MOTION = ("t [s]", "x [m]", "z [m]", "q_a1 [rad]", "q_a2 [rad]")
+TORQUE = ("t [s]", "u_m1 [N.m]", "u_m2 [N.m]")
+"""Columns of a recording's two tables. The TCP's coordinates and the link angles are changes from the beginning."""
+
+OBSERVED = ("q_a[1]", "q_a[2]")
+"""Plant outputs that are recorded beside q_m and X."""
+
+MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
+"""Intervals that the signals are thinned out to."""
+
+EXAMPLE, SPREAD = "example", "spread"
+"""Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
+
+Pair = tuple[Finite, Finite]
+
+
+class About(Struct, frozen=True):
+    """What was recorded. Angles and times in SI units; ``force`` [N], ``chirp`` start and stop [s] and start and stop
+    frequency [Hz]; ``window`` [s] is when the force acts. ``roles`` say what the recording is shown for."""
+
+    id: str
+    roles: tuple[str, ...]
+    configuration: int
+    q_a: Pair
+    system: str
+    test: str
+    duration: NonNegative
+    force: Pair
+    window: Pair
+    chirp: tuple[Finite, Finite, Finite, Finite]
+    u_m0: Pair
+    status: Status
+    time: NonNegative
+    message: str
+
+
+@dataclass(frozen=True)
+class Recording:
+    """``motion`` (shape (N, 5)) has the columns :data:`MOTION`, ``torque`` (shape (M, 3)) the columns :data:`TORQUE`.
+
+    Both have single precision.
+    """
+
+    about: About
+    motion: np.ndarray
+    torque: np.ndarray
+
+    def check(self) -> None:
+        """Raise :class:`~orchestrator.codec.Malformed` if the arrays are not what they should be."""
+        for name, array, columns in (("motion", self.motion, MOTION), ("torque", self.torque, TORQUE)):
+            if array.ndim != 2 or array.shape[1] != len(columns) or array.dtype != np.float32:
+                raise Malformed(f"the recording {self.about.id} has a {name} of another form")
+            if not np.isfinite(array).all() or (np.diff(array[:, 0]) < 0).any():
+                raise Malformed(f"the recording {self.about.id} has a {name} that is not finite or not in order")
+
+    @property
+    def error(self) -> np.ndarray:
+        """TCP error [m] at the times of ``motion``."""
+        distance: np.ndarray = np.hypot(self.motion[:, 1], self.motion[:, 2])
+        return distance
+
+
+def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recording:
+    """The thinned recording of a simulated case; the trajectory holds the outputs ``q_a[1]`` and ``q_a[2]`` too."""
+    scenario, ending = case.scenario, trajectory.ending
+    offset = trajectory.X - trajectory.X[0]
+    links = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
+    moved = np.column_stack([offset, links - links[0]])
+    kept = thin(np.column_stack([offset, trajectory.tcp_error]), MOTION_INTERVALS)
+    torque_kept = thin(trajectory.torque, TORQUE_INTERVALS)
+    about = About(
+        id=case.id,
+        roles=tuple(roles),
+        configuration=case.configuration.index,
+        q_a=(case.configuration.q_a1, case.configuration.q_a2),
+        system=case.system.name,
+        test=case.test.name,
+        duration=float(scenario.duration),
+        force=scenario.pulse.force,
+        window=(scenario.pulse.start, scenario.pulse.stop),
+        chirp=(scenario.chirp.start, scenario.chirp.stop, scenario.chirp.f_start, scenario.chirp.f_stop),
+        u_m0=trajectory.u_m0,
+        status=ending.status,
+        time=ending.time,
+        message=ending.message,
+    )
+    return Recording(
+        about,
+        np.column_stack([trajectory.time[kept], moved[kept]]).astype(np.float32),
+        np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]]).astype(np.float32),
+    )
+
+
+def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
+    """Rows of ``signals`` (shape (N, signals)) to keep: of every interval and signal the smallest and the largest
+    value, and the first and last row of all. Rows with a value that is not finite are left out."""
+    rows = np.flatnonzero(np.isfinite(signals).all(axis=1))
+    if rows.size <= 2 * intervals:
+        return rows
+    edges = np.linspace(0, rows.size, intervals + 1).astype(int)
+    kept = {0, rows.size - 1}
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        part = signals[rows[begin:end]]
+        kept.update((begin + np.argmin(part, axis=0)).tolist())
+        kept.update((begin + np.argmax(part, axis=0)).tolist())
+    return rows[sorted(kept)]
+
+
+def save(recordings: Sequence[Recording], folder: Path) -> None:
+    """Write the recordings of a run into its folder."""
+    arrays = {
+        "about": np.array(to_json([recording.about for recording in recordings], indent=None)),
+        "columns_motion": np.array(MOTION),
+        "columns_torque": np.array(TORQUE),
+    }
+    for number, recording in enumerate(recordings):
+        arrays[f"motion_{number}"] = recording.motion
+        arrays[f"torque_{number}"] = recording.torque
+    stream = io.BytesIO()
+    np.savez_compressed(stream, allow_pickle=False, **arrays)
+    write_bytes(folder / TRAJECTORIES, stream.getvalue())
+
+
+def load(folder: Path) -> tuple[Recording, ...]:
+    """The recordings of a run; none if it was made without. Raises :class:`InputError` for a damaged file."""
+    file = folder / TRAJECTORIES
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        return ()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+            if (tuple(stored["columns_motion"]), tuple(stored["columns_torque"])) != (MOTION, TORQUE):
+                raise Malformed("its columns are not those of a recording")
+            recordings = tuple(
+                Recording(about, stored[f"motion_{number}"], stored[f"torque_{number}"])
+                for number, about in enumerate(from_json(str(stored["about"]), tuple[About, ...]))
+            )
+        for recording in recordings:
+            recording.check()
+        return recordings
+    except Malformed as problem:
+        raise InputError(f"{file} is damaged: {problem}.", "damaged", file) from None
+    except Exception as problem:  # NumPy, zipfile and zlib have all kinds for damaged files, in words for programmers
+        raise InputError(f"{file} is damaged.", "damaged", file) from problem

@@ -1,0 +1,104 @@
+"""The page ``report.html`` of one run: what its static part says. The figures are drawn by the page's scripts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from ..benchmark.results import Results
+from . import pages
+from .payload import criteria, report_payload
+from .recording import SPREAD
+from .repeat import simulate_command
+from .run import Run
+from .wording import assignments, connectors, loop_delay, number, remarks, requirement_rows
+
+SCALE_END = 1.15
+"""End of the cost's scale, relative to the largest value on it."""
+
+
+def report_html(run: Run) -> str:
+    """The report as one HTML file."""
+    results = run.results
+    payload = report_payload(run)
+    shown = {entry["id"]: index for index, entry in reversed(list(enumerate(payload["recordings"])))}
+    return pages.render(
+        "report.html",
+        pages.REPORT,
+        payload,
+        results=results,
+        headline=headline(results),
+        criteria=criteria(results),
+        requirements=requirement_rows(results),
+        limit=results.rules.stability.limit_cycle,
+        facts=facts(results),
+        remarks=remarks(results),
+        shown=shown,
+        command=partial(simulate_command, results),
+        poses=poses(results),
+        stability=sorted(payload["stability"], key=_amplitude, reverse=True),
+        spread=[entry.about.id for entry in run.recorded(SPREAD)],
+        failures=[case for case in results.cases if case.status != "done"],
+        recorded=bool(payload["recordings"]),
+    )
+
+
+def headline(results: Results) -> dict[str, Any]:
+    """V beside the paper's PID and the target: values, and places in percent on a common scale."""
+    cost, target, paper = results.cost, results.rules.cost.target, results.rules.cost.paper
+    end = SCALE_END * max(target, paper, cost or 0.0)
+    return {
+        "cost": number(cost),
+        "place": None if cost is None else 100 * cost / end,
+        "marks": [
+            {"name": name, "value": f"{value:g}", "place": 100 * value / end}
+            for name, value in (("target", target), ("paper's PID", paper))
+        ],
+        "sentence": _sentence(cost, target, paper),
+    }
+
+
+def _sentence(cost: float | None, target: float, paper: float) -> str:
+    if cost is None:
+        return "No cost: a case that counts has no value."
+    side = "At or below" if cost <= target else "Above"
+    change = 100 * (cost - paper) / paper
+    direction = "less" if change < 0 else "more"
+    return f"{side} the target of {target:g}, {abs(change):.0f} % {direction} than the paper reports for its PID."
+
+
+def facts(results: Results) -> list[tuple[str, str]]:
+    """How the results were obtained, as pairs of a name and a text."""
+    controller, plant, timing, sample_time = results.controller, results.plant, results.timing, results.sample_time
+    processes = "1 process" if timing.workers == 1 else f"{timing.workers} processes"
+    return [
+        ("Controller", controller.file),
+        ("Parameters set", assignments(controller.parameters) or "none"),
+        ("Connectors", connectors(controller)),
+        ("FMI version", controller.fmi_version),
+        ("Made by", controller.generation_tool or "not stated"),
+        ("SHA-256", controller.sha256),
+        ("Benchmark", f"{results.benchmark}, protocol {results.protocol}"),
+        ("Seed", str(results.seed)),
+        ("Sample time", f"{sample_time.seconds * 1e3:g} ms" + ("" if sample_time.as_in_benchmark else " (own)")),
+        ("Loop delay", loop_delay(results.loop_delay).removeprefix("loop delay ")),
+        ("Cases", f"{len(results.cases)}, {timing.simulated_time:.0f} simulated seconds"),
+        ("Run", f"{timing.start}, {timing.wall_time:.0f} s on {processes}"),
+        ("Plant", f"{plant.file}, SHA-256 {plant.sha256}"),
+        ("Versions", ", ".join(f"{name} {version}" for name, version in results.environment.items())),
+    ]
+
+
+def poses(results: Results) -> dict[int, str]:
+    """The configurations' link angles in words."""
+    return {
+        entry.index: f"{math.degrees(entry.q_a1):.0f}° / {math.degrees(entry.q_a2):.0f}°"
+        for entry in results.configurations
+    }
+
+
+def _amplitude(row: Mapping[str, Any]) -> float:
+    """For sorting: no amplitude at all is the worst."""
+    return math.inf if row["limit_cycle"] is None else row["limit_cycle"]

@@ -1,0 +1,117 @@
+"""A run: the results of an evaluation and its recordings, on disk and back."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+from ..benchmark.results import SCHEMA, Results
+from ..benchmark.scorecard import score
+from ..codec import Malformed, from_json, plain, to_json
+from ..errors import InputError
+from . import recording
+from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
+from .recording import Recording
+from .tables import csv_text
+from .wording import SHOWN
+
+CRITERIA = {f"B{number}" for number in range(1, 8)}
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Run:
+    """``results`` and ``recordings``, which may be empty; ``folder`` is where they are stored, if they are."""
+
+    results: Results
+    recordings: tuple[Recording, ...] = ()
+    folder: Path | None = None
+
+    def recorded(self, role: str) -> list[Recording]:
+        """The recordings with this role, such as ``B5``, ``A2 2`` or ``spread``."""
+        return [entry for entry in self.recordings if role in entry.about.roles]
+
+
+def save_run(results: Results, recordings: Sequence[Recording], folder: Path) -> None:
+    """Write ``cases.csv``, ``trajectories.npz`` and ``results.json`` into ``folder``, each in one go, the summary last.
+
+    What was made of other results that are there is removed first: what is kept belongs to ``results``, whenever the
+    process is interrupted.
+    """
+    prepare_folder(folder)
+    if _is_outdated(folder, results):
+        logger.warning("other results in %s are replaced", folder, extra={"what": "replaced"})
+        for name in (RESULTS, CASES, TRAJECTORIES, REPORT, PARQUET, MAT, FIGURES):
+            remove(folder / name)
+    if recordings:
+        recording.save(recordings, folder)
+    write_text(folder / CASES, csv_text(results))
+    write_text(folder / RESULTS, to_json(results) + "\n")
+
+
+def _is_outdated(folder: Path, results: Results) -> bool:
+    """Whether ``folder`` holds other results."""
+    try:
+        there = from_json((folder / RESULTS).read_bytes(), Results)
+    except FileNotFoundError:
+        return False
+    except (OSError, Malformed):
+        return True
+    return replace(there, timing=results.timing, environment=results.environment) != results
+
+
+def load_run(path: Path) -> Run:
+    """The run in the folder ``path`` (or of that results file).
+
+    The scorecard is computed again from the cases. Raises :class:`InputError` if there is none, or a field is not what
+    it should be, or the scorecard is not that of the cases.
+    """
+    file = path / RESULTS if path.is_dir() else path
+    try:
+        text = file.read_bytes()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-run", file) from problem
+    try:
+        schema = from_json(text, _Schema).schema
+        if schema != SCHEMA:
+            raise InputError(
+                f"{file} holds results of the form {schema!r}, not {SCHEMA}.", "other-schema", file, schema
+            )
+        results = from_json(text, Results)
+    except Malformed as problem:
+        raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
+    check_consistent(results, file)
+    return Run(results, recording.load(file.parent), file.parent)
+
+
+class _Schema(msgspec.Struct):
+    schema: str = ""
+
+
+def check_consistent(results: Results, file: Path) -> None:
+    """Raise :class:`InputError` if the parts of ``results`` contradict each other."""
+    rules = results.rules
+    tests = {test.name for test in rules.tests}
+    names = [case.id for case in results.cases]
+    specs = rules.criteria.values()
+    problem = ""
+    if not set(rules.criteria) <= CRITERIA or not {name for test in rules.tests for name in test.criteria} <= CRITERIA:
+        problem = "it has criteria that no case is measured by"
+    elif any(spec.unit not in SHOWN or spec.target <= 0 for spec in specs) or min(plain(rules.cost).values()) <= 0:
+        problem = "a target is not positive, or has no unit it could be shown in"
+    elif not results.cases or len(set(names)) < len(names) or not {case.test for case in results.cases} <= tests:
+        problem = "its cases are not those of its rules"
+    elif not set(NOMINAL) <= set(results.plant.nominal):
+        problem = "parameters of the plant are missing"
+    elif score(results.rules, results.cases) != results.scorecard:
+        problem = "its scorecard is not that of its cases"
+    if problem:
+        raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)

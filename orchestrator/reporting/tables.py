@@ -1,0 +1,68 @@
+"""All cases of a run as one table: CSV, and Parquet for those who go on in pandas or a database."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+from ..benchmark.results import Results
+
+FORMULA = ("=", "+", "-", "@", "\t")
+"""First characters by which a spreadsheet takes a text for a formula."""
+
+
+def case_table(results: Results) -> dict[str, list[Any]]:
+    """One list per column, one element per case; names carry the SI unit. None if a case has no such figure."""
+    cases = results.cases
+
+    def measured(name: str) -> list[Any]:
+        return [getattr(case.measurements, name) for case in cases]
+
+    return {
+        "id": [case.id for case in cases],
+        "status": [case.status.value for case in cases],
+        "configuration": [case.configuration.index for case in cases],
+        "q_a1 [rad]": [case.configuration.q_a1 for case in cases],
+        "q_a2 [rad]": [case.configuration.q_a2 for case in cases],
+        "system": [case.system for case in cases],
+        "test": [case.test for case in cases],
+        "time [s]": [case.time for case in cases],
+        **{f"{name} [{criterion.unit}]": measured(name) for name, criterion in results.criteria.items()},
+        "settled": measured("settled"),
+        **{f"{name} [m]": measured(name) for name in ("limit_cycle_x", "limit_cycle_z", "rest_error")},
+        "warnings": [case.warnings for case in cases],
+        "message": [case.message for case in cases],
+    }
+
+
+def csv_text(results: Results) -> str:
+    """The contents of ``cases.csv``, one row per case; an apostrophe precedes text that a spreadsheet would run."""
+    table = case_table(results)
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows(map(_inert, row) for row in zip(*table.values(), strict=True))
+    return stream.getvalue()
+
+
+def parquet_bytes(results: Results) -> bytes:
+    """The same table in Parquet, by the optional package pyarrow."""
+    from pyarrow import BufferOutputStream, bool_, float64, parquet, table
+
+    columns = table(case_table(results))
+    for number, name in enumerate(columns.column_names):
+        if columns.schema.field(name).type == "null":  # no case has such a figure
+            kind = bool_() if name == "settled" else float64()
+            columns = columns.set_column(number, name, columns.column(name).cast(kind))
+    sink = BufferOutputStream()
+    parquet.write_table(columns, sink)
+    contents: bytes = sink.getvalue().to_pybytes()
+    return contents
+
+
+def _inert(cell: Any) -> Any:
+    if not isinstance(cell, str):
+        return cell
+    text = cell.replace("\r\n", "\n").replace("\r", "\n")  # a lone carriage return is not quoted, and ends a row
+    return f"'{text}" if text.startswith(FORMULA) else text

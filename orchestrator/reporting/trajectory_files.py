@@ -1,0 +1,108 @@
+"""A trajectory as a table in CSV, NPZ and MAT files, and as a plot in the paper's units."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..loop.scenario import Scenario
+from ..loop.trajectory import Trajectory
+from .files import write_bytes, write_text
+
+if TYPE_CHECKING:  # loaded by those who draw
+    from matplotlib.figure import Figure
+
+Table = Mapping[str, np.ndarray]
+"""Signals by name with unit, such as ``q_m[1] [rad]``, each of shape (N + 1,)."""
+
+
+def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
+    """All signals of a simulation. Torques at the last instant, which are not computed, are NaN."""
+    from ..loop import signals  # loads the compiler, which only few callers need
+
+    t = trajectory.time
+    chirp, pulse = signals.chirp_signal(scenario.chirp), signals.pulse_signal(scenario.pulse)
+    u_d = np.array([interpreted(signals.chirp)(chirp, time) for time in t.tolist()])
+    F = np.array([interpreted(signals.pulse)(pulse, time) for time in t.tolist()])
+    pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
+    pairs = {
+        "q_m[{}] [rad]": trajectory.q_m,
+        "u_c[{}] [N.m]": np.vstack([trajectory.command, pending]),
+        "u_m[{}] [N.m]": np.vstack([trajectory.torque, pending]),
+        "u_d[{}] [N.m]": u_d,
+    }
+    return {
+        "time [s]": t,
+        **{f"{name} [rad]": values for name, values in trajectory.extra.items()},
+        **{name.format(i + 1): values[:, i] for name, values in pairs.items() for i in range(2)},
+        "F_x [N]": F[:, 0],
+        "F_z [N]": F[:, 1],
+        "x [m]": trajectory.X[:, 0],
+        "z [m]": trajectory.X[:, 1],
+        "tcp_error [m]": trajectory.tcp_error,
+    }
+
+
+def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The Python source of a compiled function: compiling it would take longer than the few calls made here."""
+    python: Callable[..., Any] = getattr(function, "py_func", function)
+    return python
+
+
+def write_csv(table: Table, file: Path) -> None:
+    """Write the columns with their names as header; each number with as few digits as determine it exactly."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    write_text(file, stream.getvalue())
+
+
+def write_npz(table: Table, file: Path) -> None:
+    """Write the columns as arrays by their names, compressed: ``numpy.load(file)["u_m[1] [N.m]"]``."""
+    stream = io.BytesIO()
+    np.savez_compressed(stream, allow_pickle=False, **table)
+    write_bytes(file, stream.getvalue())
+
+
+def write_mat(table: Table, file: Path) -> None:
+    """Write the columns as MATLAB variables ``time``, ``q_m_1``, ..., ``tcp_error``, in the same SI units."""
+    from scipy.io import savemat
+
+    names = (re.sub(r"\W+", "_", name.split(" ")[0]).strip("_") for name in table)
+    stream = io.BytesIO()
+    savemat(stream, dict(zip(names, table.values(), strict=True)), oned_as="column", do_compression=True)
+    write_bytes(file, stream.getvalue())
+
+
+def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Figure | None = None) -> Figure:
+    """TCP error [mm] and motor torques [Nm] over time, drawn into ``figure`` or a new one."""
+    from matplotlib.figure import Figure
+
+    figure = figure or Figure(figsize=(8, 6), layout="constrained")
+    error, torque = figure.subplots(2, 1, sharex=True)
+    t = trajectory.time
+    error.plot(t, trajectory.tcp_error * 1e3, linewidth=0.8)
+    error.set(ylabel="TCP position error [mm]")
+    error.set_title(title, parse_math=False)
+    for i in range(2):
+        torque.step(t[:-1], trajectory.torque[:, i], where="post", linewidth=0.8, label=f"axis {i + 1}")
+    torque.set(xlabel="Time [s]", ylabel="Motor torque $u_m$ [Nm]")
+    torque.legend(loc="best")
+    for axes in (error, torque):
+        axes.grid(alpha=0.3)
+        axes.set_xlim(t[0], t[-1] if len(t) > 1 else float(scenario.duration))
+    return figure
+
+
+def write_plot(figure: Figure, file: Path) -> None:
+    """Write a figure in the format that the file's ending names."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format=file.suffix.lstrip(".") or "png", dpi=150)
+    write_bytes(file, stream.getvalue())

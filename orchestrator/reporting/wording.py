@@ -1,0 +1,154 @@
+"""How values are put into words and units, the paper's: in the terminal, in pages and in figures alike."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ..benchmark.results import ControllerRecord, CriterionSpec, LoopDelay, Results, Verdict
+
+SHOWN = {"m": (1e3, "mm"), "N.m": (1.0, "Nm"), "s": (1.0, "s")}
+"""Factor and name of the unit that a value is shown in."""
+
+REQUIREMENTS = {
+    "A1": "loop gain × {gain:g}, axis {axis}",
+    "A2": "delay + {delay:g} ms, axis {axis}",
+    "A3": "limit cycle, all tests",
+}
+"""What a requirement asks for."""
+
+SEED_MATTERS = "V depends on the seed"
+"""What is said of protocols with few cases."""
+
+NO_UNIT = re.compile(r"(?:.*: )?(.+) declares no unit; taken as (.+)")
+
+
+@dataclass(frozen=True)
+class RequirementRow:
+    """A requirement as it is listed: its name, its axis if it is judged per axis (else empty), title and verdict."""
+
+    name: str
+    axis: str
+    title: str
+    judged: Verdict
+
+    @property
+    def label(self) -> str:
+        """Name and axis, such as ``A2 axis 1``."""
+        return f"{self.name} axis {self.axis}" if self.axis else self.name
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as a word."""
+        passed = self.judged.passed
+        return "not tested" if passed is None else "holds" if passed else "fails"
+
+    @property
+    def amplitude(self) -> str:
+        """What the worst case did: its limit cycle, or why it has none that counts."""
+        judged = self.judged
+        if judged.worst_case is None:
+            return "-"
+        if judged.limit_cycle is None:
+            return "no value"
+        if judged.rest_error is not None:
+            return f"no rest: {number(judged.rest_error * 1e3)} mm"
+        return f"{number(judged.limit_cycle * 1e6)} µm"
+
+
+def number(value: float | None, factor: float = 1.0) -> str:
+    """``value`` times ``factor`` with three significant figures, four from 100 on; a dash if there is no value."""
+    if value is None:
+        return "-"
+    return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
+
+
+def figure(criterion: CriterionSpec, value: float | None) -> str:
+    """A value of ``criterion`` in the unit it is shown in."""
+    return number(value, SHOWN[criterion.unit][0])
+
+
+def loop_delay(delay: LoopDelay) -> str:
+    """The loop delay as a sentence."""
+    if delay.seconds is None or delay.samples is None:
+        return f"loop delay not measured: the controller {delay.convention or 'could not be probed'}"
+    text = f"loop delay {delay.seconds * 1e3:.3f} ms = {delay.samples:g} sample{'s' * (delay.samples != 1)}"
+    within = f" ({delay.controller_samples} of them in the controller)" if delay.controller_samples else ""
+    return f"{text}{within}; the controller {delay.convention}"
+
+
+def connectors(controller: ControllerRecord) -> str:
+    """The connectors that the controller has, and the optional ones that it does not have."""
+    bound = [name for name, entry in controller.connectors.items() if entry is not None]
+    absent = [name for name, entry in controller.connectors.items() if entry is None and name != "e"]
+    return ", ".join(bound) + (f" (without {', '.join(absent)})" if absent else "")
+
+
+def requirement_rows(results: Results) -> list[RequirementRow]:
+    """The requirements, A1 and A2 per axis."""
+    rows = []
+    for name, entry in results.stability.items():
+        tests = {str(test.axis): test for test in results.rules.tests if name in test.requirements}
+        per_axis: list[tuple[str, Verdict]] = [*entry.axes.items()] if "{axis}" in REQUIREMENTS[name] else [("", entry)]
+        for axis, judged in per_axis:
+            test = tests.get(axis)
+            gain, delay = (test.gain, test.delay * 1e3) if test else (1.0, 0.0)
+            rows.append(
+                RequirementRow(name, axis, REQUIREMENTS[name].format(axis=axis, gain=gain, delay=delay), judged)
+            )
+    return rows
+
+
+def without_cost(results: Results) -> str:
+    """Why a complete run has no cost; empty if it has one."""
+    if results.cost is not None or not results.complete:
+        return ""
+    criteria = {test.name for test in results.rules.tests if test.criteria}
+    lost = sum(case.test in criteria and case.status != "done" for case in results.cases)
+    return f"{lost} of the cases that B1 to B7 are measured in are unstable"
+
+
+def collapsed(notes: Iterable[str]) -> list[str]:
+    """Notes on connectors, those on variables without a unit in one line."""
+    others: list[str] = []
+    taken: dict[str, list[str]] = {}
+    for note in dict.fromkeys(notes):
+        if found := NO_UNIT.fullmatch(note):
+            taken.setdefault(found[2], []).append(found[1])
+        else:
+            others.append(note)
+    parts = (f"{', '.join(names)} (taken as {unit})" for unit, names in taken.items())
+    return [*others, *([f"no unit declared: {'; '.join(parts)}"] if taken else [])]
+
+
+def assignments(values: dict[str, float]) -> str:
+    """Parameters and their values in one line."""
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+
+
+def remarks(results: Results) -> list[str]:
+    """What a reader must know before comparing the figures with others."""
+    found = []
+    unsettled = sum(case.measurements.settled is False for case in results.cases)
+    if unsettled:
+        found.append(
+            f"In {unsettled} case{'s' * (unsettled != 1)} B6 is the time to the end of the simulation: "
+            "the TCP did not settle."
+        )
+    if not results.complete:
+        found.append("Incomplete: not every case of the protocol has a verdict.")
+    if reason := without_cost(results):
+        found.append(f"No cost V: {reason}.")
+    if not results.sample_time.as_in_benchmark:
+        found.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
+    if results.protocol != "paper":
+        found.append(
+            f"Protocol {results.protocol}: not comparable to the paper nor to other protocols; {SEED_MATTERS}."
+        )
+    bound = (entry for entry in results.controller.connectors.values() if entry is not None)
+    notes = collapsed(note for entry in bound for note in entry.notes)
+    found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    if changes := assignments(results.plant.parameters):
+        found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
+    return found

@@ -1,0 +1,87 @@
+"""Closed loops for tests, simulated in worker processes: a test process never loads an FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from orchestrator.api import work
+from orchestrator.benchmark import cases, protocol
+from orchestrator.benchmark.case import Case
+from orchestrator.codec import pack
+from orchestrator.exact_time import seconds
+from orchestrator.execution.job import Job, Refused
+from orchestrator.execution.messages import error_of
+from orchestrator.execution.supervision import run_isolated
+from orchestrator.fmi.archive import open_archive
+from orchestrator.loop.scenario import Scenario
+from orchestrator.loop.setup import Setup
+from orchestrator.loop.trajectory import Trajectory
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+T_S = Fraction(1, 4000)
+PAPER = protocol.load("paper")
+GRID = cases.grid(PAPER)
+
+
+def quiet(duration: str | Fraction, parameters: Mapping[str, float] | None = None, **changes: Any) -> Scenario:
+    """A scenario with all imperfections and disturbances off but those in ``changes``."""
+    given = {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9} if parameters is None else parameters
+    return Scenario(tuple(given.items()), seconds(duration), **{"sample_time": T_S, **changes})
+
+
+def case(index: int, system: str, test: str, seed: int = 0) -> Case:
+    """A case of the protocol ``paper``."""
+    return cases.case_named(PAPER, NOMINAL, seed, f"c{index:02d}.{system}.{test}")
+
+
+def simulate_all(
+    plant: Path,
+    controller: Path,
+    scenarios: Sequence[Scenario],
+    observe: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None,
+) -> list[Trajectory]:
+    """Trajectories of ``scenarios``, one worker process for all; raises what is raised there.
+
+    ``observe`` names further plant outputs, ``parameters`` are the controller's.
+    """
+    tasks = [_task(scenario, parameters, observe) for scenario in scenarios]
+
+    def decode(index: int, value: bytes) -> Trajectory:
+        return work.trajectory(scenarios[index].samples, tuple(observe), value)
+
+    return _run(plant, controller, "simulate_scenario", tasks, decode)
+
+
+def probed(
+    plant: Path, controller: Path, scenario: Scenario, parameters: Mapping[str, float] | None = None
+) -> work.TimingRecord:
+    """What the probe finds out about a controller in the steady state of ``scenario``."""
+    (found,) = _run(plant, controller, "probe_timing", [_task(scenario, parameters)], work.timing)
+    return found
+
+
+def _task(scenario: Scenario, parameters: Mapping[str, float] | None, observe: Sequence[str] = ()) -> work.ScenarioTask:
+    return work.ScenarioTask(Setup(dict(parameters or {})), scenario, tuple(observe))
+
+
+def _run(
+    plant: Path,
+    controller: Path,
+    function: str,
+    tasks: Sequence[work.ScenarioTask],
+    decode: Callable[[int, bytes], Any],
+) -> list[Any]:
+    largest = max(work.largest_trajectory(task.scenario) for task in tasks)
+    archives = open_archive(plant), open_archive(controller)
+    job = Job(*archives, f"{work.__name__}:{function}", tuple(map(pack, tasks)), (60.0,) * len(tasks), decode, largest)
+    values = []
+    for outcome in run_isolated(job):
+        if isinstance(outcome, Refused):
+            raise error_of(outcome.error)
+        assert hasattr(outcome, "value"), outcome
+        values.append(outcome.value)
+    return values

@@ -1,0 +1,132 @@
+"""Runs for tests of reports, made by hand: no simulation, and no FMU."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from orchestrator.benchmark.results import (
+    SCHEMA,
+    BoundRecord,
+    CaseResult,
+    ControllerRecord,
+    LoopDelay,
+    PlantRecord,
+    Results,
+    RunTiming,
+    SampleTimeRecord,
+)
+from orchestrator.benchmark.scorecard import score
+from orchestrator.codec import to_json
+from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.recording import About, Recording
+from orchestrator.reporting.run import Run, load_run, save_run
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+from support.results import PAPER, RULES, TABLE_2, everything
+
+CONTROLLER = ControllerRecord(
+    file="PID.fmu",
+    sha256="c0" * 32,
+    fmi_version="2.0",
+    generation_tool="by hand",
+    parameters={},
+    path="my controllers/PID.fmu",
+    mapping={},
+    connectors={"q_m": BoundRecord(("q_m[1]", "q_m[2]"), "exact"), "e": None, "q_a_ref": None},
+)
+PLANT = PlantRecord("Plant.fmu", "a1" * 32, "2.0", None, {}, dict(NOMINAL))
+
+
+def results_of(cases: Iterable[CaseResult] | None = None, **changes: Any) -> Results:
+    """Results with the paper's figures in all cases, or with ``cases``; ``changes`` are fields.
+
+    Changes of ``controller`` and ``plant`` are given as mappings.
+    """
+    found = tuple(everything(TABLE_2) if cases is None else cases)
+    parts = {
+        name: replace(part, **changes.pop(name, {})) for name, part in (("controller", CONTROLLER), ("plant", PLANT))
+    }
+    values = {
+        "schema": SCHEMA,
+        "benchmark": PAPER.benchmark,
+        "protocol": "paper",
+        "protocol_file": "",
+        "cases": found,
+        "seed": 0,
+        "rules": RULES,
+        "sample_time": SampleTimeRecord(0.25e-3, True),
+        "loop_delay": LoopDelay(5e-4, 2.0, 2.5e-4, 1, "samples twice in the first step"),
+        "environment": {"python": "3.11"},
+        "timing": RunTiming("2026-01-02T00:00:00+00:00", 100.0, 2, 8000.0, 50.0),
+        **parts,
+        **changes,
+    }
+    card = score(values["rules"], found)
+    return Results(**{**{name: getattr(card, name) for name in card.__struct_fields__}, **values})
+
+
+def scaled(factor: float, **changes: Any) -> Results:
+    """Results with ``factor`` times the paper's figures in all cases, which is the controller's parameter K."""
+    controller = {"parameters": {"K": factor}, **changes.pop("controller", {})}
+    values: Mapping[str, float] = {name: factor * value for name, value in TABLE_2.items()}
+    return results_of(everything(values, changes.pop("configurations", range(18))), controller=controller, **changes)
+
+
+ABOUT = About(
+    id="c07.compliant.disturbance",
+    roles=(),
+    configuration=7,
+    q_a=(0.3, -0.9),
+    system="compliant",
+    test="disturbance",
+    duration=26.0,
+    force=(300.0, 400.0),
+    window=(10.0, 10.5),
+    chirp=(0.5, 8.0, 0.0, 15.0),
+    u_m0=(1.0, 2.0),
+    status=Status.DONE,
+    time=26.0,
+    message="",
+)
+
+
+def recording(roles: tuple[str, ...], id: str = ABOUT.id, size: float = 8e-3, **changes: Any) -> Recording:
+    """A recording of 26 s in which the TCP moves by ``size`` [m] along x at the beginning of the force, and by a tenth
+    of it in the chirp."""
+    t = np.arange(0, 26, 0.01, dtype=np.float32)
+    chirp = np.where((t > 0.5) & (t < 8), 0.1 * np.sin(2 * np.pi * t), 0)
+    x = size * np.where(t > 10, np.exp(-2 * np.clip(t - 10, 0, None)), chirp)
+    motion = np.column_stack([t, x, 0 * t, x / 2, x / 3]).astype(np.float32)
+    torque = np.column_stack([t, np.sin(t), np.cos(t)]).astype(np.float32)
+    return Recording(replace(ABOUT, id=id, roles=roles, **changes), motion, torque)
+
+
+def spread(size: float, system: str) -> Recording:
+    """One of the uncertain systems of Figures 11 and 12."""
+    return recording(("spread",), f"c07.{system}.disturbance", size, system=system)
+
+
+RECORDINGS = (
+    recording(("B5", "B6", "A3 x")),
+    recording(("B7",), "c08.random_1.disturbance"),
+    recording(("example",)),
+    spread(8e-3, "compliant"),
+    spread(8e-3, "random_1"),
+)
+
+
+def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = RECORDINGS) -> Run:
+    """The run of an evaluation, written to ``folder`` and read back."""
+    save_run(results, recordings, folder)
+    return load_run(folder)
+
+
+def edited(results: Results) -> dict[str, Any]:
+    """The contents of ``results.json`` as plain values that a test may change."""
+    contents: dict[str, Any] = json.loads(to_json(results))
+    return contents

@@ -1,0 +1,240 @@
+"""The commands: exit codes, what is printed where, and that wrong input is one clear line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import shlex
+import shutil
+import signal
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from support.bad_fmus import with_broken_sources, without
+from support.command_lines import call, command, environment, run
+from support.python_controllers import python_controller
+from support.reports import ABOUT, results_of
+
+from orchestrator.benchmark.results import SampleTimeRecord
+from orchestrator.cli import simulate
+from orchestrator.cli.main import COMMANDS, main
+from orchestrator.reporting.repeat import recording_command, simulate_command
+from orchestrator.reporting.run import load_run
+
+ONE = ("--only", "c00.compliant.noise", "--no-report")
+
+
+@pytest.fixture(scope="module")
+def folder(quick_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished quick evaluation that commands may add to."""
+    return Path(shutil.copytree(quick_folder, tmp_path_factory.mktemp("cli") / "quick"))
+
+
+# ---- what is printed ----
+
+
+def test_an_evaluation_in_a_process_of_its_own(pid_c_file: Path, tmp_path: Path) -> None:
+    finished = run(command("evaluate", pid_c_file, "--quick", "--only", "*.noise", "--seed", "3"), tmp_path)
+    assert finished.code == 0 and "results.json, cases.csv, trajectories.npz, report.html" in finished.err
+    (written,) = (tmp_path / "runs").iterdir()
+    assert written.name.startswith("DiagonalPID_C-quick-seed3-") and (written / "report.html").is_file()
+
+
+def test_the_scorecard_is_printed_for_people_and_nothing_is_run_again(pid_file: Path, folder: Path) -> None:
+    again = ("evaluate", pid_file, "--quick", "--no-report", "--output-dir", folder)
+    finished = call(*again, folder=folder)
+    for words in ("B1", "B7", "V ", "A1", "A2", "A3", "c0", "loop delay 0.250 ms", "141.0", "protocol quick"):
+        assert words in finished.out
+    assert "connectors q_m, u_m, q_m_ref, u_m0 (without q_a_ref)" in finished.out and "\x1b" not in finished.out
+    assert all(len(line) <= 80 or line.startswith("  python -m") for line in finished.out.splitlines())
+    assert "24 of 24 cases are there from an earlier run (--force" in finished.err
+    as_json = call(*again, "--json", folder=folder)
+    assert json.loads(as_json.out) == json.loads((folder / "results.json").read_text())
+
+
+def test_the_command_beside_a_case_repeats_it(folder: Path, tmp_path: Path) -> None:
+    results, id = load_run(folder).results, "c01.compliant.noise"
+    words = shlex.split(simulate_command(results, id))
+    finished = call("simulate", *words[3:], "--output-dir", tmp_path / "a", folder=tmp_path)
+    assert finished.code == 0 and f"B1 = {results.case(id).measurements.B1:.6g} N.m" in finished.out
+    again = call("simulate", "--from", folder, "--case", id, folder=tmp_path)
+    assert again.out == finished.out
+
+
+def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
+    results = results_of(
+        protocol="quick",
+        seed=3,
+        sample_time=SampleTimeRecord(1e-3, False),
+        controller={"path": "my arm.fmu", "parameters": {"K": 1.5}, "mapping": {"q_m[1]": "In 1"}},
+        plant={"parameters": {"m[1]": 60.0}},
+    )
+    pose = replace(ABOUT, configuration=-1, q_a=(math.pi / 4, -math.pi / 3), system="random_3", test="noise")
+    given = vars(simulate._parser().parse_args(shlex.split(recording_command(results, pose))[3:]))
+    expected = {
+        "controller": Path("my arm.fmu"),
+        "protocol": "quick",
+        "seed": 3,
+        "sample_time": Fraction(1, 1000),
+        "controller_parameters": [("K", 1.5)],
+        "connections": [("q_m[1]", "In 1")],
+        "plant_parameters": [("m[1]", 60.0)],
+        "configuration": pytest.approx([45.0, -60.0]),
+        "system": "random_3",
+        "test": "noise",
+    }
+    assert {name: given[name] for name in expected} == expected
+
+
+def test_simulation_writes_table_and_picture_and_overwrites_nothing(pid_c_file: Path, tmp_path: Path) -> None:
+    for _ in range(2):
+        finished = call("simulate", pid_c_file, "--duration", "0.05", "--csv", folder=tmp_path)
+        assert finished.code == 0 and "done at 0.05 s" in finished.out and "largest TCP error" in finished.out
+    tables, *others = (list(tmp_path.rglob(f"trajectory.{ending}")) for ending in ("csv", "png", "npz"))
+    assert [len(tables), *map(len, others)] == [2, 2, 2]
+    header, *rows = csv.reader(tables[0].open())
+    assert all("[" in name for name in header) and [float(row[0]) for row in rows] == [k / 4000 for k in range(201)]
+
+
+def test_folders_say_what_differs(pid_c_file: Path, tmp_path: Path) -> None:
+    changes = [(), ("--seed", "1"), ("--set", "K_p[1]=44"), ("--plant-set", "k_high[2]=5e5"), ("--sample-time", "5e-4")]
+    for change in changes:
+        finished = call("evaluate", pid_c_file, *ONE, *change, folder=tmp_path)
+        assert finished.code == 0 and "replaced" not in finished.err
+    names = {file.parent.name for file in tmp_path.glob("runs/*/results.json")}
+    assert len(names) == len(changes) and any("K_p[1]=44" in name for name in names)
+
+
+def test_other_results_are_replaced_with_a_note(pid_c_file: Path, tmp_path: Path) -> None:
+    for seed, note in ((0, False), (1, True)):
+        finished = call("evaluate", pid_c_file, *ONE, "--output-dir", "out", "--seed", seed, folder=tmp_path)
+        assert finished.code == 0 and ("other results in out are replaced" in finished.err) == note
+
+
+def test_compare_skips_what_is_unfinished(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "unfinished").mkdir()
+    finished = call("compare", folder, "unfinished", "--json", folder=tmp_path)
+    assert finished.code == 0 and "left out: " in finished.err and "unfinished" in finished.err
+    (group,) = json.loads(finished.out)["groups"]
+    assert group["conditions"]["sample_time"] == 0.00025 and len(group["ranked"]) == 1
+    assert call("compare", "unfinished", folder=tmp_path).code == 2
+
+
+def test_report_again(folder: Path, tmp_path: Path) -> None:
+    finished = call("report", folder, "--mat", "--parquet", folder=tmp_path)
+    assert finished.code == 0 and finished.out.splitlines()[0].startswith("FlexibleManipulator")
+    assert {"cases.parquet", "trajectories.mat", "report.html"} <= {file.name for file in folder.iterdir()}
+
+
+def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
+    assert call("new", "python", "my_arm", folder=tmp_path).code == 0
+    built = call("build", "my_arm", folder=tmp_path)
+    assert built.code == 0, built.err
+    checked = call("check", built.out.strip(), "--set", "K_p[1]=50", folder=tmp_path)
+    assert checked.code == 0 and "no unit" not in checked.out
+    assert call("new", "python", "my_arm", folder=tmp_path).code == 2
+
+
+# ---- help ----
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    finished = call(name, "--help", folder=tmp_path)
+    assert finished.code == 0 and finished.err == "" and "usage: " in finished.out and "examples:" in finished.out
+    if name not in ("new",):
+        assert "exit codes:" in finished.out
+
+
+def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2 and main(["frobnicate"]) == 2
+    assert "there is no command frobnicate" in capsys.readouterr().err
+    assert main(["--help"]) == 0
+    assert set(COMMANDS) <= set(capsys.readouterr().out.split())
+    assert main(["--version"]) == 0 and capsys.readouterr().out.startswith("flexible-manipulator-benchmark ")
+    assert main(["evaluate", "--list", "--quick"]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "c00.compliant.noise"
+
+
+# ---- what a user can get wrong ----
+
+
+def refusal(folder: Path, *arguments: object) -> str:
+    """What a refused command said: exit code 2, one error, and nothing that looks like a result."""
+    finished = call(*arguments, folder=folder)  # type: ignore[arg-type]
+    assert finished.code == 2 and finished.out == "", finished
+    lines = finished.err.splitlines()
+    assert sum(line.startswith("error: ") for line in lines) == 1 and "Traceback" not in finished.err, lines
+    assert not list(folder.rglob("results.json")) and not list(folder.rglob("*.csv"))
+    return finished.err
+
+
+REFUSED = {
+    "evaluate": "--set K_q[1]=45 | --set K_p[1]=nan | --set K_p[1]=much | --set K_p[1] | --set z_p[1]=1.5 | "
+    "--map q_m[1]=a --map q_m[1]=b | --map In1 | --mapping absent.toml | --parameters huge.toml | "
+    "--sample-time 0.0004 | --sample-time 1e400 | --sample-time 1/0 | --plant-set m_3=1 | --only c99.* | --jobs 0 | "
+    "--seed -1 | --timeout inf | --memory-limit 1e300 | --protocol papper | . | --nonsense",
+    "simulate": "--configuration 0 200 | --case c01.compliant.noise --system sticky | --t-1 5 --t-2 4 | "
+    "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "
+    "--from nowhere --case c00.compliant.noise",
+    "report": "nowhere",
+    "compare": "nowhere elsewhere",
+    "new": "python my/controller",
+}
+
+
+@pytest.mark.parametrize("line", [f"{name} {line}" for name, lines in REFUSED.items() for line in lines.split(" | ")])
+def test_wrong_input_is_one_line(line: str, tmp_path: Path) -> None:
+    (tmp_path / "huge.toml").write_text(f'[parameters]\n"K_p[1]" = {"9" * 401}\n')
+    assert len(refusal(tmp_path, *line.split())) < 900
+
+
+@pytest.mark.parametrize("stage", ["begin", "initialize"])
+def test_what_an_fmu_refuses_is_said_in_its_own_words(stage: str, tmp_path: Path) -> None:
+    body = "self.log('no licence for you', Fmi2Status.error); raise RuntimeError('no licence')"
+    imports = "from pythonfmu.enums import Fmi2Status"
+    file = python_controller(tmp_path, "Unlicensed", imports=imports, **{stage: body})  # type: ignore[arg-type]
+    assert "no licence" in refusal(tmp_path, "evaluate", "--quick", file)
+
+
+def test_sources_are_compiled_where_there_is_a_compiler(
+    pid_c_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = with_broken_sources(pid_c_file, tmp_path / "broken.fmu")
+    for _ in range(2):  # what a first attempt leaves in the cache does not change the answer
+        assert "sources/pid.c:1:" in refusal(tmp_path, "evaluate", broken)
+    sound = without(pid_c_file, tmp_path / "sources.fmu", "binaries/")
+    with monkeypatch.context() as bare:
+        bare.setenv("CC", "")
+        bare.setenv("PATH", str(tmp_path))
+        assert "there is no C compiler" in refusal(tmp_path, "evaluate", sound)
+    assert call("simulate", sound, "--duration", "0.01", folder=tmp_path).code == 0
+
+
+@pytest.mark.parametrize("target", ["taken", "taken/below", "/dev/null/x", "/proc/nowhere"])
+def test_an_unwritable_output_folder(target: str, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file")
+    for words in (("evaluate", *ONE), ("simulate", "--duration", "0.01")):
+        assert target in refusal(tmp_path, *words, "--output-dir", target)
+
+
+# ---- pipes and Ctrl-C ----
+
+
+def test_a_reader_that_goes_away(tmp_path: Path) -> None:
+    words = " ".join(map(shlex.quote, command("evaluate", "--list")))
+    finished = run(["bash", "-c", f"{words} | true; exit ${{PIPESTATUS[0]}}"], tmp_path)
+    assert finished.code in (0, 1) and "Traceback" not in finished.err
+
+
+def test_ctrl_c_while_modules_are_imported(tmp_path: Path) -> None:
+    words = command("evaluate", "--quick", "--output-dir", tmp_path)
+    process = subprocess.Popen(words, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode in (130, -signal.SIGINT) and "Traceback" not in errors

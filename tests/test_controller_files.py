@@ -1,0 +1,216 @@
+"""Files with connector mappings and parameters: TOML, and SSP's SSM and SSV."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import pytest
+from fmpy.model_description import BaseUnit, Unit
+from support.descriptions import archive, description, variable
+from support.refusals import refusal
+
+from orchestrator.fmi import controller_files
+from orchestrator.fmi.controller_files import read_mapping
+
+SSM = """<?xml version="1.0" encoding="UTF-8"?>
+<ssm:ParameterMapping xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+                      xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0">
+  <!-- measurements -->
+  <ssm:MappingEntry source="In1" target="q_m[1]"/>
+  <ssm:MappingEntry source="In2" target="q_m[2]">{inside}</ssm:MappingEntry>
+</ssm:ParameterMapping>
+"""
+SSV = """<?xml version="1.0" encoding="UTF-8"?>
+<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP{major}/SystemStructureParameterValues" version="{major}.0"
+                  name="gains">
+  <ssv:Parameters>
+    <ssv:Parameter name="K_p[1]"><!-- tuned --><ssv:{real} value="4.5e1"/></ssv:Parameter>
+    <ssv:Parameter name="order"><ssv:{integer} value="-3"/></ssv:Parameter>
+    {further}
+  </ssv:Parameters>
+</ssv:ParameterSet>
+"""
+
+
+CONTROLLER = replace(
+    archive(),
+    description=description(
+        [
+            variable("K_p[1]", "parameter", "N.m/rad"),
+            variable("alpha", "parameter", "deg"),
+            variable("n", "parameter"),
+            variable("odd", "parameter", "furlong"),
+            variable("T", "parameter", "degC"),
+        ],
+        [
+            Unit("N.m/rad", BaseUnit(kg=1, m=2, s=-2, rad=-1)),
+            Unit("degC", BaseUnit(K=1, offset=273.15)),
+            Unit("K", BaseUnit(K=1)),
+        ],
+    ),
+)
+read_parameters = functools.partial(controller_files.read_parameters, controller=CONTROLLER)
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Writes a file of a name."""
+
+    def write(name, text):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def refused(read, path):
+    """The error's code and value."""
+    error = refusal(read, path)
+    assert str(path) in error.where and str(path) in str(error) and "\n" not in str(error)
+    return error.what, error.value
+
+
+# ---- Mappings ----
+
+
+def test_toml_mapping(file):
+    path = file("names.toml", '[map]\n"q_m[1]" = "In1"\n"q_m[2]" = "In2"\nu_m = "Torque"\n')
+    assert read_mapping(path) == {"q_m[1]": "In1", "q_m[2]": "In2", "u_m": "Torque"}
+
+
+def test_ssm_mapping(file):
+    assert read_mapping(file("names.ssm", SSM.format(inside=""))) == {"q_m[1]": "In1", "q_m[2]": "In2"}
+
+
+def test_ssm_transformation_is_not_dropped_silently(file):
+    path = file("names.ssm", SSM.format(inside='<ssc:LinearTransformation factor="2"/>'))
+    assert refused(read_mapping, path) == ("bad-mapping", "q_m[2]")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "what"),
+    [
+        ("names.toml", '"q_m[1]" = "In1"\n', "bad-mapping"),
+        ("names.toml", "[map]\nq_m = 1\n", "bad-mapping"),
+        ("names.toml", "[map]\nq_m[1] = In1\n", "bad-file"),
+        ("names.toml", b"\xff\xfe", "bad-file"),
+        ("names.toml", "", "bad-mapping"),
+        ("names.txt", "q_m=In1", "bad-file"),
+        ("names.ssm", "<a><b></a>", "bad-file"),
+        ("names.ssm", "", "bad-file"),
+        ("names.ssm", "<ParameterSet/>", "bad-mapping"),
+    ],
+)
+def test_wrong_mapping_files(file, name, text, what):
+    assert refused(read_mapping, file(name, text))[0] == what
+
+
+# ---- Parameters ----
+
+
+def test_toml_parameters(file):
+    path = file("gains.toml", '[parameters]\nK_p = [45, 15.5]\n"T_f" = 0.01\n"K_d[2]" = -1\nn = "3"\n')
+    assert read_parameters(path) == {"K_p[1]": 45.0, "K_p[2]": 15.5, "T_f": 0.01, "K_d[2]": -1.0, "n": 3.0}
+
+
+@pytest.mark.parametrize(("major", "real", "integer"), [(1, "Real", "Integer"), (2, "Float64", "Int32")])
+def test_ssv_parameters(file, major, real, integer):
+    path = file("gains.ssv", SSV.format(major=major, real=real, integer=integer, further=""))
+    assert read_parameters(path) == {"K_p[1]": 45.0, "order": -3.0}
+
+
+@pytest.mark.parametrize(
+    ("further", "complaint"),
+    [
+        ('<ssv:Parameter name="on"><ssv:Boolean value="true"/></ssv:Parameter>', ("bad-parameters", "on")),
+        ('<ssv:Parameter name="file"><ssv:String value="x"/></ssv:Parameter>', ("bad-parameters", "file")),
+        ('<ssv:Parameter name="none"/>', ("bad-parameters", "none")),
+        ('<ssv:Parameter name="K"><ssv:Real value="much"/></ssv:Parameter>', ("not-a-number", "much")),
+        ('<ssv:Parameter name="K"><ssv:Real/></ssv:Parameter>', ("not-a-number", "None")),
+    ],
+)
+def test_nothing_in_an_ssv_is_dropped_silently(file, further, complaint):
+    path = file("gains.ssv", SSV.format(major=1, real="Real", integer="Integer", further=further))
+    assert refused(read_parameters, path) == complaint
+
+
+UNITS = """<ssv:Units xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon">
+  <ssc:Unit name="mN.m/rad"><ssc:BaseUnit kg="1" m="2" s="-2" rad="-1" factor="0.001"/></ssc:Unit>
+  <ssc:Unit name="rev"/>
+</ssv:Units>
+"""
+
+
+def with_unit(name, unit, value="45000"):
+    """An SSV file that gives one more parameter in a unit."""
+    parameter = f'<ssv:Parameter name="{name}"><ssv:Real value="{value}" unit="{unit}"/></ssv:Parameter>'
+    text = SSV.format(major=1, real="Real", integer="Integer", further=parameter)
+    return text.replace("</ssv:Parameters>", f"</ssv:Parameters>{UNITS}")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "value"),
+    [
+        ("K_p[1]", "mN.m/rad", 45.0),
+        ("K_p[1]", "N.m/rad", 45e3),
+        ("K_p[1]", "N.m", 45e3),
+        ("alpha", "rad", 45e3 * 57.29577951308232),
+        ("odd", "furlong", 45e3),
+        ("T", "degC", 45e3),
+    ],
+)
+def test_units_in_an_ssv_are_converted_to_the_controllers(file, name, unit, value):
+    assert read_parameters(file("gains.ssv", with_unit(name, unit)))[name] == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "what"),
+    [
+        ("K_p[1]", "s", "wrong-unit"),
+        ("K_p[1]", "rev", "unknown-unit"),
+        ("n", "s", "unknown-unit"),
+        ("T", "K", "wrong-unit"),
+    ],
+)
+def test_units_in_an_ssv_that_do_not_fit_are_refused(file, name, unit, what):
+    assert refused(read_parameters, file("gains.ssv", with_unit(name, unit))) == (what, unit)
+
+
+def test_an_unknown_parameter_with_a_unit_is_answered_with_the_nearest(file):
+    error = refusal(read_parameters, file("gains.ssv", with_unit("K_q[1]", "s")))
+    assert (error.what, error.value, error.nearest[0]) == ("no-parameter", "K_q[1]", "K_p[1]")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "what"),
+    [
+        ("gains.toml", "K_p = 45\n", "bad-parameters"),
+        ("gains.toml", "[parameters]\nK_p = true\n", "not-a-number"),
+        ("gains.toml", "[parameters]\nK_p = 'much'\n", "not-a-number"),
+        ("gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "not-a-number"),
+        ("gains.toml", "[parameters.K_p]\naxis1 = 45\n", "not-a-number"),
+        ("gains.toml", "[parameters\n", "bad-file"),
+        ("gains.ssv", "no XML", "bad-file"),
+        ("gains.ssv", "<ParameterMapping/>", "bad-parameters"),
+    ],
+)
+def test_wrong_parameter_files(file, name, text, what):
+    assert refused(read_parameters, file(name, text))[0] == what
+
+
+# ---- Files as such ----
+
+
+@pytest.mark.parametrize("read", [read_mapping, read_parameters])
+@pytest.mark.parametrize("suffix", ["toml", "ssm", "ssv"])
+def test_a_missing_file_is_refused(read, suffix, tmp_path):
+    assert refused(read, tmp_path / f"absent.{suffix}")[0] == "no-file"
+
+
+def test_entities_are_not_expanded(file, tmp_path):
+    secret = file("secret.txt", "45")
+    document = f'<!DOCTYPE a [<!ENTITY s SYSTEM "{secret.as_uri()}">]>'
+    path = file("names.ssm", f'{document}<a><MappingEntry target="q_m">&s;</MappingEntry></a>')
+    assert "45" not in str(read_mapping(path))

@@ -1,0 +1,153 @@
+"""Imports go down the house: no room knows one above it, or beside it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import build_fmus
+
+ROOT = Path(build_fmus.__file__).parent
+
+FLOORS = (
+    ("plant_fmu", "controller_fmu", "build_fmus"),
+    ("errors", "text", "exact_time", "cache", "codec", "jit"),
+    ("fmi",),
+    ("loop",),
+    ("benchmark", "conformance"),
+    ("execution",),
+    ("reporting",),
+    ("api",),
+    ("cli",),
+    ("__init__", "__main__", "evaluate", "simulate", "check", "compare", "report"),
+)
+"""Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``."""
+
+GROUND = FLOORS[1]
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+
+VERSION = "__init__"
+"""The package itself is imported everywhere, for its version alone."""
+
+EXCEPTIONS = {
+    ("build_fmus", "controller_fmu"): "the command that builds is the builders' only client beside the api",
+    ("build_fmus", "plant_fmu"): "the native plant's description and header follow from the plant's tables",
+    ("controller_fmu", "plant_fmu"): "tuning has a loop of its own, until it is a client of the library",
+    ("controller_fmu", "orchestrator"): "the same loop takes scenarios, cases and measurements from inside",
+}
+
+
+def modules() -> Iterator[tuple[str, Path]]:
+    """Names and files of all modules."""
+    packages = (file for top in ("plant_fmu", "controller_fmu", "orchestrator") for file in (ROOT / top).rglob("*.py"))
+    for file in (ROOT / "build_fmus.py", *packages):
+        yield ".".join(file.relative_to(ROOT).with_suffix("").parts), file
+
+
+def imported(module: str, source: str) -> Iterator[str]:
+    """Absolute names of what a module imports anywhere in it, in functions and for type checkers as well."""
+    package = module.split(".")[:-1]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            start = ".".join([*base, *([node.module] if node.module else [])])
+            yield from (f"{start}.{alias.name}" for alias in node.names)
+
+
+def room(name: str) -> str | None:
+    """The room of a module, None for other packages: ``orchestrator.fmi.slaves.base`` is in ``fmi``."""
+    top, *rest = name.split(".")
+    if top == "orchestrator":
+        return rest[0] if rest and rest[0] in FLOOR else VERSION
+    return top if top in FLOOR else None
+
+
+def arrows() -> dict[tuple[str, str], list[str]]:
+    """Imports from one room to another, with the modules that make them."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for module, file in modules():
+        for name in imported(module, file.read_text(encoding="utf-8")):
+            here, there = room(module), room(name)
+            if here is not None and there is not None and here != there:
+                found.setdefault((here, there), []).append(f"{module} -> {name}")
+    return found
+
+
+ARROWS = arrows()
+
+
+def allowed(here: str, there: str) -> bool:
+    """Whether a room may import another one."""
+    if here == "controller_fmu" and FLOOR[there] > 0:
+        return (here, "orchestrator") in EXCEPTIONS
+    if there == VERSION:  # a module's own name in the package, or the version
+        return all(line.endswith("__version__") or FLOOR[here] == len(FLOORS) - 1 for line in ARROWS[here, there])
+    if here in GROUND and there in GROUND:
+        return True
+    return FLOOR[there] < FLOOR[here] or (here, there) in EXCEPTIONS
+
+
+def test_no_arrow_goes_up_or_sideways():
+    wrong = {arrow: lines for arrow, lines in ARROWS.items() if not allowed(*arrow)}
+    assert not wrong
+
+
+def test_every_module_is_in_a_room():
+    entries = (ROOT / "orchestrator").iterdir()
+    rooms = {entry.stem for entry in entries if entry.suffix == ".py" or (entry / "__init__.py").is_file()}
+    assert rooms <= set(FLOOR)
+    assert len(ARROWS) > 30, "there is a graph to look at"
+
+
+def test_the_ground_floor_has_no_circles():
+    waiting = {name: {there for here, there in ARROWS if here == name and there in GROUND} for name in GROUND}
+    while waiting:
+        free = [name for name, needs in waiting.items() if not needs & set(waiting)]
+        assert free, waiting
+        for name in free:
+            del waiting[name]
+
+
+def test_exceptions_are_still_needed():
+    for (here, there), reason in EXCEPTIONS.items():
+        rooms = {other for own, other in ARROWS if own == here}
+        inside = there == "orchestrator" and any(FLOOR[other] > 0 for other in rooms)
+        assert there in rooms or inside, f"no longer: {reason}"
+
+
+def test_options_stand_in_the_commands_alone():
+    """No string of another room, docstrings included, names a command-line option."""
+    for module, file in modules():
+        if not module.startswith("orchestrator.") or room(module) == "cli" or module in WITH_OPTIONS:
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                assert not OPTION.search(node.value), (module, node.value)
+    for module in WITH_OPTIONS:
+        assert OPTION.search((ROOT / module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8")), module
+
+
+OPTION = re.compile(r"(^|[\s`'\"(])--[a-z]")
+WITH_OPTIONS = {
+    "orchestrator.reporting.repeat": "the command that repeats a case, held against the parser in test_cli.py",
+    "orchestrator.execution.sandbox": "the words of bubblewrap's own command",
+}
+
+
+@pytest.mark.parametrize(
+    ("source", "names"),
+    [
+        ("from ..fmi import port", {"orchestrator.fmi.port"}),
+        ("def f():\n    from . import work", {"orchestrator.api.work"}),
+        ("if TYPE_CHECKING:\n    import orchestrator.cli.guard as g", {"orchestrator.cli.guard"}),
+        ("from .. import __version__", {"orchestrator.__version__"}),
+    ],
+)
+def test_imports_are_found_wherever_they_stand(source, names):
+    assert set(imported("orchestrator.api.x", source)) == names
