@@ -1,0 +1,72 @@
+"""The documentation site: ``sphinx-build -W -c docs . build/site``, then open ``build/site/index.html``.
+
+The pages are the repository's own Markdown files, at their own paths: a link between two of them works on the site, on
+a Git host and in the unpacked source distribution. The build fails if a link is dead. Neither the build nor the pages
+need a network.
+"""
+
+import re
+import shutil
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+import orchestrator
+
+project = "Flexible-manipulator benchmark"
+author = "FlexibleManipulator benchmark contributors"
+release = orchestrator.__version__
+
+root_doc = "README"
+include_patterns = ["*.md", "docs/*.md", "examples/**.md", "controller_fmu/**.md"]
+exclude_patterns = [".*", "build", "runs", "tests"]  # keeps the walk short
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+
+html_theme = "furo"
+html_title = f"{project} {release}"
+html_copy_source = False
+html_show_copyright = False
+
+CONTENTS = {
+    "Use": [
+        "Installation <docs/install>",
+        *(f"docs/{page}" for page in ("evaluate", "check", "report", "compare", "python", "running")),
+    ],
+    "Write a controller": ["docs/exporting", "controller_fmu/starters/*/README", "examples/**", "docs/interface"],
+    "Reference": ["docs/timing", "docs/plant", "docs/api", "docs/results", "docs/paper"],
+    "Controllers": ["controller_fmu/*/README"],
+    "Project": ["CONTRIBUTING", "CHANGELOG"],
+}
+"""The site's navigation: pages by heading. The build fails if a page is missing here."""
+
+
+def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
+    """Append the navigation to the README, which as a page of a Git host has none."""
+    if page == root_doc:
+        for caption, pages in CONTENTS.items():
+            entries = "\n".join(pages)
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:glob:\n:caption: {caption}\n\n{entries}\n```\n"
+
+
+def add_index(app: Sphinx, error: Exception | None) -> None:
+    """Give the README's page the name that a browser and a web server look for."""
+    if error is None:
+        shutil.copyfile(Path(app.outdir) / f"{root_doc}.html", Path(app.outdir) / "index.html")
+
+
+def shorten(app: Sphinx, what: str, name: str, of: object, options: object, signature: str, returns: str) -> tuple:
+    """Leave out of signatures what a value is checked against, and defaults that cannot be written down."""
+    if signature is not None:
+        signature = re.sub(r"(?:~?typing\.)?Annotated\[(\w+), msgspec\.Meta\([^)]*\)\]", r"\1", signature)
+        signature = signature.replace("<factory>", "...")
+    return signature, returns
+
+
+def setup(app: Sphinx) -> None:
+    """Connect the three functions above."""
+    app.connect("autodoc-process-signature", shorten)
+    app.connect("source-read", add_contents)
+    app.connect("build-finished", add_index)
