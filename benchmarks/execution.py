@@ -253,7 +253,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes of the endurance test (default: 2)")
     options = parser.parse_args()
     benchmark, controller = Benchmark("paper"), Controller(options.controller)
-    bench = Bench(benchmark.plant, controller.archive, timeout=600.0)
+    bench = Bench(benchmark.manipulator.archive, controller.archive, timeout=600.0)
     rehearse(benchmark.cases[0], bench)  # compiles
     if options.throughput:
         show_throughput(benchmark.rules, benchmark.cases[: options.throughput], bench)

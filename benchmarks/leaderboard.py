@@ -1,6 +1,7 @@
 """The README's leaderboard and the tables on the controllers' pages, from evaluations of these controllers.
 
-    python benchmarks/leaderboard.py                evaluate all (some minutes), keep the figures, write the tables
+    python benchmarks/leaderboard.py                evaluate all with both builds of the plant (some 10
+                                                    minutes), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept
 
@@ -49,15 +50,18 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 
 
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
-    """The figures of one controller on the protocol ``paper``."""
+    """The figures of one controller on the protocol ``paper``, which are equal with the native plant and the other."""
     controller = Controller.built_in(name)
-    results = Benchmark().evaluate(controller, folder=folder / name, recordings=False).results
-    cases = hashlib.sha256((folder / name / "cases.csv").read_bytes()).hexdigest()
+    hashes = {}
+    for plant in ("native", "python"):
+        results = Benchmark(plant=plant).evaluate(controller, folder=folder / plant / name, recordings=False).results
+        hashes[plant] = hashlib.sha256((folder / plant / name / "cases.csv").read_bytes()).hexdigest()
+    assert hashes["native"] == hashes["python"], "the native plant gives other results"
     return {
         "guid": controller.archive.description.guid,
         "plant": results.plant.sha256,
         "code": source_hash(PACKAGE / part for part in CODE),
-        "cases": cases,
+        "cases": hashes["python"],
         "controller": {
             key: getattr(results.controller, key) for key in ("file", "sha256", "fmi_version", "generation_tool")
         },

@@ -56,7 +56,7 @@ OTHER_LIMIT = replace(RULES, stability=replace(RULES.stability, limit_cycle=2e-5
         ({"protocol": "quick"}, "protocol", "protocol quick, not protocol paper"),
         ({"seed": 3}, "seed", "seed 3, not seed 0"),
         ({"sample_time": SampleTimeRecord(1e-3, False)}, "sample_time", "sample time 1 ms, not sample time 0.25 ms"),
-        ({"plant": {"sha256": "b2" * 32}}, "plant", "plant with SHA-256 b2b2b2b2b2b2..., not plant with SHA-256 a1a1"),
+        ({"plant": {"model": "b2" * 32}}, "plant", "plant of contents b2b2b2b2b2b2..., not plant of contents a1a1"),
         ({"plant": {"parameters": {"m[1]": 60.0}}}, "plant_parameters", "plant parameters m[1]=60, not plant"),
         ({"rules": OTHER_LIMIT}, "rules", "other rules (stability)"),
     ],

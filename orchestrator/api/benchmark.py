@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import functools
 import logging
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,6 +13,8 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from pathlib import Path
+
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
@@ -22,20 +25,16 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, RunTiming
 from ..benchmark.variation import Variation, vary
 from ..conformance.finding import Finding
-from ..errors import Crash, InputError
+from ..errors import InputError
 from ..execution import cluster, pool, store
-from ..execution.job import Died, Done, Limits
-from ..execution.messages import error_of
-from ..execution.supervision import run_isolated
-from ..fmi.archive import Archive, open_archive
+from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
 from ..reporting.files import prepare_folder
-from ..reporting.recording import OBSERVED
-from . import campaign, checking, document, stored, work
-from .built_in import PLANT_NAME, built_in
+from . import campaign, checking, document, stored
 from .campaign import Bench, CaseRun
 from .controller import Controller
 from .evaluation import Evaluation
+from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
 from .simulation import Simulation
 
@@ -66,6 +65,9 @@ class Benchmark:
         Processes at a time; all cores by default.
     plant_parameters : mapping
         Changed nominal parameters of the manipulator by FMI name, SI units: ``{"k_high[2]": 0.5e6}``.
+    plant : str or path
+        ``"native"``, the manipulator in C; ``"python"``, the same by pythonfmu; ``"auto"``, the first where there is a
+        compiler whose code gives the bits of the second, else the second; or an FMU of your own.
     timeout : float
         Wall time [s] that a simulation of 26 s may take; shorter ones get their share, all some seconds to start.
     memory_limit : float
@@ -78,13 +80,14 @@ class Benchmark:
     Raises
     ------
     InputError
-        If the protocol or a plant parameter does not exist.
+        If the protocol or a plant parameter does not exist, or a number makes no sense.
     """
 
     protocol: str | Path = "paper"
     seed: int = 0
     workers: int | None = None
     plant_parameters: Mapping[str, float] = field(default_factory=dict)
+    plant: str | Path = AUTO
     timeout: float = 60.0
     memory_limit: float = 2e9
     sandbox: bool = False
@@ -93,6 +96,10 @@ class Benchmark:
     def __post_init__(self) -> None:
         if self.seed < 0 or (self.workers is not None and self.workers < 1):
             raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
+        for name in ("timeout", "memory_limit"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
         check_changes(self.plant_parameters, self.rules.uncertainty)
 
     @functools.cached_property
@@ -101,15 +108,15 @@ class Benchmark:
         return protocols.load(self.protocol)
 
     @functools.cached_property
-    def plant(self) -> Archive:
-        """The manipulator's FMU."""
-        return open_archive(built_in(PLANT_NAME))
+    def manipulator(self) -> Plant:
+        """The manipulator's FMU, see ``plant``; it is built on first use."""
+        return choose(self.plant)
 
     @functools.cached_property
     def nominal(self) -> dict[str, float]:
         """The plant's nominal parameters by FMI name, SI units."""
-        parameters = [v for v in self.plant.description.modelVariables if v.causality == "parameter"]
-        return {**{v.name: float(v.start) for v in parameters}, **self.plant_parameters}
+        own = NOMINAL if self.plant in (AUTO, PYTHON, NATIVE) else self.manipulator.nominal
+        return {**own, **self.plant_parameters}
 
     @functools.cached_property
     def cases(self) -> tuple[Case, ...]:
@@ -220,8 +227,7 @@ class Benchmark:
                 self.seed,
                 bench,
                 controller,
-                self.plant_parameters,
-                self.nominal,
+                document.plant_record(self.manipulator, self.plant_parameters),
                 sample_time.value,
                 rehearsal.timing,
                 runs,
@@ -253,20 +259,7 @@ class Benchmark:
         )
         scenario = replace(wanted.scenario, sample_time=sample_time.value)
         wanted = replace(wanted, scenario=scenario)
-        job = bench.job(
-            work.simulate_scenario.__name__,
-            [work.ScenarioTask(bench.setup, scenario, OBSERVED)],
-            [scenario],
-            lambda _, value: work.trajectory(scenario.samples, OBSERVED, value),
-            campaign.FIRST_START_TIME,
-            work.largest_trajectory(scenario),
-        )
-        for outcome in run_isolated(job):
-            if isinstance(outcome, Died):
-                raise Crash(campaign.account(outcome, scenario))
-            if not isinstance(outcome, Done):
-                raise error_of(outcome.error)
-            trajectory = outcome.value
+        trajectory = campaign.simulate(bench, scenario)
         result = None
         if self._is_of_protocol(wanted):
             result = named(wanted, judge(self.rules, wanted, trajectory))
@@ -283,7 +276,7 @@ class Benchmark:
 
     def _bench(self, controller: Controller) -> Bench:
         limits = Limits(memory=int(self.memory_limit))
-        return Bench(self.plant, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
+        return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
     def _run(
         self,

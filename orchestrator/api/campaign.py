@@ -13,6 +13,7 @@ from ..benchmark.metrics import named
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Judgement
 from ..codec import Struct, pack
+from ..errors import Crash
 from ..execution.job import Died, Done, Job, Limits, Outcome
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
@@ -20,7 +21,7 @@ from ..fmi.archive import Archive
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
-from ..loop.trajectory import Status
+from ..loop.trajectory import Status, Trajectory
 from ..reporting.recording import OBSERVED
 from . import work
 
@@ -154,6 +155,29 @@ def run_cases(
     for case in cases:
         if case.id in waiting:
             yield CaseRun(case, named(case, Judgement(status=Status.SKIPPED, time=0.0, message=reason)))
+
+
+def simulate(bench: Bench, scenario: Scenario) -> Trajectory:
+    """The trajectory of ``scenario``, simulated in a process of its own.
+
+    Raises :class:`FmuError` if an FMU fails before the first sample, :class:`Crash` if the process ends before the
+    simulation.
+    """
+    job = bench.job(
+        work.simulate_scenario.__name__,
+        [work.ScenarioTask(bench.setup, scenario, OBSERVED)],
+        [scenario],
+        lambda _, value: work.trajectory(scenario.samples, OBSERVED, value),
+        FIRST_START_TIME,
+        work.largest_trajectory(scenario),
+    )
+    (outcome,) = run_isolated(job)
+    if isinstance(outcome, Died):
+        raise Crash(account(outcome, scenario))
+    if not isinstance(outcome, Done):
+        raise error_of(outcome.error)
+    found: Trajectory = outcome.value
+    return found
 
 
 def judging(protocol: Protocol, group: Sequence[Case], bench: Bench) -> Job:

@@ -26,6 +26,7 @@ from ..fmi.connectors import CONTROLLER
 from ..loop.setup import controller_binding
 from .campaign import Bench, CaseRun
 from .controller import Controller
+from .plant import FILE, Plant
 from .work import TimingRecord
 
 LIBRARIES = ("fmpy", "pythonfmu", "numpy", "scipy", "numba")
@@ -37,8 +38,7 @@ def results(
     seed: int,
     bench: Bench,
     controller: Controller,
-    changes: Mapping[str, float],
-    nominal: Mapping[str, float],
+    plant: PlantRecord,
     sample_time: Fraction,
     measured: TimingRecord,
     runs: Sequence[CaseRun],
@@ -46,7 +46,6 @@ def results(
 ) -> Results:
     """The results of ``runs``, in their order.
 
-    ``changes`` are the changed nominal parameters of the plant and ``nominal`` all of them with these applied,
     ``measured`` is the controller's timing.
     """
     spec = rules(protocol)
@@ -65,13 +64,20 @@ def results(
         cases=cases,
         seed=seed,
         controller=_controller(bench, controller),
-        plant=PlantRecord(*_fmu(bench.plant), dict(changes), dict(nominal)),
+        plant=plant,
         rules=spec,
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
         loop_delay=_loop_delay(protocol, sample_time, measured),
         environment=environment(),
         timing=timing,
     )
+
+
+def plant_record(plant: Plant, changes: Mapping[str, float]) -> PlantRecord:
+    """The plant with ``changes`` of its nominal parameters."""
+    nominal = {**plant.nominal, **changes}
+    path = str(plant.archive.file) if plant.build == FILE else ""
+    return PlantRecord(*_fmu(plant.archive), dict(changes), nominal, plant.build, plant.model, path)
 
 
 def environment() -> dict[str, str]:

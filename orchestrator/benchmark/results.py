@@ -5,6 +5,8 @@ All values are in SI units; None stands for a value that does not exist.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from ..codec import Finite, Natural, NonNegative, Struct
@@ -201,9 +203,16 @@ class ControllerRecord(FmuRecord):
 
 
 class PlantRecord(FmuRecord):
-    """The plant, with all its nominal parameters."""
+    """The plant, with all its nominal parameters.
+
+    ``build`` is "python" or "native", of the same equations, or "file"; ``model`` is the SHA-256 of these equations'
+    sources, or of the file ``path``.
+    """
 
     nominal: dict[str, Finite]
+    build: Literal["python", "native", "file"]
+    model: str
+    path: str = ""
 
 
 class SampleTimeRecord(Struct):

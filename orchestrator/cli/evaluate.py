@@ -68,7 +68,8 @@ def _report(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> 
 def _folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -> str:
     """A name for the results: of controller and protocol, and of whatever is not as usual."""
     name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
-    unusual = [sorted(controller.setup.mapping.items()), sorted(bench.plant_parameters.items()), only]
+    plant = bench.manipulator.model if bench.manipulator.build == "file" else ""
+    unusual = [sorted(controller.setup.mapping.items()), sorted(bench.plant_parameters.items()), only, plant]
     values = [f"{key}={value:g}" for key, value in sorted(controller.setup.parameters.items())]
     if controller.sample_time is not None:
         values.append(f"T_s={float(controller.sample_time):g}")

@@ -33,6 +33,13 @@ def add_protocol(parser: argparse.ArgumentParser) -> None:
         dest="plant_parameters",
         help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
     )
+    parser.add_argument(
+        "--plant",
+        default="auto",
+        metavar="PLANT",
+        help="python or native, the same manipulator interpreted or compiled, or an FMU of your own (default: native "
+        "where there is a compiler that gives the same bits, else python)",
+    )
 
 
 def add_controller(parser: argparse.ArgumentParser) -> None:
@@ -120,6 +127,7 @@ def benchmark(options: argparse.Namespace) -> Benchmark:
         seed=getattr(options, "seed", 0),
         workers=getattr(options, "jobs", None),
         plant_parameters=dict(getattr(options, "plant_parameters", ())),
+        plant=getattr(options, "plant", "auto"),
         timeout=options.timeout,
         memory_limit=options.memory_limit * 1e6,
         sandbox=options.sandbox,

@@ -110,8 +110,17 @@ def _free(folder: Path) -> Path:
 
 def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:
     """The benchmark of an earlier run, under the conditions given."""
-    protocol, seed, plant = run.protocol_file or run.protocol, run.seed, run.plant.parameters
-    return replace(options.benchmark(given), protocol=protocol, seed=seed, plant_parameters=plant)
+    asked = options.benchmark(given)
+    bench = replace(
+        asked,
+        protocol=run.protocol_file or run.protocol,
+        seed=run.seed,
+        plant_parameters=run.plant.parameters,
+        plant=asked.plant if asked.plant != "auto" else run.plant.path or run.plant.build,
+    )
+    if bench.manipulator.model != run.plant.model:
+        raise InputError(f"The plant of that run, {run.plant.file}, has other contents.", "other-plant", run.plant.file)
+    return bench
 
 
 def _controller_of(run: Results, given: argparse.Namespace) -> Controller:

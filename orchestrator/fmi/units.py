@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ class Conversion:
     note: str = ""
 
 
+@functools.lru_cache(maxsize=256)  # asked for again in each simulation
 def conversion(description: ModelDescription, unit: str | None, wanted: str, where: str) -> Conversion:
     """The conversion from ``unit``, as declared in an FMU, to the unit ``wanted`` of a connector.
 

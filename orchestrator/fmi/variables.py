@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ class Variable:
         return self.type in REAL_TYPES
 
 
+@functools.lru_cache(maxsize=16)
 def variables(description: ModelDescription) -> dict[str, Variable]:
     """All variables of an FMU by name; raises :class:`InputError` if a real's start value is not numeric."""
     return {variable.name: _convert(variable) for variable in description.modelVariables}

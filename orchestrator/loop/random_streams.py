@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from .scenario import Noise
@@ -16,10 +18,12 @@ def stable_stream(seed: tuple[int, ...]) -> np.random.RandomState:
     return np.random.RandomState(np.random.PCG64(np.random.SeedSequence(seed)))
 
 
+@functools.lru_cache(maxsize=4)  # a system has the same noise in all its tests, and a worker runs several
 def noise(spec: Noise, samples: int) -> np.ndarray:
-    """Measurement noise [rad] of shape (samples, 2)."""
-    if spec.sigma == 0.0:
-        return np.zeros((samples, 2))
-    numbers = stable_stream(spec.seed).standard_normal((samples, 2))
-    numbers *= spec.sigma  # in place: fresh memory costs more than the product
+    """Measurement noise [rad] of shape (samples, 2), read-only."""
+    numbers = np.zeros((samples, 2))
+    if spec.sigma != 0.0:
+        numbers[:] = stable_stream(spec.seed).standard_normal((samples, 2))
+        numbers *= spec.sigma
+    numbers.flags.writeable = False
     return numbers

@@ -17,7 +17,7 @@ from .wording import SEED_MATTERS, requirement_rows, without_cost
 class Conditions(Struct, frozen=True):
     """What the figures of a run depend on besides the controller: what must be equal for two costs to be comparable.
 
-    ``sample_time`` in seconds; ``plant`` is the SHA-256 of the plant's file.
+    ``sample_time`` in seconds; ``plant`` is the SHA-256 of what the plant is made of.
     """
 
     benchmark: str
@@ -38,7 +38,7 @@ class Conditions(Struct, frozen=True):
             "sample_time": f"sample time {self.sample_time * 1e3:.12g} ms",
             "seed": f"seed {self.seed}",
             "plant_parameters": f"plant parameters {changes or 'as nominal'}",
-            "plant": f"plant with SHA-256 {self.plant[:12]}...",
+            "plant": f"plant of contents {self.plant[:12]}...",
         }
 
     @property
@@ -125,7 +125,7 @@ def conditions(results: Results) -> Conditions:
         sample_time=results.sample_time.seconds,
         seed=results.seed,
         plant_parameters=dict(sorted(results.plant.parameters.items())),
-        plant=results.plant.sha256,
+        plant=results.plant.model,
         rules=results.rules,
     )
 

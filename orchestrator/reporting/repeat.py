@@ -37,6 +37,8 @@ def _command(results: Results, *case: str) -> str:
     words = ["python", "-m", "orchestrator.simulate", *filter(None, (controller.path,)), *case]
     if results.protocol != "paper":
         words += ["--protocol", results.protocol_file or results.protocol]
+    if plant.path:
+        words += ["--plant", plant.path]
     if results.seed:
         words += ["--seed", str(results.seed)]
     if not results.sample_time.as_in_benchmark:

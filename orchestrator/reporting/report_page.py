@@ -86,7 +86,7 @@ def facts(results: Results) -> list[tuple[str, str]]:
         ("Loop delay", loop_delay(results.loop_delay).removeprefix("loop delay ")),
         ("Cases", f"{len(results.cases)}, {timing.simulated_time:.0f} simulated seconds"),
         ("Run", f"{timing.start}, {timing.wall_time:.0f} s on {processes}"),
-        ("Plant", f"{plant.file}, SHA-256 {plant.sha256}"),
+        ("Plant", f"{plant.file} ({plant.build}), SHA-256 {plant.sha256}"),
         ("Versions", ", ".join(f"{name} {version}" for name, version in results.environment.items())),
     ]
 

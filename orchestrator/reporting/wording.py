@@ -149,6 +149,8 @@ def remarks(results: Results) -> list[str]:
     bound = (entry for entry in results.controller.connectors.values() if entry is not None)
     notes = collapsed(note for entry in bound for note in entry.notes)
     found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    if results.plant.path:
+        found.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
     if changes := assignments(results.plant.parameters):
         found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
     return found

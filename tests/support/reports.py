@@ -39,7 +39,7 @@ CONTROLLER = ControllerRecord(
     mapping={},
     connectors={"q_m": BoundRecord(("q_m[1]", "q_m[2]"), "exact"), "e": None, "q_a_ref": None},
 )
-PLANT = PlantRecord("Plant.fmu", "a1" * 32, "2.0", None, {}, dict(NOMINAL))
+PLANT = PlantRecord("Plant.fmu", "a1" * 32, "2.0", None, {}, dict(NOMINAL), "python", "a1" * 32)
 
 
 def results_of(cases: Iterable[CaseResult] | None = None, **changes: Any) -> Results:

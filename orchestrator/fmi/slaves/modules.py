@@ -23,6 +23,7 @@ class PrivateModules:
 
     def __init__(self, folder: Path) -> None:
         self._folder = str(folder)
+        self._has_resources = folder.is_dir()
         self._modules: dict[str, ModuleType] = {}
         self._covered: dict[str, ModuleType] = {}
         self._path: list[str] = []
@@ -31,7 +32,13 @@ class PrivateModules:
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
-        """Within, the FMU sees its own modules and folder; after it, nobody sees them."""
+        """Within, the FMU sees its own modules and folder; after it, nobody sees them.
+
+        An FMU without resources has none.
+        """
+        if not self._has_resources:
+            yield
+            return
         if self._turns:
             self._turns[-1]._withdraw()
         self._turns.append(self)
