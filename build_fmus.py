@@ -18,8 +18,9 @@ from functools import partial
 from pathlib import Path
 
 from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, TargetError
-from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu
-from controller_fmu.export.description import to_bytes
+from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
+from controller_fmu.export.description import parse, to_bytes
+from controller_fmu.export.twin import twin_description, twin_header
 from plant_fmu.native import interface
 
 __all__ = ["NAMES", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect", "NoCompilerError"]
@@ -69,16 +70,26 @@ def _tuned_pid(target: Path, _platforms: Platforms) -> Path:
 def _manipulator_lqg(target: Path, _platforms: Platforms) -> Path:
     folder = HERE / "controller_fmu" / "lqg"
     script = folder / "manipulator_lqg_fmu.py"
-    needs = [folder / "flexible_manipulator_lqg.py", folder / "lqg_weights.json"]
+    needs = [folder / "flexible_manipulator_lqg", folder / "lqg_weights.json"]
     return python_fmu(script, needs, script.stem, target)
 
 
 def _dithered_lqg(target: Path, _platforms: Platforms) -> Path:
     lqg, folder = HERE / "controller_fmu" / "lqg", HERE / "controller_fmu" / "friction"
     script = folder / "manipulator_friction_fmu.py"
-    modules = [lqg / "flexible_manipulator_lqg.py", lqg / "manipulator_lqg_fmu.py"]
+    modules = [lqg / "flexible_manipulator_lqg", lqg / "manipulator_lqg_fmu.py"]
     needs = [*modules, folder / "flexible_manipulator_dither.py", folder / "friction_weights.json"]
     return python_fmu(script, needs, script.stem, target)
+
+
+def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
+    with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
+        twin = unpack(_dithered_lqg(Path(folder, "DitheredLQG.fmu"), ()))["modelDescription.xml"]
+        header, description = Path(folder, "interface.h"), Path(folder, "modelDescription.xml")
+        header.write_text(twin_header(parse(twin)), encoding="utf-8")
+        description.write_bytes(to_bytes(twin_description(parse(twin))))
+        sources = sorted((HERE / "controller_fmu" / "lqg_c").glob("*.[ch]"))
+        return c_fmu([*sources, header], description, target, Dialect(), platforms)
 
 
 def _diagonal_pid_c(target: Path, platforms: Platforms, dialect: Dialect) -> Path:
@@ -94,6 +105,7 @@ _RECIPES: dict[str, Recipe] = {
     "TunedPID": _tuned_pid,
     "ManipulatorLQG": _manipulator_lqg,
     "DitheredLQG": _dithered_lqg,
+    "DitheredLQG_C": _dithered_lqg_c,
 }
 _PLANT_VARIANTS: dict[str, Recipe] = {
     "FlexibleManipulatorNative_fmi3": partial(_flexible_manipulator_native, dialect=Dialect(3)),
@@ -176,6 +188,7 @@ def _parser() -> argparse.ArgumentParser:
   TunedPID                     DiagonalPID with optimised gains
   ManipulatorLQG               LQG, scheduled by the reference position, Python
   DitheredLQG                  the same with a dither against friction, Python
+  DitheredLQG_C                the same in C, equal up to rounding (FMI 2.0 co-simulation)
 built with --all or by name, the manipulator in C for
   FlexibleManipulatorNative_fmi3   FMI 3.0 co-simulation
   FlexibleManipulatorNative_me2    FMI 2.0 Model Exchange, eight continuous states
@@ -191,7 +204,7 @@ ziglang, which also compiles for the other platforms of --platforms:
 {", ".join(PLATFORMS)}).
 
 examples:
-  python build_fmus.py                            build the first seven into build/fmus
+  python build_fmus.py                            build the first eight into build/fmus
   python build_fmus.py DiagonalPID                build one
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
@@ -200,7 +213,7 @@ examples:
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first seven below)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first eight below)")
     parser.add_argument("--all", action="store_true", help="build for the other kinds of FMI, too")
     parser.add_argument(
         "--platforms",

@@ -20,21 +20,19 @@ from __future__ import annotations
 
 import argparse
 import functools
-import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np  # noqa: E402
 from msgspec.structs import replace  # noqa: E402
 
 import build_fmus  # noqa: E402
+from benchmarks.common import drive, median  # noqa: E402
 from orchestrator.api.benchmark import available_cores  # noqa: E402
 from orchestrator.api.campaign import Bench, run_cases  # noqa: E402
 from orchestrator.benchmark import cases as case_list  # noqa: E402
@@ -45,9 +43,7 @@ from orchestrator.benchmark.results import Scorecard, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.execution import pool  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
-from orchestrator.fmi.port import exchange  # noqa: E402
 from orchestrator.fmi.slaves import load  # noqa: E402
-from orchestrator.jit import compiled  # noqa: E402
 from orchestrator.loop.controller import Steady, prepared  # noqa: E402
 from orchestrator.loop.setup import Setup  # noqa: E402
 from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
@@ -91,49 +87,38 @@ def scorecard(protocol: Protocol, cases: Sequence[Case], name: str, folder: Path
     return score(rules(protocol), [run.result for run in runs], len(cases))
 
 
-@compiled
-def steps(port, reference, count, T_s):
-    """Step a controller ``count`` times with measurements that move about ``reference``; returns the worst status."""
-    worst = 0
-    for k in range(count):
-        for i in range(2):
-            port.input_values[i] = reference[i] + 1e-4 * ((k * (7 + i)) % 11 - 5)
-        call, status = exchange(port, port.inputs.size, k * T_s, T_s, True)
-        worst = max(worst, status)
-    return worst
-
-
 def step_costs(names: Sequence[str], folder: Path) -> dict[str, tuple[float, float]]:
     """Time of a step [us] and its ratio to the baseline's, by controller; medians over the turns."""
-    protocol = protocols.load("paper")
-    T_s = protocol.sample_time
+    T_s = protocols.load("paper").sample_time
     arm, joints = coefficients.arm(NOMINAL), (coefficients.joint(NOMINAL, 1), coefficients.joint(NOMINAL, 2))
     q_a = (0.4, -1.1)
     rest = equilibrium.solve(arm, joints, q_a)
-    steady, reference = Steady(rest.q_m, rest.u_m, q_a), np.array(rest.q_m)
-    seconds: dict[str, list[float]] = {name: [] for name in names}
+    # Measurements that move about the reference.
+    moving = np.array(rest.q_m) + 1e-4 * (np.outer(np.arange(STEPS), (7, 8)) % 11 - 5)
+    costs = []
     for _ in range(TURNS):
+        costs.append({})
         for name in names:
-            with ExitStack() as stack:
-                slave = load(open_archive(build_fmus.build(name, folder)))
-                port = stack.enter_context(prepared(slave, Setup(), steady, T_s, 10.0))
-                steps(port, reference, 10, float(T_s))
+            slave = load(open_archive(build_fmus.build(name, folder)))
+            with prepared(slave, Setup(), Steady(rest.q_m, rest.u_m, q_a), T_s, 10.0) as port:
+                drive(port, moving[:10], float(T_s))
                 begin = time.process_time()
-                steps(port, reference, STEPS, float(T_s))
-                seconds[name].append((time.process_time() - begin) / STEPS)
-    baseline = seconds[names[0]]
+                drive(port, moving, float(T_s))
+                costs[-1][name] = (time.process_time() - begin) / STEPS * 1e6
     return {
-        name: (
-            1e6 * statistics.median(turns),
-            statistics.median(turn / first for turn, first in zip(turns, baseline, strict=True)),
-        )
-        for name, turns in seconds.items()
+        name: (median(costs, lambda t: t[name]), median(costs, lambda t: t[name] / t[names[0]]))  # noqa: B023
+        for name in names
     }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; 1 where a target is missed."""
-    options = _parser().parse_args(arguments)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers (default: {' '.join(CONTROLLERS)})")
+    parser.add_argument("--cost", action="store_true", help="only what a step costs")
+    parser.add_argument("--random-only", action="store_true", help="a third random system in place of `compliant`")
+    parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help="processes (default: cores)")
+    options = parser.parse_args(arguments)
     names = (BASELINE, *(name for name in options.names or CONTROLLERS if name != BASELINE))
     good = True
     with tempfile.TemporaryDirectory(prefix="controllers_") as folder:
@@ -153,15 +138,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             criteria = " ".join(f"{key} {c.value:.4g}" for key, c in card.criteria.items())
             print(f"{name:16s} V {card.cost:6.1f} ({share:.1%}), {verdicts}, {criteria}", flush=True)
     return 0 if good else 1
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers (default: {' '.join(CONTROLLERS)})")
-    parser.add_argument("--cost", action="store_true", help="only what a step costs")
-    parser.add_argument("--random-only", action="store_true", help="a third random system in place of `compliant`")
-    parser.add_argument("--jobs", type=int, default=available_cores(), metavar="N", help="processes (default: cores)")
-    return parser
 
 
 if __name__ == "__main__":

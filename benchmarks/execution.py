@@ -17,21 +17,20 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import psutil  # noqa: E402
 
 from orchestrator import Benchmark, Controller  # noqa: E402
-from orchestrator.api import campaign  # noqa: E402
+from orchestrator.api import campaign, work  # noqa: E402
 from orchestrator.api import stored as stored_runs  # noqa: E402
 from orchestrator.api.campaign import GROUP_SIZE, Bench, rehearse, run_cases  # noqa: E402
-from orchestrator.api.work import CaseTask  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
 from orchestrator.benchmark.metrics import judge, named  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
@@ -48,24 +47,14 @@ SHORT = Fraction("0.01")
 """Simulated time [s] of the endurance test's cases."""
 
 
-# ---- Cost ----
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Processor time of a group [s]: its simulations, the rest of its process, and its parent."""
+class Cost(NamedTuple):
+    """Processor time of a group [s]: its simulations, the rest of its process, its parent; and the wall time [s] from
+    the start of the group to the beginning of its first case."""
 
     simulations: float
     child: float
     parent: float
-    wall: float
     waited: float
-    """Wall time [s] from the start of the group to the beginning of its first case."""
-
-    @property
-    def ratio(self) -> float:
-        """What comes on top of the simulations, relative to them."""
-        return (self.child + self.parent) / self.simulations
 
 
 class Times(Struct, frozen=True):
@@ -77,16 +66,13 @@ class Times(Struct, frozen=True):
     started: float
 
 
-def prepare() -> None:
-    """What a fork server does first."""
-    from orchestrator.api import work
-
-    work.prepare()
+prepare = work.prepare
+"""What a fork server does first."""
 
 
 def timed(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """A case as in an evaluation, with processor times of this process."""
-    wanted = unpack(task, CaseTask)
+    wanted = unpack(task, work.CaseTask)
     begin, started = time.process_time(), time.time()
     trajectory = simulate(plant, controller, wanted.case.scenario, wanted.setup)
     simulated = time.process_time()
@@ -98,8 +84,8 @@ def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) 
     """Run one group, storing its results as an evaluation does."""
     with store.opened(folder) as results:
         keys = stored_runs.keys(protocol, cases, bench)
-        begin, wall, started = time.process_time(), time.perf_counter(), time.time()
-        tasks = [CaseTask(protocol, bench.setup, case) for case in cases]
+        begin, started = time.process_time(), time.time()
+        tasks = [work.CaseTask(protocol, bench.setup, case) for case in cases]
         limits = tuple(60.0 for _ in cases)
         found = []
         job = bench.raw_job("benchmarks.execution:timed", tasks, limits, lambda _, value: unpack(value, Times))
@@ -109,9 +95,9 @@ def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) 
             result = named(case, outcome.value.judgement)
             stored_runs.keep(results, keys[case.id], campaign.CaseRun(case, result, outcome.wall_time), bench)
             found.append(outcome.value)
-        parent, wall = time.process_time() - begin, time.perf_counter() - wall
+        parent = time.process_time() - begin
     simulations = sum(value.simulation for value in found)
-    return Cost(simulations, found[-1].end - simulations, parent, wall, found[0].started - started)
+    return Cost(simulations, found[-1].end - simulations, parent, found[0].started - started)
 
 
 def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Bench, rounds: int) -> bool:
@@ -122,20 +108,15 @@ def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Bench, round
         costs = [cost(protocol, bench, group, Path(folder)) for group in groups]
     simulated = sum(float(case.scenario.duration) for group in groups for case in group) / rounds / GROUP_SIZE
 
-    def median(name: str) -> float:
-        return statistics.median(getattr(entry, name) for entry in costs) * 1e3 / GROUP_SIZE
-
-    ratio = statistics.median(entry.ratio for entry in costs)
+    ratio = statistics.median((each.child + each.parent) / each.simulations for each in costs)
+    median = Cost(*(statistics.median(column) * 1e3 / GROUP_SIZE for column in zip(*costs, strict=True)))
     print(f"{rounds} groups of {GROUP_SIZE} cases, {simulated:.1f} s of simulated time each; medians, ms per case")
-    print(f"  simulation           {median('simulations'):8.2f}")
-    print(f"  rest of the process  {median('child'):8.2f}   start, loading two FMUs, judging, sending")
-    print(f"  parent               {median('parent'):8.2f}   starting, watching, storing")
+    print(f"  simulation           {median.simulations:8.2f}")
+    print(f"  rest of the process  {median.child:8.2f}   start, loading two FMUs, judging, sending")
+    print(f"  parent               {median.parent:8.2f}   starting, watching, storing")
     print(f"  on top               {ratio:8.1%}   target {TARGET:.0%}")
-    print(f"  from the start of a group to its first case: {median('waited') * GROUP_SIZE:.0f} ms of wall time")
+    print(f"  from the start of a group to its first case: {median.waited * GROUP_SIZE:.0f} ms of wall time")
     return ratio <= TARGET
-
-
-# ---- Throughput ----
 
 
 def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> None:
@@ -170,11 +151,7 @@ def on_dask(speed: Callable[..., float]) -> Iterator[tuple[str, float]]:
             yield name, speed(execute)
 
 
-# ---- Endurance ----
-
-
-@dataclass(frozen=True)
-class Traces:
+class Traces(NamedTuple):
     """What many simulations may leave behind: memory [MB] of this process and of the fork server and its workers, open
     descriptors, folders of workers, processes."""
 
@@ -208,24 +185,17 @@ def endure(bench: Bench, number: int, workers: int, looks: int = 10) -> list[Tra
 def look(count: int, peak: float) -> Traces:
     """What there is now."""
     own = psutil.Process()
-    return Traces(
-        simulations=count,
-        parent=own.memory_info().rss / 1e6,
-        workers=peak,
-        descriptors=own.num_fds(),
-        files=len(list(Path(tempfile.gettempdir()).glob("flexible-manipulator-*"))),
-        processes=len(own.children(recursive=True)),
-    )
+    files = list(Path(tempfile.gettempdir()).glob("flexible-manipulator-*"))
+    parent, children = own.memory_info().rss / 1e6, own.children(recursive=True)
+    return Traces(count, parent, peak, own.num_fds(), len(files), len(children))
 
 
 def memory_of_children() -> float:
     """Largest resident memory of a descendant [MB]."""
     sizes = [0.0]
     for child in psutil.Process().children(recursive=True):
-        try:
+        with suppress(psutil.Error):
             sizes.append(child.memory_info().rss / 1e6)
-        except psutil.Error:
-            continue
     return max(sizes)
 
 
@@ -235,10 +205,7 @@ def show_endurance(bench: Bench, number: int, workers: int) -> None:
     found = endure(bench, number, workers)
     print("simulations  parent MB  largest worker MB  descriptors  temporary folders  processes")
     for entry in found:
-        print(
-            f"{entry.simulations:11}  {entry.parent:9.1f}  {entry.workers:17.1f}  {entry.descriptors:11}"
-            f"  {entry.files:17}  {entry.processes:9}"
-        )
+        print("{:11}  {:9.1f}  {:17.1f}  {:11}  {:17}  {:9}".format(*entry))
     left = psutil.Process().children(recursive=True)
     print(f"after {time.perf_counter() - begin:.0f} s; still there: {len(left)} processes, the fork server's")
 
@@ -257,11 +224,11 @@ def main() -> int:
     rehearse(benchmark.cases[0], bench)  # compiles
     if options.throughput:
         show_throughput(benchmark.rules, benchmark.cases[: options.throughput], bench)
-        return 0
-    if options.endurance:
+    elif options.endurance:
         show_endurance(bench, options.endurance, options.jobs)
-        return 0
-    return 0 if show_cost(benchmark.rules, benchmark.cases, bench, options.rounds) else 1
+    elif not show_cost(benchmark.rules, benchmark.cases, bench, options.rounds):
+        return 1
+    return 0
 
 
 if __name__ == "__main__":

@@ -23,13 +23,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE)]
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT)]
 
-import loop_speed  # noqa: E402
 import psutil  # noqa: E402
 
 import build_fmus  # noqa: E402
+from benchmarks import loop_speed  # noqa: E402
 from orchestrator import Benchmark  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
 
@@ -44,7 +44,7 @@ def evaluate(controller: Path, folder: Path, *options: str) -> tuple[float, floa
     """Wall time and processor time [s] of an evaluation."""
     words = [sys.executable, "-m", "orchestrator.evaluate", str(controller), "--output-dir", str(folder), *options]
     begin, used = time.perf_counter(), _used()
-    subprocess.run(words, cwd=HERE.parent, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return time.perf_counter() - begin, _used() - used
 
 
@@ -60,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{psutil.cpu_percent(1.0):.0f} % of the processors are at work for others", flush=True)
     with tempfile.TemporaryDirectory(prefix="full_protocol_") as folder:
         bench = loop_speed.set_up(Path(folder), 26.0)
-        kernel, rest = loop_speed._kernel(bench.plant.archive, bench.scenario)
-        inputs = loop_speed._plant_inputs(bench.scenario, simulate(bench.plant, bench.controller, bench.scenario))
+        kernel, rest = loop_speed.kernel(bench.plant, bench.scenario)
+        inputs = loop_speed.plant_inputs(bench.scenario, simulate(bench.plant, bench.controller, bench.scenario))
         loop_speed.bare_kernel(kernel, rest, inputs)  # compiles
         steps = sum(case.scenario.samples for case in Benchmark().cases)
         for name in names:

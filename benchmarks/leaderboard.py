@@ -44,7 +44,6 @@ HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6
 Figures = Mapping[str, Any]
 """What is kept of a ``results.json``, under the same names."""
 
-
 CODE = ("fmi", "loop", "benchmark", "jit.py")
 """What of the package computes the figures."""
 
@@ -62,16 +61,15 @@ def evaluate(name: str, folder: Path) -> dict[str, Any]:
         "plant": results.plant.sha256,
         "code": source_hash(PACKAGE / part for part in CODE),
         "cases": hashes["python"],
-        "controller": {
-            key: getattr(results.controller, key) for key in ("file", "sha256", "fmi_version", "generation_tool")
-        },
-        **{key: getattr(results, key) for key in ("benchmark", "protocol", "seed", "cost")},
-        "criteria": {
-            key: {"value": entry.value, "unit": entry.unit, "share": entry.share}
-            for key, entry in results.criteria.items()
-        },
-        "stability": {key: {"passed": entry.passed} for key, entry in results.stability.items()},
+        "controller": _part(results.controller, "file", "sha256", "fmi_version", "generation_tool"),
+        **_part(results, "benchmark", "protocol", "seed", "cost"),
+        "criteria": {key: _part(entry, "value", "unit", "share") for key, entry in results.criteria.items()},
+        "stability": {key: _part(entry, "passed") for key, entry in results.stability.items()},
     }
+
+
+def _part(of: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(of, name) for name in names}
 
 
 def standing(figures: Figures) -> tuple[bool, float]:

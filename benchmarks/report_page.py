@@ -12,6 +12,7 @@ import argparse
 import os
 import shutil
 import statistics
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +39,10 @@ TIMES = """() => new Promise((resolve) => {
 
 def opened(browser: Any, page_file: Path) -> dict[str, float]:
     """Seconds from the navigation to the end of its event "load" and to the frame with the first view."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900})
-    try:
+    with closing(browser.new_context(viewport={"width": 1280, "height": 900})) as context:
         page = context.new_page()
         page.goto(page_file.resolve().as_uri(), wait_until="commit")
         times: dict[str, float] = page.evaluate(TIMES)
-    finally:
-        context.close()
     if not times["charts"]:
         raise SystemExit(f"{page_file} has drawn no chart in its first view.")
     return times
@@ -73,9 +71,8 @@ def main() -> int:
     parser.add_argument("run", nargs="?", type=Path, default=RUN, help=f"folder of a full run (default: {RUN})")
     page_file = parser.parse_args().run / "report.html"
     if not page_file.is_file():
-        raise SystemExit(
-            f"{page_file} is missing. Make it: python -m orchestrator.evaluate --output-dir {page_file.parent}"
-        )
+        command = f"python -m orchestrator.evaluate --output-dir {page_file.parent}"
+        raise SystemExit(f"{page_file} is missing. Make it: {command}")
     size = page_file.stat().st_size / 1e6
     times = measured(page_file)
     loaded, drawn = (statistics.median(entry[name] for entry in times) for name in ("loaded", "drawn"))

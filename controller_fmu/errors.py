@@ -1,21 +1,4 @@
-"""The errors of this package, one family that tells by fields what is wrong.
-
-ControllerFmuError
-    BuildError                   an FMU cannot be built
-        CompilerError            the C compiler fails, or CC is not a command
-            NoCompilerError      there is no C compiler
-        DescriptionError         the model description lacks something, or is not XML
-            UnitError            a variable has no unit, or an unknown one
-            ValueReferenceError  a value reference is not one of the model's
-        DialectError             no such kind of FMU exists
-        PlatformError            no such platform exists
-        SourceError              the sources are missing, or are ambiguous
-        TargetError              the FMU cannot be written where it is wanted
-    StarterError                 a starter kit cannot be copied
-        UnknownKitError          there is no such kit
-        ModelNameError           the name cannot be given to a model
-        FolderTakenError         something is there already, or the parent folder is missing
-"""
+"""The errors of this package, one family that tells by fields what is wrong."""
 
 from __future__ import annotations
 

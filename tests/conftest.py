@@ -1,18 +1,25 @@
 """Where a test session keeps compiled code and extracted FMUs, and the FMUs that tests share."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hostile.fmus import Fault, hostile_fmu
+from hostile.commands import NOISE
+from hostile.fmus import NONE, Fault, hostile_fmu
+from hostile.runs import HANG_LIMIT, bench
 from hypothesis import settings
+from support.stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
 
 import build_fmus
+from orchestrator import Benchmark, Controller, Evaluation
+from orchestrator.api import campaign
+from orchestrator.api.campaign import Bench
+from orchestrator.execution import supervision
 
 # A test run is repeatable: the same examples every time. New ones are searched with --hypothesis-profile=search.
 # No deadlines: compilation and a busy machine are no faults.
@@ -52,16 +59,30 @@ def exporter_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("exporters")
 
 
-@pytest.fixture(scope="session")
-def plant_file(fmu_folder: Path) -> Path:
-    """The manipulator's FMU."""
-    return build_fmus.build("FlexibleManipulator", fmu_folder)
+def build_or_skip(build: Callable[[], Any]) -> Any:
+    """What ``build`` builds; the test is skipped where the machine has no C compiler."""
+    try:
+        return build()
+    except build_fmus.NoCompilerError as problem:
+        pytest.skip(str(problem))
 
 
-@pytest.fixture(scope="session")
-def native_plant_file(fmu_folder: Path) -> Path:
-    """The manipulator's FMU in C."""
-    return build_or_skip(lambda: build_fmus.build("FlexibleManipulatorNative", fmu_folder))
+def built(build: Callable[[Path], Path]) -> Any:
+    """A fixture of an FMU that ``build`` builds in the session's folder."""
+
+    @pytest.fixture(scope="session")
+    def file(fmu_folder: Path) -> Path:
+        return build_or_skip(lambda: build(fmu_folder))
+
+    return file
+
+
+plant_file = built(partial(build_fmus.build, "FlexibleManipulator"))
+native_plant_file = built(partial(build_fmus.build, "FlexibleManipulatorNative"))
+pid_file = built(partial(build_fmus.build, "DiagonalPID"))
+pid_c_file = built(partial(build_fmus.build, "DiagonalPID_C"))
+probe_plant_file = built(partial(build_stub, "probe_plant", PROBE_PLANT))
+feedthrough_file = built(partial(build_stub, "feedthrough", FEEDTHROUGH))
 
 
 @pytest.fixture(scope="session", params=["plant_file", "native_plant_file"])
@@ -71,22 +92,8 @@ def each_plant_file(request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.fixture(scope="session")
-def pid_file(fmu_folder: Path) -> Path:
-    """The default controller's FMU, the one in Python."""
-    return build_fmus.build("DiagonalPID", fmu_folder)
-
-
-@pytest.fixture(scope="session")
-def pid_c_file(fmu_folder: Path) -> Path:
-    """The default controller's FMU, the one in C."""
-    return build_or_skip(lambda: build_fmus.build("DiagonalPID_C", fmu_folder))
-
-
-@pytest.fixture(scope="session")
 def quick_folder(pid_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of one quick evaluation of the default controller, with the cases a report shows."""
-    from orchestrator import Benchmark, Controller
-
     folder = tmp_path_factory.mktemp("quick")
     Benchmark("quick", workers=2).evaluate(Controller(pid_file), folder=folder)
     return folder
@@ -95,36 +102,38 @@ def quick_folder(pid_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 @pytest.fixture(scope="session")
 def quick(quick_folder: Path):
     """The evaluation stored there."""
-    from orchestrator import Evaluation
-
     return Evaluation.load(quick_folder)
 
 
 @pytest.fixture(scope="session")
-def probe_plant_file(fmu_folder: Path) -> Path:
-    """The stub of ``tests/stubs/probe_plant.c``."""
-    from support.stub_fmus import PROBE_PLANT, build_stub
-
-    return build_or_skip(lambda: build_stub("probe_plant", PROBE_PLANT, fmu_folder))
-
-
-@pytest.fixture(scope="session")
-def feedthrough_file(fmu_folder: Path) -> Path:
-    """The stub of ``tests/stubs/feedthrough.c``."""
-    from support.stub_fmus import FEEDTHROUGH, build_stub
-
-    return build_or_skip(lambda: build_stub("feedthrough", FEEDTHROUGH, fmu_folder))
-
-
-def build_or_skip(build):
-    """What ``build`` builds; the test is skipped where the machine has no C compiler."""
-    try:
-        return build()
-    except build_fmus.NoCompilerError as problem:
-        pytest.skip(str(problem))
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the evaluation that tests disturb, kill and send to a cluster, run here and without trouble."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    Benchmark(workers=2).evaluate(Controller(), only=NOISE[1], folder=folder, recordings=False)
+    return folder
 
 
 @pytest.fixture(scope="session")
 def faulty(fmu_folder: Path) -> Callable[[Fault], Path]:
     """A function that builds the hostile controller with a fault."""
     return lambda fault: build_or_skip(lambda: hostile_fmu(fmu_folder, fault))
+
+
+@pytest.fixture(scope="session")
+def own(plant_file: Path, pid_file: Path) -> Bench:
+    """The plant with the default controller."""
+    return bench(plant_file, pid_file)
+
+
+@pytest.fixture(scope="session")
+def harmless(plant_file: Path, faulty: Callable[[Fault], Path]) -> Bench:
+    """The plant with the hostile controller, without a fault."""
+    return bench(plant_file, faulty(NONE))
+
+
+@pytest.fixture
+def no_slack(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time limits in proportion to the simulated time alone, and what comes on top of them short."""
+    monkeypatch.setattr(campaign, "START_TIME", 0.0)
+    monkeypatch.setattr(campaign, "FIRST_START_TIME", HANG_LIMIT)
+    monkeypatch.setattr(supervision, "GRACE", 0.3)

@@ -1,7 +1,5 @@
 """The library: what an evaluation and a simulation hold, equal to the last bit however they are run."""
 
-from __future__ import annotations
-
 import csv
 import math
 import subprocess
@@ -32,9 +30,6 @@ def evaluated(pid: Controller, bench: Benchmark | None = None, **options: object
     return (bench or Benchmark()).evaluate(pid, **{"only": ONE, "recordings": False, **options})  # type: ignore[arg-type]
 
 
-# ---- the package ----
-
-
 def test_importing_the_package_has_no_effect_and_loads_nothing(tmp_path: Path) -> None:
     program = """
 import os, sys
@@ -43,6 +38,7 @@ import orchestrator
 assert dict(os.environ) == before[1] and sys.excepthook is before[2] and not os.listdir()
 heavy = {"numpy", "numba", "fmpy", "matplotlib", "scipy", "rich", "msgspec"} & (set(sys.modules) - before[0])
 assert not heavy, heavy
+assert all(getattr(orchestrator, name) is not None for name in orchestrator.__all__)
 from orchestrator import Benchmark, Controller, Evaluation, Simulation, compare
 assert "numba" not in sys.modules and "matplotlib" not in sys.modules and not os.listdir(os.environ["CACHE"])
 """
@@ -52,16 +48,6 @@ assert "numba" not in sys.modules and "matplotlib" not in sys.modules and not os
     cache = str(folders["cache"])
     environment = {"FLEXIBLE_MANIPULATOR_CACHE": cache, "CACHE": cache, "PYTHONPATH": str(Path.cwd())}
     subprocess.run([sys.executable, "-c", program], cwd=folders["empty"], env=environment, check=True)
-
-
-def test_public_names_are_those_promised() -> None:
-    assert {"Benchmark", "Controller", "Evaluation", "Simulation", "compare"} <= set(dir(orchestrator))
-    assert all(getattr(orchestrator, name) is not None for name in orchestrator.__all__)
-    with pytest.raises(AttributeError):
-        _ = orchestrator.nothing  # type: ignore[attr-defined]
-
-
-# ---- evaluate ----
 
 
 def test_an_evaluation_holds_the_scorecard(quick: Evaluation, pid_file: Path) -> None:
@@ -92,7 +78,6 @@ def test_save_and_load(quick: Evaluation, pid: Controller, tmp_path: Path) -> No
     assert len(rows) == len(table) == 24 and list(table.columns) == list(rows[0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 3])
 def test_bit_identical_for_any_number_of_processes(quick: Evaluation, pid_file: Path, workers: int) -> None:
     bench, some = Benchmark("quick", workers=workers), ["*.noise", "c00.*.delay_1"]
@@ -134,9 +119,6 @@ def test_the_default_controller_is_the_papers_pid_and_another_sample_time_is_mar
     assert results.controller.file == "DiagonalPID.fmu"
     assert results.controller.generation_tool.startswith("PythonFMU")  # type: ignore[union-attr]
     assert (results.sample_time.seconds, results.sample_time.as_in_benchmark) == (0.0005, False)
-
-
-# ---- simulate ----
 
 
 def test_a_case_of_the_protocol_has_its_figures(pid_file: Path, quick: Evaluation, tmp_path: Path) -> None:
@@ -181,18 +163,12 @@ def test_pose_system_and_plant_are_chosen(pid: Controller) -> None:
     assert bench.nominal["psi[2]"] == 1e-3
 
 
-# ---- compare ----
-
-
 def test_compare_ranks_what_is_comparable(quick: Evaluation, pid: Controller) -> None:
     controller = changed(quick.results.controller, file="Other.fmu")
     other = replace(quick, results=changed(quick.results, controller=controller))
     groups = compare([quick, other, evaluated(pid)])
     assert [[entry.name for entry in group.ranked] for group in groups] == [["DiagonalPID", "Other"], []]
     assert len(groups[1].unranked) == 1 and "protocol" in groups[1].difference
-
-
-# ---- what cannot be used ----
 
 
 @pytest.mark.parametrize(

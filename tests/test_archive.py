@@ -1,7 +1,5 @@
 """Archives from strangers: refused with a reason, with nothing written outside the cache, or opened."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import shutil
@@ -23,7 +21,6 @@ from orchestrator.cache import VARIABLE
 from orchestrator.errors import EnvironmentFault, FmuError
 from orchestrator.fmi import archive
 from orchestrator.fmi.archive import open_archive, restore
-from orchestrator.loop.sampling import controller_sample_time
 
 DESCRIPTION = "modelDescription.xml"
 
@@ -42,13 +39,25 @@ def good() -> dict[str, bytes]:
     return build_or_skip(fmus.contents)
 
 
-def zipped(entries: list[tuple[str | zipfile.ZipInfo, bytes]]) -> bytes:
-    """An archive with these entries, whatever their names."""
+def zipped(entries: list[tuple[str | zipfile.ZipInfo, bytes]], placeholder: bytes = b"", name: bytes = b"") -> bytes:
+    """An archive with these entries, whatever their names: zipfile, which would refuse or clean ``name``, is given a
+    ``placeholder`` of the same length."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as opened:
-        for name, data in entries:
-            opened.writestr(name, data)
-    return buffer.getvalue()
+        for entry, data in entries:
+            opened.writestr(entry, data)
+    assert len(placeholder) == len(name)
+    return buffer.getvalue().replace(placeholder, name) if name else buffer.getvalue()
+
+
+def more(entry: str | zipfile.ZipInfo, data: bytes = b"gone", placeholder: bytes = b"", name: bytes = b""):
+    """What makes an archive of a good FMU and one more entry."""
+    return lambda good: zipped([*good.items(), (entry, data)], placeholder, name)
+
+
+def described(description: bytes, whole: bool = False, **others: bytes):
+    """What makes an archive of a description, and of all else there is of a good FMU if ``whole``."""
+    return lambda good: pack({**(good if whole else {}), DESCRIPTION: description, **others})
 
 
 def link(name: str, target: str) -> tuple[zipfile.ZipInfo, bytes]:
@@ -57,12 +66,6 @@ def link(name: str, target: str) -> tuple[zipfile.ZipInfo, bytes]:
     entry.create_system = 3
     entry.external_attr = (stat.S_IFLNK | 0o777) << 16
     return entry, target.encode()
-
-
-def with_name(data: bytes, placeholder: bytes, name: bytes) -> bytes:
-    """An archive with an entry renamed behind zipfile's back, which would refuse or clean the name."""
-    assert len(placeholder) == len(name)
-    return data.replace(placeholder, name)
 
 
 def with_source(description: bytes, name: str) -> bytes:
@@ -98,88 +101,40 @@ REFUSED = {
     "empty": (lambda good: b"", "not-an-fmu"),
     "text": (lambda good: b"this is not a zip archive\n" * 40, "not-an-fmu"),
     "truncated": (lambda good: pack(good)[:-200], "not-an-fmu"),
-    "half": (lambda good: pack(good)[: len(pack(good)) // 2], "not-an-fmu"),
     "no entries": (lambda good: zipped([]), "not-an-fmu"),
-    "no description": (lambda good: pack({"readme.txt": b"hello"}), "not-an-fmu"),
     "description in a folder": (lambda good: pack({"fmu/modelDescription.xml": b"<a/>"}), "not-an-fmu"),
-    "two descriptions": (
-        lambda good: with_name(
-            zipped([*good.items(), ("modelDescription.xmX", b"<other/>")]),
-            b"modelDescription.xmX",
-            DESCRIPTION.encode(),
-        ),
-        "bad-description",
-    ),
-    "path traversal": (lambda good: zipped([*good.items(), ("../../precious", b"gone")]), "bad-entry"),
-    "traversal in the middle": (
-        lambda good: zipped([*good.items(), ("resources/../../../precious", b"gone")]),
-        "bad-entry",
-    ),
-    "absolute path": (
-        lambda good: with_name(zipped([*good.items(), ("Xtmp/hostile", b"gone")]), b"Xtmp/hostile", b"/tmp/hostile"),
-        "bad-entry",
-    ),
-    "backslashes": (
-        lambda good: with_name(zipped([*good.items(), ("..Xprecious", b"gone")]), b"..Xprecious", b"..\\precious"),
-        "bad-entry",
-    ),
-    "drive letter": (lambda good: zipped([*good.items(), ("c:/precious", b"gone")]), "bad-entry"),
-    "link": (lambda good: zipped([*good.items(), link("resources/passwords", "/etc/passwd")]), "bad-entry"),
-    "link as folder": (
-        lambda good: zipped([*good.items(), link("resources", ".."), ("resources/precious", b"gone")]),
-        "bad-entry",
-    ),
+    "two descriptions": (more(f"{DESCRIPTION[:-1]}X", b"<x/>", b"tion.xmX", b"tion.xml"), "bad-description"),
+    "path traversal": (more("../../precious"), "bad-entry"),
+    "traversal in the middle": (more("resources/../../../precious"), "bad-entry"),
+    "absolute path": (more("Xtmp/hostile", b"gone", b"Xtmp/hostile", b"/tmp/hostile"), "bad-entry"),
+    "backslashes": (more("..Xprecious", b"gone", b"..Xprecious", b"..\\precious"), "bad-entry"),
+    "drive letter": (more("c:/precious"), "bad-entry"),
+    "link": (more(*link("resources/passwords", "/etc/passwd")), "bad-entry"),
     "encrypted": (lambda good: encrypted(pack(good)), "bad-entry"),
-    "bomb": (lambda good: zipped([*good.items(), ("resources/zeros", bytes(80 << 20))]), "archive-limit"),
-    "too many files": (
-        lambda good: zipped([*good.items(), *((f"resources/{i}", b"") for i in range(10_001))]),
-        "archive-limit",
-    ),
-    "huge description": (
-        lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION] + b"<!-- -->" * (5 << 20)}),
-        "bad-entry",
-    ),
-    "huge list of sources": (
-        lambda good: pack({**good, "sources/buildDescription.xml": b"<!-- -->" * (5 << 20)}),
-        "bad-entry",
-    ),
-    "empty description": (lambda good: pack({DESCRIPTION: b""}), "bad-description"),
-    "malformed description": (lambda good: pack({DESCRIPTION: b"<fmiModelDescription>"}), "bad-description"),
-    "binary description": (lambda good: pack({DESCRIPTION: bytes(range(256)) * 4}), "bad-description"),
-    "another root": (lambda good: pack({DESCRIPTION: b"<html><body>404</body></html>"}), "bad-description"),
-    "another version": (
-        lambda good: pack({DESCRIPTION: b'<fmiModelDescription fmiVersion="9.0" modelName="x"/>'}),
-        "bad-description",
-    ),
-    "entity bomb": (lambda good: pack({DESCRIPTION: ENTITY_BOMB}), "bad-description"),
-    "external entity": (lambda good: pack({DESCRIPTION: EXTERNAL}), "bad-description"),
+    "bomb": (more("resources/zeros", bytes(80 << 20)), "archive-limit"),
+    "too many files": (lambda good: zipped([(f"resources/{i}", b"") for i in range(10_001)]), "archive-limit"),
+    "huge description": (described(b"<!-- -->" * (5 << 20), True), "bad-entry"),
+    "huge list of sources": (more("sources/buildDescription.xml", b"<!-- -->" * (5 << 20)), "bad-entry"),
+    "empty description": (described(b""), "bad-description"),
+    "malformed description": (described(b"<fmiModelDescription>"), "bad-description"),
+    "binary description": (described(bytes(range(256)) * 4), "bad-description"),
+    "another root": (described(b"<html><body>404</body></html>"), "bad-description"),
+    "another version": (described(b'<fmiModelDescription fmiVersion="9.0" modelName="x"/>'), "bad-description"),
+    "entity bomb": (described(ENTITY_BOMB), "bad-description"),
+    "external entity": (described(EXTERNAL), "bad-description"),
     "identifier that leaves the folder": (
-        lambda good: pack({**good, DESCRIPTION: fmus.edited(modelIdentifier="../../../../precious")}),
+        described(fmus.edited(modelIdentifier="../../../../precious"), True),
         "bad-description",
     ),
-    "identifier of another library": (
-        lambda good: pack({**good, DESCRIPTION: fmus.edited(modelIdentifier="Another")}),
-        "bad-description",
-    ),
-    "a start value in words": (
-        lambda good: pack({**good, DESCRIPTION: good[DESCRIPTION].replace(b'start="0"', b'start="much"')}),
-        "bad-start",
-    ),
-    "no binary": (lambda good: pack({DESCRIPTION: good[DESCRIPTION]}), "no-binary"),
-    "sources that are none": (
-        lambda good: pack({DESCRIPTION: good[DESCRIPTION], "sources/model.c": b'#error "never mind"\n'}),
-        "bad-sources",
-    ),
+    "identifier of another library": (described(fmus.edited(modelIdentifier="Another"), True), "bad-description"),
+    "a start value in words": (described(fmus.edited().replace(b'start="0.0"', b'start="much"'), True), "bad-start"),
+    "no binary": (described(fmus.edited()), "no-binary"),
+    "sources that are none": (described(fmus.edited(), **{"sources/model.c": b"#error\n"}), "bad-sources"),
     "sources outside": (
-        lambda good: pack({DESCRIPTION: with_source(good[DESCRIPTION], "../../../precious"), "sources/model.c": b""}),
+        described(with_source(fmus.edited(), "../../../precious"), **{"sources/model.c": b""}),
         "bad-sources",
     ),
 }
-
-
-def with_step_size(text: bytes, value: str) -> bytes:
-    """A description with this step size as its default."""
-    return text.replace(b"<ModelVariables>", f'<DefaultExperiment stepSize="{value}"/><ModelVariables>'.encode())
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -191,18 +146,9 @@ def test_a_bad_archive_is_refused_with_the_reason(name, good, room):
     error = refusal(open_archive, file)
     assert error.what == what
     assert "bad.fmu" in error.where or what == "bad-start"
-    assert len(str(error)) < 1000
     assert outside_of_the_cache(room) == before
     assert (room / "precious").read_text() == "untouched"
     assert not list(room.glob("cache/fmus/incomplete-*"))
-
-
-@pytest.mark.parametrize("size", ["1e9999999999", "1/0"])
-def test_a_step_size_that_would_fill_the_memory_or_divide_by_zero(size, good, room):
-    file = room / "bad.fmu"
-    file.write_bytes(pack({**good, DESCRIPTION: with_step_size(good[DESCRIPTION], size)}))
-    error = refusal(controller_sample_time, open_archive(file), Benchmark("quick").rules.sample_time)
-    assert (error.what, error.value) == ("bad-sample-time", size)
 
 
 def outside_of_the_cache(room: Path) -> dict[str, bytes]:
@@ -240,14 +186,9 @@ def test_a_name_that_is_not_utf8_is_refused(good, room):
     assert refusal(open_archive, file).what == "bad-file-name"
 
 
-# ---- Libraries that cannot be loaded ----
-
-
 BROKEN_LIBRARIES = {
     "text": lambda library: b"not a library\n",
-    "empty": lambda library: b"",
     "truncated": lambda library: library[: len(library) // 2],
-    "zeros": lambda library: library[:64] + bytes(len(library) - 64),
     "of another program": lambda library: Path(sys.modules["_ctypes"].__file__).read_bytes(),
 }
 
@@ -266,21 +207,13 @@ def test_a_broken_library_has_no_verdict(name, good, tmp_path):
         assert not case.judged and "loading its library" in case.message
 
 
-# ---- The cache ----
-
-
-def test_equal_contents_share_a_folder(good, room):
-    fmu = hostile_fmu(room)
-    copy = Path(shutil.copy(fmu, room / "copy.fmu"))
-    assert open_archive(fmu).folder == open_archive(copy).folder
-    assert len(list((room / "cache" / "fmus").iterdir())) == 1
-
-
 @pytest.mark.parametrize("damage", ["changed", "emptied", "missing"])
-def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, good, room):
+def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, room):
     fmu = hostile_fmu(room)
     library = open_archive(fmu).folder / LIBRARY
-    contents = library.read_bytes()
+    contents, compiled = library.read_bytes(), library.parents[2] / "resources" / "compiled.bin"
+    compiled.write_bytes(b"machine code")
+    assert open_archive(fmu).folder == library.parents[2] and compiled.is_file(), "what lies beside the files stays"
     if damage == "missing":
         library.unlink()
     else:
@@ -289,37 +222,27 @@ def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, good, room):
     assert not list((room / "cache" / "fmus").glob("incomplete-*"))
 
 
-def test_what_was_compiled_beside_the_files_stays(good, room):
-    fmu = hostile_fmu(room)
-    compiled = open_archive(fmu).folder / "resources" / "compiled.bin"
-    compiled.write_bytes(b"machine code")
-    open_archive(fmu)
-    assert compiled.read_bytes() == b"machine code"
-
-
-def test_a_cache_that_cannot_be_written(good, room):
+def test_a_cache_that_cannot_be_written(room):
     (room / "cache").mkdir()
     (room / "cache" / "fmus").write_text("a file in the way")
-    with pytest.raises(EnvironmentFault) as caught:
-        open_archive(hostile_fmu(room))
-    assert caught.value.what == "no-cache"
+    assert refusal(open_archive, hostile_fmu(room), kind=EnvironmentFault).what == "no-cache"
 
 
 @pytest.mark.parametrize("file_stays", [True, False])
-def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, good, room):
+def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, room):
     fmu = hostile_fmu(room)
     opened = open_archive(fmu)
     assert not restore(opened), "nothing to do"
+    assert open_archive(Path(shutil.copy(fmu, room / "copy.fmu"))).folder == opened.folder, "equal contents share one"
     shutil.rmtree(room / "cache")
     if not file_stays:
         fmu.unlink()
     assert restore(opened) and (opened.folder / LIBRARY).is_file()
 
 
-def test_a_file_that_is_too_large_is_not_unpacked(good, room, monkeypatch):
+def test_a_file_that_is_too_large_is_not_unpacked(room, monkeypatch):
     file = hostile_fmu(room)
-    monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size)
-    assert refusal(open_archive, file).what == "archive-limit", "its contents"
-    monkeypatch.setattr(archive, "MOST_BYTES", file.stat().st_size - 1)
-    assert refusal(open_archive, file).what == "archive-limit", "the file itself"
+    for most in (file.stat().st_size, file.stat().st_size - 1):  # its contents, and the file itself
+        monkeypatch.setattr(archive, "MOST_BYTES", most)
+        assert refusal(open_archive, file).what == "archive-limit"
     assert not (room / "cache").exists()

@@ -1,21 +1,25 @@
-"""The controller in C for the other kinds of FMI: always the same torques, to the last bit."""
-
-from __future__ import annotations
+"""The controllers in C: the PID for every kind of FMI with the same torques to the last bit, the LQG up to rounding."""
 
 from ctypes import byref, c_bool, c_double, c_int
+from functools import partial
 
 import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model
-from support.pid_fmus import T_S, Signals, fmpys_torques, in_child, instance, law, random_signals
+from numpy.testing import assert_allclose
+from support.pid_fmus import T_S, Signals, built, fmpys_torques, in_child, instance, law, random_signals, slave
+from test_pid import STARTS
 
 import build_fmus
+from orchestrator import Benchmark, Controller
+from orchestrator.loop.signals import quantize
 
 pytestmark = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
 
 KINDS = ("DiagonalPID_C", *build_fmus.VARIANTS)
+LQG = "DitheredLQG_C"
 MODEL_EXCHANGE = ("DiagonalPID_C_me2", "DiagonalPID_C_me3")
 WITH_ARRAYS = ("DiagonalPID_C_fmi3", "DiagonalPID_C_me3")
 U_M, U_M0, T_S_REFERENCE, TIME = 4, 15, 14, 17
@@ -25,11 +29,11 @@ HELD = Signals(np.array([(0.3, -0.1)] * 3), np.array([(0.1, 0.2)] * 3), (0.0, 0.
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """The FMUs of all KINDS by name, compiled without a warning."""
+    """The FMUs of all KINDS and the LQG by name, compiled without a warning."""
     folder, compiler = tmp_path_factory.mktemp("fmus"), " ".join(build_fmus.find_compiler())
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CC", f"{compiler} -Wall -Wextra -Wno-unused-parameter -pedantic -Werror")
-        return {name: build_fmus.build(name, folder) for name in KINDS}
+        return {name: build_fmus.build(name, folder) for name in (*KINDS, LQG)}
 
 
 @pytest.mark.parametrize("name", build_fmus.VARIANTS)
@@ -46,7 +50,8 @@ def test_description_keeps_what_was_declared(name, files):
 
 def test_torques_are_the_laws_to_the_last_bit(files):
     signals = random_signals()
-    for name, torques in zip(files, in_child(fmpys_torques, list(files.values()), signals), strict=True):
+    paths = [files[name] for name in KINDS]
+    for name, torques in zip(KINDS, in_child(fmpys_torques, paths, signals), strict=True):
         assert len(torques) == len(signals.rows) + 1
         if name in MODEL_EXCHANGE:  # the last event, at stop time, holds the last inputs; the law has no sample for it
             assert torques[:-1] == law(signals), name
@@ -54,7 +59,32 @@ def test_torques_are_the_laws_to_the_last_bit(files):
             assert torques == [signals.u_m0, *law(signals)], name
 
 
-# ---- Model Exchange, event by event ----
+ALLOWED = 1e-4
+"""Difference of torques, in steps of the drive's rounding: at most about one torque in 10^4 is rounded otherwise. It
+comes from the Riccati equations, whose terms differ by many orders of magnitude."""
+
+
+def _torques(path, signals, parameters):
+    with slave(path) as one:
+        one.begin(signals.q_m_ref[0], signals.u_m0)
+        one.set(list(parameters), list(parameters.values()))
+        one.fmu.exitInitializationMode()
+        return np.array(one.run(signals.rows))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ManipulatorLQG", "DitheredLQG"])
+def test_torques_of_the_lqg_are_those_of_python(name, files, fmu_folder):
+    """On the angles of a whole case; the LQG without a dither is the one with a dither of no amplitude."""
+    measured = Benchmark().simulate(Controller(built(name, fmu_folder)), "c14.slippery.gain_2")
+    scenario = measured.case.scenario
+    q_m = np.vectorize(partial(quantize, quantum=scenario.sensor.quantum))(measured.trajectory.measured[:-1])
+    signals = Signals(np.tile(measured.trajectory.q_m_ref, (len(q_m), 1)), q_m, tuple(measured.trajectory.u_m0))
+    quiet = {"amplitude[1]": 0.0, "amplitude[2]": 0.0} if name == "ManipulatorLQG" else {}
+    here = in_child(_torques, built(name, fmu_folder), signals, {})
+    there = in_child(_torques, files[LQG], signals, {**STARTS[name], **quiet})
+    assert here.shape == (104_000, 2) and 1.0 < np.abs(here).max() < 20.0, "a whole case, far from the limits"
+    assert_allclose(there / scenario.drive.quantum, here / scenario.drive.quantum, rtol=0.0, atol=ALLOWED)
 
 
 def _events(path, row, early):
@@ -92,9 +122,6 @@ def test_each_time_event_is_handled_once(name, files):
     torques = law(HELD)
     changes = zip((True, False, False, True, True), (0, 0, 0, 1, 2), (1, 1, 1, 2, 3), strict=True)
     assert seen == [(changed, torques[k], True, 1.0 + event * T_S) for changed, k, event in changes]
-
-
-# ---- Co-simulation of FMI 3 and FMI 1, call by call ----
 
 
 def _step(slave, h):

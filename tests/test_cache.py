@@ -1,12 +1,11 @@
 """Where things are kept, and the name of what is made from sources: it changes with every change that can matter, and
 with no other."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest
 from hostile.commands import command, finished
+from support.refusals import refusal
 
 from orchestrator import cache
 from orchestrator.cache import VARIABLE, cache_folder, compiled_code_folder, source_hash
@@ -51,9 +50,6 @@ def test_compiled_code_and_place_do_not_matter(sources, tmp_path):
     assert source_hash([moved]) == before
 
 
-# ---- The cache folder ----
-
-
 def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "a" / "b"))
     assert cache_folder() == tmp_path / "a" / "b"
@@ -73,18 +69,16 @@ def test_a_temporary_folder_takes_the_place_of_one_that_is_not_writable(tmp_path
 
 
 def test_without_a_temporary_folder_either_the_machine_is_at_fault(tmp_path, monkeypatch):
+    def unwritable(*_arguments, **_keywords):
+        raise OSError("Read-only file system")
+
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv(VARIABLE, str(tmp_path / "file" / "other"))
     monkeypatch.setattr(cache.tempfile, "mkdtemp", unwritable)
-    with pytest.raises(EnvironmentFault) as caught:
-        cache_folder()
-    assert caught.value.what == "no-cache" and VARIABLE in str(caught.value)
+    assert refusal(cache_folder, kind=EnvironmentFault).what == "no-cache"
 
 
-def unwritable(*_arguments, **_keywords):
-    raise OSError("Read-only file system")
-
-
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="a folder that nobody can make: /proc/nonexistent")
 def test_a_command_runs_without_its_cache_folder_and_leaves_nothing(tmp_path):
     (tmp_path / "tmp").mkdir()

@@ -1,7 +1,5 @@
 """Worker processes: whoever starts them, how they start, and that nothing of them stays behind."""
 
-from __future__ import annotations
-
 import csv
 import multiprocessing
 import os
@@ -21,6 +19,7 @@ from hostile import fmus
 from hostile.commands import wait_for
 from hostile.fmus import Fault
 from hostile.runs import STRUCK, bench, job, noise_cases, run, short_cases
+from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller
 from orchestrator.api import work
@@ -32,9 +31,6 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the corpus is w
 
 CASE = "c00.compliant.noise"
 GOLDEN = Path(__file__).parent / "golden" / "DiagonalPID.quick.csv"
-
-
-# ---- Callers: whatever they are, they get the right numbers ----
 
 
 def golden() -> list[str]:
@@ -65,25 +61,17 @@ def printed(arguments: list[str], folder: Path, text: str = "") -> list[str]:
     return literal_eval(done.stdout)
 
 
-def test_a_script_without_a_guard_and_one_from_standard_input(pid_file, tmp_path):
+@pytest.mark.parametrize("arguments", [["script.py"], ["-"]])
+def test_a_script_without_a_guard_and_one_from_standard_input(arguments, pid_file, tmp_path):
     script = SCRIPT.format(file=str(pid_file), case=CASE)
     (tmp_path / "script.py").write_text(script)
-    assert printed(["script.py"], tmp_path) == golden()
-    assert printed(["-"], tmp_path, script) == golden()
+    assert printed(arguments, tmp_path, script) == golden()
 
 
 def test_a_thread_that_outlives_the_main_thread(pid_file, tmp_path):
     lines = SCRIPT.format(file=str(pid_file), case=CASE).replace("\n", "\n    ")
     (tmp_path / "script.py").write_text(THREADED.format(lines))
     assert printed(["script.py"], tmp_path) == golden()
-
-
-def test_a_notebook(pid_file, tmp_path):
-    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
-    cell = nbformat.v4.new_code_cell(SCRIPT.format(file=str(pid_file), case=CASE))
-    notebook = nbformat.v4.new_notebook(cells=[cell])
-    nbclient.NotebookClient(notebook, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
-    assert literal_eval("".join(output.text for output in cell.outputs if output.name == "stdout")) == golden()
 
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
@@ -107,45 +95,36 @@ def test_a_fork_while_another_thread_starts_a_server(pid_file):
     assert os.waitpid(pid, 0)[1] == 0
 
 
-# ---- The start ----
-
-
-@pytest.fixture
-def own(plant_file, faulty):
-    """The plant with the hostile controller, without a fault."""
-    return bench(plant_file, faulty(fmus.NONE))
-
-
-def test_a_worker_has_nothing_of_its_owner(own):
-    (outcome,) = run_isolated(job(own, "surroundings", b""))
+def test_a_worker_has_nothing_of_its_owner(harmless):
+    (outcome,) = run_isolated(job(harmless, "surroundings", b""))
     folder, files, sockets, main = literal_eval(outcome.value.decode())
     assert (files, sockets, main) == ([], 1, None)
     assert not Path(folder).exists()  # it goes with the worker
 
 
-def test_the_owner_never_loads_an_fmu(own):
-    run(own, short_cases((STRUCK,)))
+def test_the_owner_never_loads_an_fmu(harmless):
+    run(harmless, short_cases((STRUCK,)))
     assert "/fmus/" not in Path("/proc/self/maps").read_text()
 
 
-def test_an_owner_with_many_open_files(own):
+def test_an_owner_with_many_open_files(harmless):
     """select() refuses descriptors above 1023."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (4096, before[1]))
     opened = [os.open(os.devnull, os.O_RDONLY) for _ in range(1100)]
     try:
-        assert [outcome.value for outcome in run_isolated(job(own, "echo", b"a"))] == [b"a"]
+        assert [outcome.value for outcome in run_isolated(job(harmless, "echo", b"a"))] == [b"a"]
     finally:
         for descriptor in opened:
             os.close(descriptor)
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-def test_jobs_of_different_modules_do_not_end_each_others_workers(own):
+def test_jobs_of_different_modules_do_not_end_each_others_workers(harmless):
     """Each module has a fork server of its own."""
-    first = run_isolated(job(own, "echo", b"a", b"b"))
+    first = run_isolated(job(harmless, "echo", b"a", b"b"))
     assert next(first).value == b"a"
-    task = replace(job(own, "echo", b""), work=f"{work.__name__}:judge_case")
+    task = replace(job(harmless, "echo", b""), work=f"{work.__name__}:judge_case")
     list(run_isolated(task))  # it fails, since that is no task of its
     before = set(launch._servers.values())
     assert next(first).value == b"b"
@@ -153,61 +132,52 @@ def test_jobs_of_different_modules_do_not_end_each_others_workers(own):
 
 
 @pytest.mark.parametrize("disturb", ["kill", "terminate"])
-def test_a_fork_server_that_is_lost_costs_nothing(disturb, own):
-    outcomes = run_isolated(job(own, "echo", b"a", b"b", b"c"))
+def test_a_fork_server_that_is_lost_costs_nothing(disturb, harmless):
+    outcomes = run_isolated(job(harmless, "echo", b"a", b"b", b"c"))
     assert next(outcomes).value == b"a"
     (server,) = (server for key, server in launch._servers.items() if key[0] == "hostile.works")
     getattr(server._process, disturb)()
     server._process.wait()
     assert [outcome.value for outcome in outcomes] == [b"b", b"c"]
-    assert [outcome.value for outcome in run_isolated(job(own, "echo", b"d"))] == [b"d"]
+    assert [outcome.value for outcome in run_isolated(job(harmless, "echo", b"d"))] == [b"d"]
     assert not Path(server._scratch).exists()
 
 
-def test_a_machine_that_can_start_no_process_is_an_environment_fault(own, monkeypatch):
-    monkeypatch.setattr(launch, "_received", lambda status: -11)
-    with pytest.raises(EnvironmentFault) as told:
-        list(run_isolated(job(own, "echo", b"a")))
-    assert told.value.what == "no-process"
-
-
-@pytest.mark.parametrize("where", ["_received", "ProcessTree", "frame"])
-def test_an_interruption_while_a_worker_starts_leaves_nothing(where, own, monkeypatch):
-    list(run_isolated(job(own, "echo", b"a")))
+def test_a_start_that_fails_or_is_interrupted_leaves_nothing(harmless, monkeypatch):
+    list(run_isolated(job(harmless, "echo", b"a")))
     before = left_behind()
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(launch, where, interrupted)
-        list(run_isolated(job(own, "echo", b"a")))
-    assert wait_for(lambda: left_behind() == before)
+    for where in ("_received", "ProcessTree", "frame"):
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(launch, where, interrupted)
+            list(run_isolated(job(harmless, "echo", b"a")))
+        assert wait_for(lambda: left_behind() == before)
+    monkeypatch.setattr(launch, "_received", lambda status: -11)
+    assert refusal(list, run_isolated(job(harmless, "echo", b"a")), kind=EnvironmentFault).what == "no-process"
 
 
-def test_time_limits_follow_the_simulated_time(own):
+def test_time_limits_follow_the_simulated_time(harmless):
     scenarios = [replace(noise_cases()[0].scenario, duration=Fraction(duration)) for duration in (13, 26)]
-    made = replace(own, timeout=52.0).job("judge_case", [], scenarios, lambda *_: None, 5.0)
+    made = replace(harmless, timeout=52.0).job("judge_case", [], scenarios, lambda *_: None, 5.0)
     assert made.time_limits == (5.0 + 26.0, 5.0 + 52.0)
 
 
-# ---- The end ----
-
-
-def test_nothing_stays_after_many_jobs(plant_file, faulty, own):
+def test_nothing_stays_after_many_jobs(plant_file, faulty, harmless):
     """As many descriptors, folders and processes as after the first few, through successes, errors and crashes."""
     bad = [bench(plant_file, faulty(Fault(what)), limit=20.0) for what in ("abort", "exit:0", "status:3")]
-    cases = short_cases((STRUCK,) * 3)
 
     def everything(count: int) -> None:
         for each in bad:
-            run(each, cases, workers=2)
-        outcomes = list(pool.run([job(own, "echo", b"x")] * count, 2))
+            run(each, short_cases((STRUCK,) * 3), workers=2)
+        outcomes = list(pool.run([job(harmless, "echo", b"x")] * count, 2))
         assert [outcome.value for _, outcome in outcomes] == [b"x"] * count
 
     everything(1)
     before = left_behind()
-    everything(100)
+    everything(50)
     assert wait_for(lambda: left_behind() == before)
 
 
@@ -219,8 +189,8 @@ def left_behind() -> tuple[int, int, int]:
     return len(os.listdir("/proc/self/fd")), len(folders), len(below)
 
 
-def test_a_pool_that_is_closed_ends_its_workers(own):
-    outcomes = pool.run([job(own, "echo", b"x")] * 50, 2)
+def test_a_pool_that_is_closed_ends_its_workers(harmless):
+    outcomes = pool.run([job(harmless, "echo", b"x")] * 50, 2)
     next(outcomes)
     outcomes.close()
     assert not [thread for thread in threading.enumerate() if "drive" in thread.name]

@@ -1,21 +1,20 @@
 """The commands: exit codes, what is printed where, and that wrong input is one clear line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
 import shlex
 import shutil
 import signal
-import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from hostile.commands import finished, started
 from msgspec.structs import replace
-from support.bad_fmus import with_broken_sources, without
-from support.command_lines import call, command, environment, run
+from support.command_lines import call
+from support.edited_fmus import with_broken_sources, without
 from support.python_controllers import python_controller
 from support.reports import ABOUT, results_of
 
@@ -26,22 +25,13 @@ from orchestrator.reporting.repeat import recording_command, simulate_command
 from orchestrator.reporting.run import load_run
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")
+EVALUATE = (sys.executable, "-m", "orchestrator.evaluate")
 
 
 @pytest.fixture(scope="module")
 def folder(quick_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished quick evaluation that commands may add to."""
     return Path(shutil.copytree(quick_folder, tmp_path_factory.mktemp("cli") / "quick"))
-
-
-# ---- what is printed ----
-
-
-def test_an_evaluation_in_a_process_of_its_own(pid_c_file: Path, tmp_path: Path) -> None:
-    finished = run(command("evaluate", pid_c_file, "--quick", "--only", "*.noise", "--seed", "3"), tmp_path)
-    assert finished.code == 0 and "results.json, cases.csv, trajectories.npz, report.html" in finished.err
-    (written,) = (tmp_path / "runs").iterdir()
-    assert written.name.startswith("DiagonalPID_C-quick-seed3-") and (written / "report.html").is_file()
 
 
 def test_the_scorecard_is_printed_for_people_and_nothing_is_run_again(pid_file: Path, folder: Path) -> None:
@@ -124,12 +114,6 @@ def test_compare_skips_what_is_unfinished(folder: Path, tmp_path: Path) -> None:
     assert call("compare", "unfinished", folder=tmp_path).code == 2
 
 
-def test_report_again(folder: Path, tmp_path: Path) -> None:
-    finished = call("report", folder, "--mat", "--parquet", folder=tmp_path)
-    assert finished.code == 0 and finished.out.splitlines()[0].startswith("FlexibleManipulator")
-    assert {"cases.parquet", "trajectories.mat", "report.html"} <= {file.name for file in folder.iterdir()}
-
-
 def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
     assert call("new", "python", "my_arm", folder=tmp_path).code == 0
     built = call("build", "my_arm", folder=tmp_path)
@@ -137,9 +121,6 @@ def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
     checked = call("check", built.out.strip(), "--set", "K_p[1]=50", folder=tmp_path)
     assert checked.code == 0 and "no unit" not in checked.out
     assert call("new", "python", "my_arm", folder=tmp_path).code == 2
-
-
-# ---- help ----
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -159,9 +140,6 @@ def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0 and capsys.readouterr().out.startswith("flexible-manipulator-benchmark ")
     assert main(["evaluate", "--list", "--quick"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == "c00.compliant.noise"
-
-
-# ---- what a user can get wrong ----
 
 
 def refusal(folder: Path, *arguments: object) -> str:
@@ -223,18 +201,26 @@ def test_an_unwritable_output_folder(target: str, tmp_path: Path) -> None:
         assert target in refusal(tmp_path, *words, "--output-dir", target)
 
 
-# ---- pipes and Ctrl-C ----
+def test_an_evaluation_in_a_process_of_its_own_whose_reader_goes_away(pid_c_file: Path, tmp_path: Path) -> None:
+    words = [*EVALUATE, str(pid_c_file), "--quick", "--only", "*.noise", "--seed", "3"]
+    done = finished(["bash", "-c", f"{shlex.join(words)} | true; exit ${{PIPESTATUS[0]}}"], tmp_path)
+    assert done.returncode in (0, 1)
+    (written,) = (tmp_path / "runs").iterdir()
+    assert written.name.startswith("DiagonalPID_C-quick-seed3-")
+    assert {"results.json", "cases.csv", "trajectories.npz", "report.html"} <= {file.name for file in written.iterdir()}
 
 
-def test_a_reader_that_goes_away(tmp_path: Path) -> None:
-    words = " ".join(map(shlex.quote, command("evaluate", "--list")))
-    finished = run(["bash", "-c", f"{words} | true; exit ${{PIPESTATUS[0]}}"], tmp_path)
-    assert finished.code in (0, 1) and "Traceback" not in finished.err
+def test_results_that_cannot_be_written(pid_file: Path, folder: Path, tmp_path: Path) -> None:
+    """All cases are in the store, but what is made of them finds no place."""
+    shutil.copytree(folder, tmp_path / "out")
+    (tmp_path / "out" / "results.json").unlink()
+    (tmp_path / "out" / "results.json" / "in the way").mkdir(parents=True)
+    stopped = call("evaluate", pid_file, "--quick", "--no-report", "--output-dir", tmp_path / "out", folder=tmp_path)
+    assert stopped.code == 1 and "results.json" in stopped.err
 
 
 def test_ctrl_c_while_modules_are_imported(tmp_path: Path) -> None:
-    words = command("evaluate", "--quick", "--output-dir", tmp_path)
-    process = subprocess.Popen(words, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    with started([*EVALUATE, "--quick"], tmp_path) as process:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
     assert process.returncode in (130, -signal.SIGINT) and "Traceback" not in errors

@@ -1,7 +1,5 @@
 """The codec: what it writes it reads again, and what it reads is of the type asked for or refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from fractions import Fraction
@@ -17,7 +15,7 @@ from orchestrator.api import work
 from orchestrator.benchmark import protocol
 from orchestrator.benchmark.case import Test as Experiment
 from orchestrator.benchmark.results import Measurements, Results
-from orchestrator.codec import Malformed, Struct, convert, from_json, json_schema, pack, plain, to_json, unpack
+from orchestrator.codec import Malformed, Struct, convert, from_json, pack, plain, to_json, unpack
 from orchestrator.conformance import dynamic
 from orchestrator.exact_time import seconds
 from orchestrator.execution import messages
@@ -31,7 +29,14 @@ def subclasses(kind: type) -> list[type]:
 
 STRUCTS = sorted(subclasses(Struct), key=lambda kind: (kind.__module__, kind.__name__))
 IDS = [f"{kind.__module__.removeprefix('orchestrator.')}.{kind.__name__}" for kind in STRUCTS]
-texts = st.text(st.characters(codec="utf-8"), max_size=5)
+
+
+SIMPLE = {
+    inspect.BoolType: st.booleans(),
+    inspect.BytesType: st.binary(max_size=4),
+    inspect.NoneType: st.none(),
+    inspect.StrType: st.text(st.characters(codec="utf-8"), max_size=5),
+}
 
 
 def values(of: inspect.Type) -> st.SearchStrategy:
@@ -44,14 +49,6 @@ def values(of: inspect.Type) -> st.SearchStrategy:
             return st.floats(low, high, allow_nan=False, allow_infinity=low is None)
         case inspect.IntType():
             return st.integers(-(2**63) if of.ge is None else of.ge, 2**63 - 1 if of.le is None else of.le)
-        case inspect.StrType():
-            return texts
-        case inspect.BoolType():
-            return st.booleans()
-        case inspect.BytesType():
-            return st.binary(max_size=4)
-        case inspect.NoneType():
-            return st.none()
         case inspect.LiteralType():
             return st.sampled_from(of.values)
         case inspect.EnumType():
@@ -68,7 +65,7 @@ def values(of: inspect.Type) -> st.SearchStrategy:
             return st.lists(st.floats(), max_size=3).map(np.array)
         case inspect.CustomType(cls=cls) if cls is Fraction:
             return st.fractions(max_denominator=10**9, min_value=-(10**9), max_value=10**9)
-    raise NotImplementedError(of)
+    return SIMPLE[type(of)]
 
 
 @pytest.mark.parametrize("kind", STRUCTS, ids=IDS)
@@ -122,8 +119,7 @@ def test_figures_are_finite_and_not_negative(number):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["1e300000000", "1e-101", "1/0", "nan", "inf", "soon", "", "1" * 51, "1e1e1", {}, True, None],
+    "text", ["1e300000000", "1e-101", "1/0", "nan", "inf", "soon", "", "1" * 51, "1e1e1", {}, True, None]
 )
 def test_times_are_bounded_fractions(text):
     with pytest.raises(Malformed):
@@ -150,30 +146,14 @@ def test_arrays_keep_shape_and_numbers(array):
     np.testing.assert_array_equal(found, array)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        ["<f8", [2], bytes(8)],
-        ["<f8", [-1], b""],
-        ["<f8", [2**50, 0], b""],
-        ["<f8", [2**40, 2**40], b""],
-        ["<f8", 1, bytes(8)],
-        ["<f8", [1.0], bytes(8)],
-        ["|O", [1], bytes(8)],
-        ["<f8", [1], "text"],
-        ["<f8", [1]],
-        [[], [1], bytes(8)],
-        {"a": 1},
-        7,
-    ],
-)
+WRONG_ARRAYS = [
+    *(["<f8", shape, bytes(8)] for shape in ([2], 1, [1.0])),
+    *(["<f8", shape, b""] for shape in ([-1], [2**50, 0], [2**40, 2**40])),
+    *(["|O", [1], bytes(8)], ["<f8", [1], "text"], ["<f8", [1]], [[], [1], bytes(8)], {"a": 1}, 7),
+]
+
+
+@pytest.mark.parametrize("wrong", WRONG_ARRAYS, ids=repr)
 def test_other_arrays_are_refused(wrong):
     with pytest.raises(Malformed):
         unpack(msgspec.msgpack.encode({"array": wrong}), Holder)
-
-
-def test_the_schema_of_results_names_every_field():
-    schema = json_schema(Results)
-    fields = schema["$defs"]["Results"]
-    assert set(fields["properties"]) == set(Results.__struct_fields__)
-    assert fields["additionalProperties"] is False

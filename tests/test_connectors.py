@@ -1,12 +1,13 @@
-"""Which variables of an FMU are bound to what, and what is refused rather than guessed."""
-
-from __future__ import annotations
+"""Which variables of an FMU are bound to what by their spelling, and what is refused rather than guessed."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.descriptions import description, pair, usual, variable
 from support.refusals import refusal
 
-from orchestrator.fmi.connectors import PLANT, bind, bind_controller
+from orchestrator.fmi.connectors import CONTROLLER, PLANT, bind, bind_controller
+from orchestrator.fmi.names import ARRAY, Spelling, canonical, spelling
 
 WHAT = "The controller x.fmu"
 
@@ -19,8 +20,13 @@ def bound(shown, mapping=None):
     }
 
 
-def array(name, size=2, causality="input", kind="Float64"):
-    return variable(name, causality, kind=kind, size=size)
+def array(name, size=2, kind="Float64"):
+    return variable(name, kind=kind, size=size)
+
+
+def both(template, causality="input", indices=(1, 2)):
+    """The scalars of a connector by a template of their names: ``q_m[{}]``."""
+    return pair([template.format(index) for index in indices], causality)
 
 
 def refused(shown, mapping=None):
@@ -30,12 +36,9 @@ def refused(shown, mapping=None):
     return error.what, error.value, error.nearest
 
 
-# ---- Exact names ----
-
-
 def test_exact_scalars():
-    further = [*pair(["q_m_ref[1]", "q_m_ref[2]"]), *pair(["u_m0[1]", "u_m0[2]"], "parameter")]
-    found = bind_controller(usual(*further, *pair(["q_a_ref[1]", "q_a_ref[2]"])), WHAT)
+    further = [*both("q_m_ref[{}]"), *both("u_m0[{}]", "parameter"), *both("q_a_ref[{}]")]
+    found = bind_controller(usual(*further), WHAT)
     assert set(found) == {"q_m", "u_m", "q_m_ref", "u_m0", "q_a_ref"}
     assert {own.spelled for own in found.values()} == {"exact"}
     assert found["u_m0"].is_parameter and not found["q_m_ref"].is_parameter
@@ -43,58 +46,31 @@ def test_exact_scalars():
 
 
 @pytest.mark.parametrize(
-    ("inputs", "names"),
+    ("inputs", "names", "spelled"),
     [
-        ([array("q_m")], ["q_m"]),
-        (pair(["q_m[0]", "q_m[1]"]), ["q_m[0]", "q_m[1]"]),
-        (pair(["q_m[2]", "q_m[1]"]), ["q_m[1]", "q_m[2]"]),
-        (pair(["Observer.q_m[1]", "Observer.q_m[2]", "qm1", "qm2", "q_m[1]", "q_m[2]"]), ["q_m[1]", "q_m[2]"]),
-    ],
-    ids=["array", "zero-based", "any order", "before what is spelled so"],
-)
-def test_exact_names(inputs, names):
-    assert bound(usual(*inputs, without="q_m"))["q_m"] == (names, "exact")
-
-
-# ---- Spelling ----
-
-
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("q_m_1", "q_m_2"),
-        ("QM1", "QM2"),
-        ("q_m.axis1", "q_m.axis2"),
-        ("A.B.q_m_1", "A.B.q_m_2"),
-        ("q_m_0", "q_m_1"),
-        ("Controller.q_m[0]", "Controller.q_m[1]"),
+        ([array("q_m")], ["q_m"], "exact"),
+        (both("q_m[{}]", indices=(0, 1)), ["q_m[0]", "q_m[1]"], "exact"),
+        (both("q_m[{}]", indices=(2, 1)), ["q_m[1]", "q_m[2]"], "exact"),
+        ([*both("Observer.q_m[{}]"), *both("qm{}"), *both("q_m[{}]")], ["q_m[1]", "q_m[2]"], "exact"),
+        (both("QM{}", indices=(2, 1)), ["QM1", "QM2"], "by spelling"),
+        (both("A.B.q_m_{}"), ["A.B.q_m_1", "A.B.q_m_2"], "by spelling"),
+        (both("Controller.q_m[{}]", indices=(1, 0)), ["Controller.q_m[0]", "Controller.q_m[1]"], "by spelling"),
+        ([array("Controller.q_m")], ["Controller.q_m"], "by spelling"),
+        ([*both("q_m_{}"), *both("Log.q_m_{}", "output")], ["q_m_1", "q_m_2"], "by spelling"),
     ],
 )
-def test_spelled_scalars(names):
-    assert bound(usual(*pair(names[::-1]), without="q_m"))["q_m"] == (list(names), "by spelling")
-
-
-@pytest.mark.parametrize("name", ["qm", "Controller.q_m", "Q_m"])
-def test_spelled_arrays(name):
-    assert bound(usual(array(name), without="q_m"))["q_m"] == ([name], "by spelling")
-
-
-def test_a_variable_of_another_causality_is_no_candidate_by_spelling():
-    shown = usual(*pair(["q_m_1", "q_m_2"]), *pair(["Log.q_m_1", "Log.q_m_2"], "output"), without="q_m")
-    assert bound(shown)["q_m"][0] == ["q_m_1", "q_m_2"]
-
-
-# ---- What is never guessed ----
+def test_names(inputs, names, spelled):
+    assert bound(usual(*inputs, without="q_m"))["q_m"] == (names, spelled)
 
 
 @pytest.mark.parametrize(
     ("inputs", "value"),
     [
-        (pair(("Controller.q_m[1]", "Controller.q_m[2]", "Observer.q_m[1]", "Observer.q_m[2]")), "q_m[1]"),
+        ([*both("Controller.q_m[{}]"), *both("Observer.q_m[{}]")], "q_m[1]"),
         (pair(("q_m_1", "qm1", "q_m_2")), "q_m[1]"),
         (pair(("q_m_1", "q_m_2", "qm2")), "q_m[1]"),
-        ([array("P.q_m"), *pair(("q_m_1", "q_m_2"))], "q_m"),
-        ([array("q_m"), *pair(("q_m[1]", "q_m[2]"))], "q_m"),
+        ([array("P.q_m"), *both("q_m_{}")], "q_m"),
+        ([array("q_m"), *both("q_m[{}]")], "q_m"),
     ],
 )
 def test_two_candidates_are_refused_and_named(inputs, value):
@@ -115,11 +91,8 @@ def test_half_an_optional_connector_is_not_an_absent_one(name, connector):
 @pytest.mark.parametrize(
     "inputs",
     [
-        pair(("q_m[1]", "q_m[2]", "q_m[3]")),
-        pair(("q_m[0]", "q_m[1]", "q_m[2]")),
-        pair(("q_m_1", "q_m_2", "q_m_3")),
-        pair(("q_m_0", "q_m_1", "q_m_2")),
-        pair(("q_m.axis1", "q_m.axis2", "q_m.axis3")),
+        *(both(template, indices=range(3)) for template in ("q_m[{}]", "q_m_{}", "q_m.axis{}")),
+        both("q_m[{}]", indices=(1, 2, 3)),
         [array("q_m", 3)],
         [array("q_m", 6)],
     ],
@@ -129,23 +102,13 @@ def test_two_elements_are_needed(inputs):
     assert refused(usual(*inputs, without="q_m"))[:2] == ("connector-size", names)
 
 
-# ---- What is missing ----
-
-
 @pytest.mark.parametrize(
-    ("missing", "there", "nearest"),
-    [
-        ("q_m", pair(["In1", "In2"]), ("In1", "In2")),
-        ("u_m", pair(["y[1]", "y[2]"], "output"), ("y[1]", "y[2]")),
-        ("u_m", pair(["u_m[1]"], "output"), ("u_m[1]",)),
-        ("u_m", pair(["u_m_2"], "output"), ("u_m_2",)),
-        ("u_m", pair(["u_m"], "output"), ("u_m",)),
-        ("u_m", [], ()),
-    ],
+    ("missing", "names"), [("q_m", ("In1", "In2")), *(("u_m", (name,)) for name in ("y", "u_m[1]", "u_m_2", "u_m"))]
 )
-def test_a_missing_connector_is_reported_with_what_there_is(missing, there, nearest):
+def test_a_missing_connector_is_reported_with_what_there_is(missing, names):
+    there = pair(names, "input" if missing == "q_m" else "output")
     what, value, near = refused(usual(*there, without=missing))
-    assert (what, value, set(near)) == ("connector-missing", missing, set(nearest))
+    assert (what, value, set(near)) == ("connector-missing", missing, set(names))
 
 
 def test_the_plant_needs_all_its_connectors():
@@ -154,19 +117,12 @@ def test_the_plant_needs_all_its_connectors():
     assert (error.what, error.value) == ("connector-missing", "u_d")
 
 
-# ---- Wrong declarations ----
-
-
 @pytest.mark.parametrize(
     ("name", "causality", "kind"),
     [
-        ("q_m", "output", "Real"),
-        ("q_m", "parameter", "Real"),
-        ("q_m", "input", "Integer"),
-        ("q_m", "input", "Boolean"),
-        ("q_m", "input", "Int32"),
-        ("u_m", "input", "Real"),
-        ("u_m", "local", "Real"),
+        *(("q_m", causality, "Real") for causality in ("output", "parameter")),
+        *(("q_m", "input", kind) for kind in ("Integer", "Boolean", "Int32")),
+        *(("u_m", causality, "Real") for causality in ("input", "local")),
         ("u_m", "output", "Integer"),
     ],
 )
@@ -183,9 +139,6 @@ def test_both_components_have_one_real_type(first, second, value):
     assert refused(shown)[:2] == ("connector-type", value)
 
 
-# ---- The position error instead ----
-
-
 @pytest.mark.parametrize(
     ("without", "further", "connectors"),
     [
@@ -195,15 +148,10 @@ def test_both_components_have_one_real_type(first, second, value):
     ],
 )
 def test_the_position_error_may_take_the_place_of_the_angles(without, further, connectors):
-    inputs = [one for name in further for one in pair([f"{name}[1]", f"{name}[2]"])]
+    inputs = [one for name in further for one in both(f"{name}[{{}}]")]
     assert set(bound(usual(*inputs, without=without))) == connectors
-
-
-def test_angles_and_error_without_a_reference_are_refused():
-    assert refused(usual(*pair(["e[1]", "e[2]"])))[:2] == ("connector-missing", "q_m_ref")
-
-
-# ---- Mappings ----
+    what = "angles and error need a reference"
+    assert refused(usual(*both("e[{}]")))[:2] == ("connector-missing", "q_m_ref"), what
 
 
 @pytest.mark.parametrize(
@@ -211,9 +159,8 @@ def test_angles_and_error_without_a_reference_are_refused():
     [
         (pair(["In2", "In1"]), {"q_m[1]": "In1", "q_m[2]": "In2"}, ["In1", "In2"]),
         ([array("Measured", kind="Float32")], {"q_m": "Measured"}, ["Measured"]),
-        (pair(["q_m[1]", "q_m[2]"]), {"q_m[1]": "q_m[2]", "q_m[2]": "q_m[1]"}, ["q_m[2]", "q_m[1]"]),
+        (both("q_m[{}]"), {"q_m[1]": "q_m[2]", "q_m[2]": "q_m[1]"}, ["q_m[2]", "q_m[1]"]),
     ],
-    ids=["scalars", "array", "crossed"],
 )
 def test_a_mapping_overrides_names(inputs, mapping, names):
     assert bound(usual(*inputs, without="q_m"), mapping)["q_m"] == (names, "mapped")
@@ -242,19 +189,54 @@ def test_what_is_mapped_is_not_found_for_another_connector():
     assert found == {"u_m": (["u_m[1]", "u_m[2]"], "exact"), "e": (["q_m[1]", "q_m[2]"], "mapped")}
 
 
-# ---- Units at a connection ----
-
-
 def test_factors_notes_and_values_of_a_binding():
-    shown = description([*pair(["q_m[1]", "q_m[2]"], "input", "deg"), *pair(["u_m[1]", "u_m[2]"], "output", None)])
+    shown = description([*pair(["q_m[1]", "q_m[2]"], "input", "deg"), *both("u_m[{}]", "output")])
     found = bind_controller(shown, WHAT)
     assert found["q_m"].factors == pytest.approx((0.017453292519943295,) * 2, rel=1e-15)
     assert (found["q_m"].notes, found["u_m"].factors) == ((), (1.0, 1.0))
     assert found["u_m"].notes == tuple(f"{WHAT}: u_m[{i}] declares no unit; taken as N.m" for i in (1, 2))
     values = found["q_m"].values((0.017453292519943295, -0.03490658503988659))
     assert [(v.name, value) for v, value in values.items()] == [("q_m[1]", [1.0]), ("q_m[2]", [-2.0])]
+    other = usual(*pair(["q_m[1]", "q_m[2]"], "input", "m"), without="q_m")
+    assert refused(other)[:2] == ("wrong-unit", "m")
 
 
-def test_a_unit_of_another_kind_is_refused():
-    shown = usual(*pair(["q_m[1]", "q_m[2]"], "input", "m"), without="q_m")
-    assert refused(shown)[:2] == ("wrong-unit", "m")
+CONNECTORS = sorted({connector.name for connector in (*CONTROLLER, *PLANT)})
+
+INDEXED = ("{name}[{index}]", "{name}_{index}", "{name}{index}", "{name}.axis{index}", "{name}.axis_{index}")
+INDEXED += ("{name}_axis{index}", "{name}.joint{index}", "{name}({index})", "{name}.{index}", "{name}__{index}_")
+
+names = st.sampled_from(CONNECTORS)
+indices = st.integers(1, 2)
+paths = st.lists(st.sampled_from(["Controller", "pid", "a.b", "Sub_2", "q_m", "axis1"]), max_size=2)
+cases = st.sampled_from([str, str.upper, str.lower, str.title])
+
+
+@pytest.mark.parametrize("name", ["q_m", "time", "[1]", "1", "", "q_m[1].x", "q_m_1_raw", "axis1", "position", "..."])
+def test_names_without_an_index_are_no_component(name):
+    assert spelling(name, array=False) is None
+
+
+@given(names, indices, st.sampled_from(INDEXED), paths, cases)
+def test_every_connector_is_known_in_every_spelling(name, index, template, path, case):
+    spelled = ".".join([*path, case(template.format(name=name, index=index))])
+    assert spelling(spelled, array=False) == Spelling(canonical(name), index)
+
+
+@given(names, st.booleans(), paths, cases)
+def test_arrays_have_no_index(name, joined, path, case):
+    spelled = ".".join([*path, case(name.replace("_", "") if joined else name)])
+    assert spelling(spelled, array=True) == spelling(name, array=True) == Spelling(canonical(name), ARRAY)
+
+
+@given(names, names, indices, indices, st.sampled_from(INDEXED), st.sampled_from(INDEXED))
+def test_two_connectors_or_components_never_spell_the_same(first, second, i, j, template, other):
+    one = spelling(template.format(name=first, index=i), array=False)
+    two = spelling(other.format(name=second, index=j), array=False)
+    assert (one == two) == ((first, i) == (second, j))
+
+
+@given(st.text(), st.booleans())
+def test_any_text_has_a_spelling_or_none(text, array):
+    found = spelling(text, array)
+    assert found is None or found.index in (ARRAY, *range(10))

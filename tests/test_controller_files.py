@@ -1,7 +1,5 @@
 """Files with connector mappings and parameters: TOML, and SSP's SSM and SSV."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 
@@ -51,6 +49,7 @@ CONTROLLER = replace(
     ),
 )
 read_parameters = functools.partial(controller_files.read_parameters, controller=CONTROLLER)
+SUFFIXES = ("toml", "ssm", "ssv")
 
 
 @pytest.fixture
@@ -72,42 +71,39 @@ def refused(read, path):
     return error.what, error.value
 
 
-# ---- Mappings ----
-
-
-def test_toml_mapping(file):
+def test_mappings(file):
     path = file("names.toml", '[map]\n"q_m[1]" = "In1"\n"q_m[2]" = "In2"\nu_m = "Torque"\n')
     assert read_mapping(path) == {"q_m[1]": "In1", "q_m[2]": "In2", "u_m": "Torque"}
-
-
-def test_ssm_mapping(file):
     assert read_mapping(file("names.ssm", SSM.format(inside=""))) == {"q_m[1]": "In1", "q_m[2]": "In2"}
-
-
-def test_ssm_transformation_is_not_dropped_silently(file):
     path = file("names.ssm", SSM.format(inside='<ssc:LinearTransformation factor="2"/>'))
-    assert refused(read_mapping, path) == ("bad-mapping", "q_m[2]")
+    assert refused(read_mapping, path) == ("bad-mapping", "q_m[2]"), "a transformation is not dropped silently"
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "what"),
-    [
-        ("names.toml", '"q_m[1]" = "In1"\n', "bad-mapping"),
-        ("names.toml", "[map]\nq_m = 1\n", "bad-mapping"),
-        ("names.toml", "[map]\nq_m[1] = In1\n", "bad-file"),
-        ("names.toml", b"\xff\xfe", "bad-file"),
-        ("names.toml", "", "bad-mapping"),
-        ("names.txt", "q_m=In1", "bad-file"),
-        ("names.ssm", "<a><b></a>", "bad-file"),
-        ("names.ssm", "", "bad-file"),
-        ("names.ssm", "<ParameterSet/>", "bad-mapping"),
-    ],
-)
-def test_wrong_mapping_files(file, name, text, what):
-    assert refused(read_mapping, file(name, text))[0] == what
+WRONG_FILES = [
+    (read_mapping, "names.toml", '"q_m[1]" = "In1"\n', "bad-mapping"),
+    (read_mapping, "names.toml", "[map]\nq_m = 1\n", "bad-mapping"),
+    (read_mapping, "names.toml", "[map]\nq_m[1] = In1\n", "bad-file"),
+    (read_mapping, "names.toml", b"\xff\xfe", "bad-file"),
+    (read_mapping, "names.txt", "q_m=In1", "bad-file"),
+    (read_mapping, "names.ssm", "<a><b></a>", "bad-file"),
+    (read_mapping, "names.ssm", "", "bad-file"),
+    (read_mapping, "names.ssm", "<ParameterSet/>", "bad-mapping"),
+    (read_parameters, "gains.toml", "K_p = 45\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = true\n", "not-a-number"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = 'much'\n", "not-a-number"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "not-a-number"),
+    (read_parameters, "gains.toml", "[parameters.K_p]\naxis1 = 45\n", "not-a-number"),
+    (read_parameters, "gains.toml", "[parameters\n", "bad-file"),
+    (read_parameters, "gains.ssv", "no XML", "bad-file"),
+    (read_parameters, "gains.ssv", "<ParameterMapping/>", "bad-parameters"),
+    *((read, f"absent.{suffix}", None, "no-file") for read in (read_mapping, read_parameters) for suffix in SUFFIXES),
+]
 
 
-# ---- Parameters ----
+@pytest.mark.parametrize(("read", "name", "text", "what"), WRONG_FILES)
+def test_wrong_files(read, name, text, what, file, tmp_path):
+    path = tmp_path / name if text is None else file(name, text)
+    assert refused(read, path)[0] == what
 
 
 def test_toml_parameters(file):
@@ -176,37 +172,7 @@ def test_units_in_an_ssv_are_converted_to_the_controllers(file, name, unit, valu
 )
 def test_units_in_an_ssv_that_do_not_fit_are_refused(file, name, unit, what):
     assert refused(read_parameters, file("gains.ssv", with_unit(name, unit))) == (what, unit)
-
-
-def test_an_unknown_parameter_with_a_unit_is_answered_with_the_nearest(file):
-    error = refusal(read_parameters, file("gains.ssv", with_unit("K_q[1]", "s")))
-    assert (error.what, error.value, error.nearest[0]) == ("no-parameter", "K_q[1]", "K_p[1]")
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "what"),
-    [
-        ("gains.toml", "K_p = 45\n", "bad-parameters"),
-        ("gains.toml", "[parameters]\nK_p = true\n", "not-a-number"),
-        ("gains.toml", "[parameters]\nK_p = 'much'\n", "not-a-number"),
-        ("gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "not-a-number"),
-        ("gains.toml", "[parameters.K_p]\naxis1 = 45\n", "not-a-number"),
-        ("gains.toml", "[parameters\n", "bad-file"),
-        ("gains.ssv", "no XML", "bad-file"),
-        ("gains.ssv", "<ParameterMapping/>", "bad-parameters"),
-    ],
-)
-def test_wrong_parameter_files(file, name, text, what):
-    assert refused(read_parameters, file(name, text))[0] == what
-
-
-# ---- Files as such ----
-
-
-@pytest.mark.parametrize("read", [read_mapping, read_parameters])
-@pytest.mark.parametrize("suffix", ["toml", "ssm", "ssv"])
-def test_a_missing_file_is_refused(read, suffix, tmp_path):
-    assert refused(read, tmp_path / f"absent.{suffix}")[0] == "no-file"
+    assert refusal(read_parameters, file("gains.ssv", with_unit("K_q[1]", unit))).what == "no-parameter"
 
 
 def test_entities_are_not_expanded(file, tmp_path):

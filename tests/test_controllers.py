@@ -1,32 +1,23 @@
-"""The controllers beyond the paper's: the design's steps, the linear loops, and their data files."""
+"""The controllers beyond the paper's: the design's steps, and the dither."""
 
 from __future__ import annotations
-
-import hashlib
-import itertools
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 from scipy import linalg
-from support.closed_loops import GRID
 from support.manipulators import CORNERS, constants, table, uncertain_tables, workspace
-from support.pid_fmus import GAINS, T_S, law, random_signals
-from test_pid import TUNED
+from support.pid_fmus import T_S
+from test_pid import STARTS
 
 from controller_fmu.friction import flexible_manipulator_dither as shaking
-from controller_fmu.friction import tune as friction
-from controller_fmu.lqg import flexible_manipulator_lqg as lqg
-from controller_fmu.lqg import tune as plain
-from controller_fmu.pid_tuned import tune as pid
-from controller_fmu.tuning import problem, stability
+from controller_fmu.lqg.flexible_manipulator_lqg import design as lqg
+from controller_fmu.lqg.flexible_manipulator_lqg.interface import Weights, chosen
 from plant_fmu.flexible_manipulator import equilibrium, kinematics
 from plant_fmu.flexible_manipulator.dynamics import accelerations, spring
 
-WEIGHTS = lqg.read_weights(plain.WEIGHTS)
+WEIGHTS = chosen(Weights, STARTS["ManipulatorLQG"])
 POSES = [*CORNERS, (0.4, -1.1), (1.2, -2.6)]
 
 
@@ -100,33 +91,11 @@ def test_riccati_equation_without_solution_is_refused():
         lqg.riccati(np.array([[2.0]]), np.array([[0.0]]), np.eye(1), np.eye(1))
 
 
-@pytest.fixture(scope="module")
-def plants_never_tuned_for():
-    """Linearized plants over poses and frictions."""
-    frictions = itertools.product((0.001, 0.1, 0.3, 1.0, 3.0, 8.0, 20.0), (0.001, 0.1, 0.3, 1.0, 3.0, 7.0, 14.0))
-    return stability.linear_plants(problem.scattered_poses(12, seed=99), list(frictions))
-
-
-@pytest.mark.parametrize(
-    "law_of",
-    [plain.law_of(WEIGHTS), plain.law_of(lqg.read_weights(friction.WEIGHTS)), pid.law_of(TUNED)],
-    ids=["lqg", "friction", "pid_tuned"],
-)
-def test_linear_loop_is_stable_over_poses_and_frictions_never_tuned_for(law_of, plants_never_tuned_for):
-    assert stability.decay_rates(plants_never_tuned_for, law_of).min() > 0.0
-
-
-def test_linear_loop_shows_what_fails_a2():
-    """The paper's gains oscillate with more delay on axis 2 when friction is low."""
-    plants = stability.linear_plants(GRID[:1])
-    assert stability.decay_rates(plants, pid.law_of(GAINS)).min() < -1.0
-
-
 # --- the dither ---
 
 
 def test_dither_follows_the_level():
-    constants = shaking.Dither(4.0, 2.0, 8.0, 1e-4, 3e-4, 0.5)
+    constants = shaking.Wave((4.0, 2.0), 8.0, 1e-4, 3e-4, 0.5)
     assert shaking.dither(constants, 0.0, 0.9e-4, 2) == (0.9e-4, 0.0, 0.0)
     assert shaking.dither(constants, 0.0, 3e-4, 2) == (3e-4, 4.0, 2.0)
     level, *torques = shaking.dither(constants, 4e-4, 0.0, 2)
@@ -135,28 +104,7 @@ def test_dither_follows_the_level():
 
 
 def test_dither_has_no_mean():
-    constants = friction.read_dither(friction.WEIGHTS)
+    constants = shaking.wave(chosen(shaking.Dither, STARTS["DitheredLQG"]), T_S)
     waves = [shaking.dither(constants, 1.0, 1.0, k)[1:] for k in range(int(constants.period))]
+    assert constants.period == len(waves) == 16
     assert_allclose(np.sum(waves, axis=0), 0.0, atol=1e-12)
-
-
-# --- data files ---
-
-
-@pytest.mark.parametrize("module", [pid, plain, friction], ids=["pid_tuned", "lqg", "friction"])
-def test_data_file_is_what_the_tuning_script_made(module):
-    file = getattr(module, "WEIGHTS", None) or module.GAINS
-    script = Path(module.__file__)
-    tuned = json.loads(file.read_text())["tuned"]
-    assert (tuned["script"], tuned["sha256"]) == (script.name, hashlib.sha256(script.read_bytes()).hexdigest())
-
-
-def test_the_pid_of_the_tuning_is_the_law():
-    """The FMU is held against the same law, with the same gains."""
-    signals = random_signals(100)
-    matrix = pid.law_of(TUNED)((0.0, 0.0), signals.u_m0).matrix
-    z, found = np.zeros(10), []
-    for e in signals.q_m - signals.q_m_ref:
-        z = matrix @ np.concatenate([z[:8], e])
-        found.append(z[6:8] + signals.u_m0)
-    assert_allclose(found, law(signals, TUNED), rtol=1e-9)

@@ -4,8 +4,6 @@ Other tests assert codes and fields. After a change of words, look at the differ
 tests/test_error_texts.py`` makes to the file.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import re
@@ -158,7 +156,7 @@ def lower_codes() -> set[str]:
     for name in ("fmi", "loop", "benchmark", "conformance"):
         for file in (Path(orchestrator.__file__).parent / name).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("InputError", "unknown"):
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("InputError", "unknown", "_refused"):
                     assert len(node.args) > 1, f"{file}:{node.lineno} has no code"
                     codes |= {a.value for a in node.args[1:2] if isinstance(a, ast.Constant)}
     return codes

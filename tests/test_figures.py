@@ -1,7 +1,5 @@
 """What the paper's figures of a run show: their curves, units, targets and legends."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -51,8 +49,7 @@ def joints():
 def test_figure_3_is_the_springs_torque_over_minutes_of_arc():
     (axes,) = figure("figure_03_stiffness").axes
     assert "arcmin" in axes.get_xlabel() and "[Nm]" in axes.get_ylabel()
-    drawn = curves(axes)
-    assert set(drawn) == set(joints())
+    assert set(drawn := curves(axes)) == set(joints())
     for name, joint in joints().items():
         deflection, torque = drawn[name].T
         assert deflection.max() == -deflection.min() == pytest.approx(2 * 60 * math.degrees(joint.psi))
@@ -64,13 +61,10 @@ def test_figure_4_is_the_torque_that_brakes_a_motor():
     (axes,) = figure("figure_04_friction").axes
     assert "[rad/s]" in axes.get_xlabel() and "[Nm]" in axes.get_ylabel()
     drawn = curves(axes)
-    arm, (one, two) = coefficients.arm(NOMINAL), joints().values()
-    for number, (name, joint) in enumerate(joints().items()):
-        speed, torque = drawn[name][::50].T
-        # A motor without torque whose gear is unstrained and moves with it is slowed down by friction alone.
-        moving = [(0, 0, 0, 0, v / one.n, v / two.n, v, v) for v in speed]
-        slowed = [dynamics.accelerations(arm, one, two, x, 0.0, 0.0, 0.0, 0.0)[2 + number] for x in moving]
-        np.testing.assert_allclose(torque, -joint.j_m * np.array(slowed), rtol=1e-9, atol=1e-12)
+    for name, joint in joints().items():
+        speed, torque = drawn[name].T
+        expected = [dynamics.friction(joint, v) for v in speed]
+        np.testing.assert_allclose(torque, expected, rtol=1e-9, atol=1e-12)
 
 
 def test_figure_8_is_the_path_from_the_force_on_in_both_circles_with_nothing_written_over_another():

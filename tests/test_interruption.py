@@ -1,15 +1,10 @@
 """Interrupted at any point and started again, an evaluation ends with the numbers of an uninterrupted one."""
 
-from __future__ import annotations
-
-import ctypes
 import os
 import random
 import resource
-import shutil
 import signal
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import closing, suppress
@@ -36,21 +31,18 @@ from hypothesis import strategies as st
 from orchestrator import Benchmark
 from orchestrator.api import campaign
 from orchestrator.api import stored as stored_runs
-from orchestrator.api.campaign import Bench, CaseRun
+from orchestrator.api.campaign import CaseRun
 from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
 from orchestrator.execution import pool, store
 from orchestrator.execution.job import Died, Done, Outcome, Refused
 from orchestrator.execution.messages import ErrorRecord
-from orchestrator.fmi.archive import open_archive
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
-
-# ---- Any point: with outcomes out of thin air ----
 
 QUICK = Benchmark("quick", workers=1)
 KINDS = ("done", "done", "unstable", "crashed", "timeout", "error")
@@ -71,12 +63,6 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     figures = {name: name == "settled" or number / 7.0 for name in names}
     judgement = Judgement(status=Status(kind), time=1.0, measurements=Measurements(**figures))
     return Done(index, judgement, 1.0)
-
-
-@pytest.fixture(scope="module")
-def own(plant_file, pid_file) -> Bench:
-    """The plant and the default controller; nothing is simulated with them."""
-    return Bench(open_archive(plant_file), open_archive(pid_file))
 
 
 @settings(max_examples=25)
@@ -130,22 +116,11 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
         assert kept == {run.case for run in whole if run.result.status is not Status.SKIPPED}
 
 
-# ---- Real processes ----
-
-
 @pytest.fixture(scope="module")
-def complete(tmp_path_factory) -> Path:
-    """The folder of a run that nobody disturbed."""
-    folder = tmp_path_factory.mktemp("uninterrupted")
-    finished(command(folder, *NOISE))
-    assert stored(folder) == CASES
-    return folder
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(complete) -> bytes:
-    """Its table of cases."""
-    return (complete / "cases.csv").read_bytes()
+def uninterrupted(undisturbed) -> bytes:
+    """The table of cases of a run that nobody disturbed."""
+    assert stored(undisturbed) == CASES
+    return (undisturbed / "cases.csv").read_bytes()
 
 
 def stored(folder: Path) -> int:
@@ -163,11 +138,12 @@ def resumed(folder: Path) -> bytes:
     return (folder / "cases.csv").read_bytes()
 
 
-@pytest.mark.parametrize("victims", ["simulations", "fork servers"])
-def test_processes_are_killed_now_and_then(victims, tmp_path, uninterrupted):
-    look, chance, kills = {"simulations": simulations, "fork servers": fork_servers}[victims], random.Random(1), 0
+@pytest.mark.slow
+@pytest.mark.parametrize("look", [simulations, fork_servers])
+def test_processes_are_killed_now_and_then(look, tmp_path, uninterrupted):
+    chance, kills = random.Random(1), 0
     with started(command(tmp_path, *NOISE)) as process:
-        for rows in range(1, CASES, 5):
+        for rows in range(1, CASES, 7):
             assert wait_for(lambda: stored(tmp_path) >= rows or process.poll() is not None)  # noqa: B023
             for victim in chance.sample(found := look(process.pid), min(1, len(found))):
                 kill(victim)
@@ -180,64 +156,49 @@ def test_processes_are_killed_now_and_then(victims, tmp_path, uninterrupted):
 
 
 def test_the_parent_is_killed(tmp_path, uninterrupted):
-    before = 0
-    for rows in sorted(random.Random(1).sample(range(1, 16), 2)):
-        with started(command(tmp_path, *NOISE)) as process:
-            wait_for(lambda: stored(tmp_path) >= rows or process.poll() is not None)  # noqa: B023
-            kill(process)
-            process.wait()
-            assert wait_for(lambda: not session_members(process.pid)), "a child outlives its parent"  # noqa: B023
-        assert stored(tmp_path) >= max(rows, before)
-        before = stored(tmp_path)
+    with started(command(tmp_path, *NOISE)) as process:
+        wait_for(lambda: stored(tmp_path) >= 4 or process.poll() is not None)
+        kill(process)
+        process.wait()
+        assert wait_for(lambda: not session_members(process.pid)), "a child outlives its parent"
+    assert 4 <= stored(tmp_path) < CASES
     assert resumed(tmp_path) == uninterrupted
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_a_controller_that_hangs_ends_with_the_command(number, tmp_path):
+def test_a_controller_that_hangs_ends_with_the_command_that_is_killed(tmp_path):
     """Not even one that blocks all signals stays behind."""
     hanging = build_or_skip(lambda: hostile_fmu(tmp_path, Fault("block-signals", "step", 0.02)))
     with started(command(tmp_path / "out", str(hanging), *NOISE, "--timeout", "400")) as process:
-        assert wait_for(lambda: any(child.cpu_times().user > 0.5 for child in simulations(process.pid)))
-        os.killpg(process.pid, number)
-        errors = process.communicate(timeout=60)[1]
+        assert wait_for(lambda: any(child.cpu_times().user > 0.3 for child in simulations(process.pid)))
+        kill(process)
+        process.communicate(timeout=60)
         assert wait_for(lambda: not session_members(process.pid))
-    assert process.returncode == (130 if number == signal.SIGINT else -number) and "Traceback" not in errors
 
 
 def test_control_c_stops_keeps_and_leaves_nothing(tmp_path, uninterrupted):
     with started(command(tmp_path, *NOISE)) as process:
         assert wait_for(lambda: stored(tmp_path) > 3)
-        os.killpg(process.pid, signal.SIGINT)
-        errors = process.communicate(timeout=60)[1]
-        assert (process.returncode, errors.splitlines()[-1]) == (130, "interrupted")
-        assert wait_for(lambda: not session_members(process.pid))
-    assert "Traceback" not in errors
+        assert interrupted(process) == "interrupted"
     assert stored(tmp_path) > 3
     assert resumed(tmp_path) == uninterrupted
+
+
+def interrupted(process) -> str:
+    """The last line of a command after Ctrl-C, which leaves nothing behind."""
+    os.killpg(process.pid, signal.SIGINT)
+    errors = process.communicate(timeout=60)[1]
+    assert wait_for(lambda: not session_members(process.pid))
+    assert process.returncode == 130 and "Traceback" not in errors
+    return errors.splitlines()[-1]
 
 
 def test_control_c_does_not_wait_for_the_compiler(tmp_path):
     """On the very first run the fork server compiles for some ten seconds before it answers."""
     cache = tmp_path / "cache"
     with started(command(tmp_path / "out", *NOISE), environment={VARIABLE: str(cache)}) as process:
-        assert wait_for(lambda: any(server.cpu_times().user > 2.0 for server in fork_servers(process.pid)))
-        os.killpg(process.pid, signal.SIGINT)
-        errors = process.communicate(timeout=60)[1]
-        assert wait_for(lambda: not session_members(process.pid))
-    assert (process.returncode, errors.splitlines()[-1]) == (130, "interrupted")
+        assert wait_for(lambda: any(server.cpu_times().user > 1.5 for server in fork_servers(process.pid)))
+        assert interrupted(process) == "interrupted"
     assert not list(cache.rglob("closed_loop.run*.nbc")), "it waited until everything was compiled"
-
-
-def test_two_evaluations_into_one_folder(tmp_path, uninterrupted):
-    with started(command(tmp_path, *NOISE)) as process:
-        assert wait_for(lambda: stored(tmp_path) > 0)
-        second = finished(command(tmp_path, *NOISE))
-        assert second.returncode == 2 and "Another evaluation is writing" in second.stderr
-        process.communicate(timeout=60)
-    assert (tmp_path / "cases.csv").read_bytes() == uninterrupted
-
-
-# ---- Disks ----
 
 
 def test_a_file_that_may_not_grow(tmp_path, uninterrupted):
@@ -249,40 +210,3 @@ def test_a_file_that_may_not_grow(tmp_path, uninterrupted):
     assert limited.returncode == 1
     assert 0 < stored(tmp_path) < CASES
     assert resumed(tmp_path) == uninterrupted
-
-
-def test_results_that_cannot_be_written(tmp_path, complete, uninterrupted):
-    """All cases are in the store, but what is made of them finds no place."""
-    folder = Path(shutil.copytree(complete, tmp_path / "out"))
-    (folder / "results.json").unlink()
-    (folder / "results.json" / "in" / "the way").mkdir(parents=True)
-    stopped = finished(command(folder, *NOISE))
-    assert stopped.returncode == 1 and str(folder / "results.json") in stopped.stderr
-    shutil.rmtree(folder / "results.json")
-    assert resumed(folder) == uninterrupted
-
-
-def test_a_full_disk(tmp_path):
-    mount = tmp_path / "small"
-    mount.mkdir()
-    size = ["-t", "tmpfs", "-o", "size=120k", "tmpfs", str(mount)]
-    if subprocess.run(["mount", *size], capture_output=True, check=False).returncode != 0:
-        pytest.skip("only root may mount a small file system")
-    try:
-        assert finished(command(mount / "out", *NOISE)).returncode == 1
-    finally:
-        subprocess.run(["umount", "-l", str(mount)], check=True)
-
-
-def test_a_folder_that_cannot_be_written(tmp_path):
-    folder = tmp_path / "out"
-    folder.mkdir()
-    folder.chmod(0o555)
-    refused = finished(command(folder, "--only", "c00.*.noise"), preexec_fn=without_root_privileges)
-    assert refused.returncode == 2 and str(folder) in refused.stderr
-
-
-def without_root_privileges() -> None:
-    """Root may write everywhere, unless it gives that up (Linux: PR_CAPBSET_DROP of CAP_DAC_OVERRIDE)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(24, 1)

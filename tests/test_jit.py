@@ -1,7 +1,5 @@
 """Compiled functions keep IEEE arithmetic, whoever calls them."""
 
-from __future__ import annotations
-
 import numba
 import pytest
 

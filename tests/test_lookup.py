@@ -1,17 +1,19 @@
-"""Parameters and outputs by name, start values, and which parameter is the sample time."""
-
-from __future__ import annotations
+"""Parameters and outputs by name, start values, and the sample time: its parameter, and where its value comes from."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
-from support.descriptions import archive, description, usual, variable
+from hypothesis import given
+from hypothesis import strategies as st
+from support.descriptions import T_S, archive, description, usual, variable
 from support.refusals import refusal
 
 from orchestrator.conformance.static import binding_findings
 from orchestrator.fmi.connectors import bind_controller
 from orchestrator.fmi.lookup import find_outputs, find_parameters
 from orchestrator.fmi.variables import variables
+from orchestrator.loop.sampling import SampleTime, controller_sample_time
 from orchestrator.loop.setup import Setup, sample_time_parameter
 
 WHAT = "The controller x.fmu"
@@ -28,17 +30,18 @@ GAINS = description(
 )
 
 
-def test_parameters_are_found_as_scalars_and_elements():
+def test_parameters_are_found_as_scalars_and_elements_and_outputs_by_name():
     found = find_parameters(GAINS, {"K_p[2]": 16.0, "K[2]": 7.0}, WHAT)
     assert {v.name: values for v, values in found.items()} == {"K_p[2]": [16.0], "K": [1.0, 7.0]}
+    assert [v.name for v in find_outputs(GAINS, ["y"], WHAT)] == ["y"]
+    error = refusal(find_outputs, GAINS, ["x"], WHAT)
+    assert (error.what, error.value, error.nearest) == ("no-output", "x", ("y",))
 
 
 @pytest.mark.parametrize(
     ("name", "what", "nearest"),
     [
-        ("K_q[1]", "no-parameter", "K_p[1]"),
         ("Kp1", "no-parameter", "K_p[1]"),
-        ("K[3]", "no-parameter", "K"),
         ("K[0]", "no-parameter", "K"),
         ("K", "array-parameter", "K[2]"),
         ("n", "not-settable", "K"),
@@ -50,12 +53,6 @@ def test_unknown_or_unsettable_parameters_are_refused(name, what, nearest):
     assert (error.what, error.where, error.value) == (what, WHAT, name) and nearest in error.nearest
 
 
-def test_outputs_by_name():
-    assert [v.name for v in find_outputs(GAINS, ["y"], WHAT)] == ["y"]
-    error = refusal(find_outputs, GAINS, ["x"], WHAT)
-    assert (error.what, error.value, error.nearest) == ("no-output", "x", ("y",))
-
-
 @pytest.mark.parametrize(
     ("start", "size", "numbers"), [(None, 2, ()), ("3", 1, (3.0,)), ("3", 2, (3.0, 3.0)), ("1 -2e1", 2, (1.0, -20.0))]
 )
@@ -64,38 +61,66 @@ def test_start_values(start, size, numbers):
     assert variables(shown)["x"].start == numbers
 
 
-# ---- The sample time ----
-
-
 def with_parameters(*names):
     return replace(archive(), description=usual(*(variable(name, "parameter", "s") for name in names)))
 
 
-@pytest.mark.parametrize(
-    ("names", "found"),
-    [
-        ((), None),
-        (("T_s",), "T_s"),
-        (("Controller.Ts",), "Controller.Ts"),
-        (("Filter.ts", "T_s"), "T_s"),
-        (("T_s", "Filter.T_s", "Ts"), "T_s"),
-        (("T_f",), None),
-    ],
-)
-def test_the_sample_time_is_the_exact_name_or_the_only_one_spelled_so(names, found):
-    parameter = sample_time_parameter(with_parameters(*names), Setup())
-    assert (parameter.name if parameter else None) == found
+@pytest.mark.parametrize("names", ["T_f", "T_s", "Controller.Ts", "T_s Filter.ts", "T_s Filter.T_s Ts"])
+def test_the_sample_time_is_the_exact_name_or_the_only_one_spelled_so(names):
+    first, *_ = names = names.split()
+    for shown in (names, names[::-1]):
+        parameter = sample_time_parameter(with_parameters(*shown), Setup())
+        assert (parameter.name if parameter else "T_f") == first
 
 
-def test_two_candidates_for_the_sample_time_are_refused_and_named():
+def test_a_sample_time_that_is_set_is_not_given_and_two_candidates_are_refused():
+    controller, setup = with_parameters("T_s"), Setup({"T_s": 0.001})
+    assert sample_time_parameter(controller, setup) is None
+    subjects = [finding.subject for finding in binding_findings(bind_controller(usual(), WHAT), controller, setup)]
+    assert "T_s" not in subjects and "parameters" in subjects
     controller = with_parameters("Filter.T_s", "Ts")
     error = refusal(sample_time_parameter, controller, Setup())
     assert (error.what, error.value, error.nearest) == ("ambiguous-sample-time", "T_s", ("Filter.T_s", "Ts"))
     assert sample_time_parameter(controller, Setup({"Ts": 0.001})) is None
 
 
-def test_a_sample_time_that_is_set_is_not_given():
-    assert sample_time_parameter(with_parameters("T_s"), Setup({"T_s": 0.001})) is None
-    controller, setup = with_parameters("T_s"), Setup({"T_s": 0.001})
-    subjects = [finding.subject for finding in binding_findings(bind_controller(usual(), WHAT), controller, setup)]
-    assert "T_s" not in subjects and "parameters" in subjects
+@pytest.mark.parametrize(
+    ("fixed", "experiment", "chosen", "expected", "origin"),
+    [
+        (None, None, None, T_S, "benchmark"),
+        (None, "0.00025", None, T_S, "DefaultExperiment"),
+        ("2.5e-4", "0.001", None, T_S, "fixedInternalStepSize"),
+        ("0.001", None, None, 4 * T_S, "fixedInternalStepSize"),
+        (None, "0.000125", None, T_S / 2, "DefaultExperiment"),
+        ("0.00025", "0.00025", 2 * T_S, 2 * T_S, "given"),
+    ],
+)
+def test_where_it_comes_from(fixed, experiment, chosen, expected, origin):
+    assert controller_sample_time(archive(fixed, experiment), T_S, chosen) == SampleTime(expected, origin)
+
+
+ROUNDED = {"8.333333333333333e-05": T_S / 3, "0.0000833333": T_S / 3, "0.00024999999999999995": T_S}
+
+
+@pytest.mark.parametrize("text", ROUNDED)
+def test_a_rounded_decimal_is_freed_from_its_rounding(text):
+    assert controller_sample_time(archive(experiment=text), T_S).value == ROUNDED[text]
+
+
+@given(st.integers(1, 400))
+def test_every_multiple_and_fraction_survives_its_decimal_notation(n):
+    for exact in (n * T_S, T_S / n):
+        assert controller_sample_time(archive(experiment=repr(float(exact))), T_S).value == exact
+
+
+@pytest.mark.parametrize("text", ["0.0004", "0.0003", "0.01001", "0.000251", "0", "-0.00025", "1e-30", "2.5e-8", "1"])
+def test_other_times_than_multiples_and_fractions_are_refused(text):
+    error = refusal(controller_sample_time, archive(experiment=text), T_S)
+    assert (error.what, error.where, float(error.value)) == ("bad-sample-time", "x.fmu", float(text))
+    assert refusal(controller_sample_time, archive(), T_S, Fraction(text)).what == "bad-sample-time", "given ones, too"
+
+
+@pytest.mark.parametrize("text", ["fast", "nan", "inf", "0,00025", "1/0", "1e9999999999"])
+def test_a_step_size_that_is_not_a_number_is_refused(text):
+    error = refusal(controller_sample_time, archive(fixed=text), T_S)
+    assert (error.what, error.value) == ("bad-sample-time", text)

@@ -3,8 +3,6 @@
 All are the C controller with its law replaced: x[0] is q_m_ref[1], x[2] q_m[1], x[4] u_m[1], x[15] u_m0[1].
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -13,7 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 from support.closed_loops import T_S, probed, quiet, simulate_all
-from support.edited_sources import with_functions
+from support.edited_fmus import with_functions
 from support.pid_fmus import in_child
 from support.stub_fmus import axes
 

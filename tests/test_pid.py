@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import runpy
+from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,16 +21,20 @@ from support.pid_fmus import GAINS, OUTPUTS, T_S, Signals, built, in_child, law,
 import build_fmus
 from controller_fmu.friction import flexible_manipulator_dither as shaking
 from controller_fmu.friction import tune as friction
-from controller_fmu.lqg import flexible_manipulator_lqg as lqg
 from controller_fmu.lqg import tune as plain
+from controller_fmu.lqg.flexible_manipulator_lqg import design as lqg
+from controller_fmu.lqg.flexible_manipulator_lqg.interface import Weights, chosen
+from controller_fmu.pid_tuned import tune as pid
 
 CONTROLLERS = Path(build_fmus.__file__).parent / "controller_fmu"
-TUNED = json.loads((CONTROLLERS / "pid_tuned" / "tuned_pid_gains.json").read_text(encoding="utf-8"))["gains"]
-PIDS = {"DiagonalPID": GAINS, "DiagonalPID_C": GAINS, "TunedPID": TUNED}
-LQGS = {
-    "ManipulatorLQG": (plain.WEIGHTS, None),
-    "DitheredLQG": (friction.WEIGHTS, friction.read_dither(friction.WEIGHTS)),
+STARTS = {
+    task.shipped: json.loads(task.file.read_text(encoding="utf-8"))["parameters"]
+    for task in (pid.TASK, plain.TASK, friction.TASK)
 }
+"""Start values of the parameters in the data files."""
+TUNED = {name: (STARTS["TunedPID"][f"{name}[1]"], STARTS["TunedPID"][f"{name}[2]"]) for name in GAINS}
+PIDS = {"DiagonalPID": GAINS, "DiagonalPID_C": GAINS, "TunedPID": TUNED}
+LQGS = {name: STARTS[name.removesuffix("_C")] for name in ("ManipulatorLQG", "DitheredLQG", "DitheredLQG_C")}
 LAW = SimpleNamespace(**runpy.run_path(str(CONTROLLERS / "pid" / "diagonal_pid_fmu.py")))
 AT = (60.0, -180.0)
 """Motor angles of a pose in the workspace [rad]."""
@@ -74,22 +79,27 @@ def near_rest(samples: int) -> Signals:
     return Signals(np.tile(AT, (samples, 1)), np.array(AT) + scatter, (1.7, -0.3))
 
 
-def recursion(signals: Signals, weights_file: Path, constants: shaking.Dither | None) -> np.ndarray:
-    """Torques [N.m] of the design in ``weights_file``, as plainly as can be."""
-    design = lqg.controller(lqg.read_weights(weights_file), lqg.pose(AT, signals.u_m0), T_S)
+def recursion(signals: Signals, values: Mapping[str, float]) -> np.ndarray:
+    """Torques [N.m] of the design with the parameters ``values``, as plainly as can be."""
+    plan = lqg.controller(chosen(Weights, values), lqg.pose(AT, signals.u_m0), T_S)
+    wave = shaking.wave(chosen(shaking.Dither, values), T_S) if "period" in values else None
     z, u, level, torques = np.zeros(12), np.zeros(2), 0.0, []
     for k, (reference, measured) in enumerate(zip(signals.q_m_ref, signals.q_m, strict=True)):
-        z = design.step @ np.concatenate([z, u, measured - reference])
-        u = -design.gain @ z
-        if constants:
-            level, *shake = shaking.dither(constants, level, float(np.linalg.norm(design.tool @ z)), k)
+        z = plan.step @ np.concatenate([z, u, measured - reference])
+        u = -plan.gain @ z
+        if wave:
+            level, *shake = shaking.dither(wave, level, float(np.linalg.norm(plan.tool @ z)), k)
             u = np.clip(np.add(signals.u_m0, u) + shake, [-35.0, -20.0], [35.0, 20.0]) - signals.u_m0
         torques.append(np.add(signals.u_m0, u))
     return np.array(torques)
 
 
 WRONG_STEPS = (2 * T_S, T_S * (1 + 1e-8), 0.0, float("nan"))
-WRONG_PARAMETERS = (("T_s", 0.0), ("T_s", float("inf")), ("z_p[2]", 1.0), ("z_p[1]", float("nan")))
+WRONG_SAMPLE_TIMES = (("T_s", 0.0), ("T_s", float("inf")))
+WRONG_PARAMETERS = {
+    "PID": (("z_p[2]", 1.0), ("z_p[1]", float("nan"))),
+    "LQG": (("effort[2]", 0.0), ("hardening", float("nan"))),
+}
 
 
 @pytest.fixture(scope="module", params=[*PIDS, *LQGS])
@@ -99,7 +109,7 @@ def lived(request, fmu_folder):
         pytest.skip("no C compiler")
     file = built(request.param, fmu_folder)
     signals, at = (random_signals(), (0.0, 0.0)) if file.stem in PIDS else (near_rest(400), AT)
-    wrong = WRONG_PARAMETERS[: None if file.stem in PIDS else 2]
+    wrong = WRONG_SAMPLE_TIMES + WRONG_PARAMETERS["PID" if file.stem in PIDS else "LQG"]
     return file, signals, in_child(live, file, signals, at, WRONG_STEPS, wrong), wrong
 
 
@@ -113,7 +123,7 @@ def test_torques_are_the_laws_whatever_the_state_came_from(lived):
         assert straight == law(signals, PIDS[file.stem])
     else:
         assert np.abs(straight).max() > 20.0, "into the limits"
-        assert_allclose(straight, recursion(signals, *LQGS[file.stem]), rtol=1e-7, atol=1e-7)
+        assert_allclose(straight, recursion(signals, LQGS[file.stem]), rtol=1e-7, atol=1e-7)
 
 
 def test_wrong_steps_and_parameters_are_refused_with_a_reason(lived):
@@ -122,7 +132,7 @@ def test_wrong_steps_and_parameters_are_refused_with_a_reason(lived):
     assert life["unchanged"] == (0.0, 0.0)
     assert life["log"].count("the communication step must equal the sample time T_s = 0.00025") == len(WRONG_STEPS)
     assert life["log"].count("parameter T_s = ") == 2
-    assert len(wrong) == 2 or ("parameter z_p[2] = 1" in life["log"] and "parameter z_p[1] = nan" in life["log"])
+    assert all(f"parameter {name} = {value:g}" in life["log"] for name, value in wrong)
 
 
 def test_start_values_are_the_described_ones(lived):
@@ -132,14 +142,20 @@ def test_start_values_are_the_described_ones(lived):
     assert life["started"] == tuple(described.values())
     for name, values in PIDS.get(file.stem, {}).items():
         assert (described[f"{name}[1]"], described[f"{name}[2]"]) == tuple(values)
+    assert LQGS.get(file.stem, {}).items() <= described.items()
 
 
-def test_both_fmus_have_the_same_interface(pid_file, pid_c_file):
+@pytest.mark.parametrize("name", ["DiagonalPID", "DitheredLQG"])
+def test_twins_have_the_same_interface(name, fmu_folder):
+    if build_fmus.find_compiler() is None:
+        pytest.skip("no C compiler")
+
     def interface(file):
         return [
             (v.name, v.valueReference, v.causality, v.variability, v.unit, v.start and float(v.start), v.description)
             for v in read_model_description(str(file)).modelVariables
         ]
 
-    assert interface(pid_file) == interface(pid_c_file)
-    assert tuple(row[0] for row in interface(pid_file) if row[2] == "output") == OUTPUTS
+    here, there = (interface(built(kind, fmu_folder)) for kind in (name, f"{name}_C"))
+    assert here == there
+    assert tuple(row[0] for row in here if row[2] == "output") == OUTPUTS

@@ -1,7 +1,5 @@
 """The plan of a sample interval: what acts when, in exact time."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 from hypothesis import given
@@ -75,13 +73,6 @@ def test_whole_samples_of_delay_do_not_split_a_step():
     plan = make_plan(T_s, (T_s, 7 * T_s), (T_s, Fraction(0)))
     assert plan.step.tolist() == [0.25e-3]
     assert plan.drive_lag.tolist() == [[1, 7]]
-
-
-def test_fractions_split_a_step_where_the_torque_arrives():
-    T_s = Fraction(1, 4000)
-    plan = make_plan(T_s, (T_s * Fraction(3, 10), T_s * Fraction(5, 4)), NO_DELAY)
-    assert plan.step.tolist() == [0.0625e-3, 0.0125e-3, 0.175e-3]
-    assert plan.drive_lag.tolist() == [[1, 2], [1, 1], [0, 1]]
 
 
 def test_times_without_a_grid_that_integers_can_count_are_refused():

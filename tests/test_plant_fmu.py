@@ -1,9 +1,8 @@
 """The plant's FMU as a product of its own: in plain FMPy, with this project out of reach."""
 
-from __future__ import annotations
-
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,40 +12,28 @@ import pytest
 from fmpy import extract
 from support.manipulators import NOMINAL, at_rest, table
 
+from plant_fmu.flexible_manipulator.parameters import check
+
 ALONE = Path(__file__).parent / "support" / "plant_alone.py"
 POSE = {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}
+HEAVY = {name: value for name, value in table(m=1.05).items() if value != NOMINAL[name]}
 
 
-def isolated(fmu, tmp_path_factory):
-    """A function that runs an experiment of plant_alone.py with an FMU in a fresh, isolated interpreter."""
-    folder = tmp_path_factory.mktemp("plant")
-    extract(str(fmu), str(folder))
-    elsewhere = tmp_path_factory.mktemp("elsewhere")
+@pytest.fixture(scope="module")
+def alone(each_plant_file, tmp_path_factory):
+    """A function that runs an experiment of plant_alone.py with either FMU in a fresh, isolated interpreter."""
+    folder, elsewhere = (tmp_path_factory.mktemp(name) for name in ("plant", "elsewhere"))
+    extract(str(each_plant_file), str(folder))
 
     def run(experiment, *arguments, options=()):
+        words = [sys.executable, "-I", str(ALONE), str(folder), experiment, *options]
         finished = subprocess.run(
-            [sys.executable, "-I", str(ALONE), str(folder), experiment, *options],
-            cwd=elsewhere,
-            input=json.dumps(arguments),
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=300,
+            words, cwd=elsewhere, input=json.dumps(arguments), capture_output=True, text=True, timeout=300
         )
         assert finished.returncode == 0, finished.stderr
         return json.loads(finished.stdout.splitlines()[-1])
 
     return run
-
-
-@pytest.fixture(scope="module")
-def alone(each_plant_file, tmp_path_factory):
-    """The experiments with either plant."""
-    return isolated(each_plant_file, tmp_path_factory)
-
-
-def parameters(**factors):
-    return {name: value for name, value in table(**factors).items() if value != NOMINAL[name]}
 
 
 def test_it_initializes_and_publishes_its_steady_state(alone):
@@ -68,63 +55,51 @@ def test_it_initializes_and_publishes_its_steady_state(alone):
         assert values[f"q_m_ref[{axis}]"] == values[f"q_m[{axis}]"]
 
 
-def test_it_stays_at_rest(alone):
-    systems = [
-        {},
-        POSE,
-        {**POSE, **parameters(m=1.1, k_low=0.8, k_high=0.8, psi=1.2, d=0.8, f_c=0.2, f_d=0.2, alpha=0.5, gamma=0.9)},
-        {**POSE, **parameters(f_c=1.8, f_d=1.8, alpha=1.5, gamma=1.1)},
-        {**POSE, **parameters(k_high=0.1)},
-        {"q_a_start[1]": math.pi, "q_a_start[2]": -math.pi, **parameters(f_c=0.0, f_d=0.0)},
-    ]
-    assert max(alone("rest", systems, 2.0)) < 1e-9
-
-
-def test_restored_state_continues_identically(alone):
-    straight_on, now, again, elsewhere = alone("state", {**POSE, **parameters(m=1.05)}, 40)
+def test_restored_state_continues_identically_and_reset_forgets_everything(alone):
+    straight_on, now, again, elsewhere, first, afresh = alone("state", {**POSE, **HEAVY}, 40)
     assert again == straight_on
     assert elsewhere == straight_on, "the state holds the parameters too"
     assert now != straight_on[0]
+    assert afresh == first
 
 
-def test_reset_forgets_everything(alone):
-    first, second = alone("reset", {**POSE, **parameters(m=1.05)}, 20)
-    assert second == first
+REFUSED = {
+    "psi[1]": 0.0,
+    "psi[2]": -1e-4,
+    "j_m[1]": -0.004,
+    "j_m[2]": 0.0,
+    "j[2]": -1.0,
+    "m[1]": math.nan,
+    "l[1]": math.inf,
+    "gamma[2]": 0.0,
+    "f_c[1]": -0.1,
+}
+ACCEPTED = {"k_high[1]": 0.1e6, "f_c[1]": 0.0, "xi[2]": 0.0, "g": 0.0}
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "accepted"),
-    [
-        ("psi[1]", 0.0, False),
-        ("psi[2]", -1e-4, False),
-        ("j_m[1]", -0.004, False),
-        ("j_m[2]", 0.0, False),
-        ("j[2]", -1.0, False),
-        ("m[1]", math.nan, False),
-        ("l[1]", math.inf, False),
-        ("gamma[2]", 0.0, False),
-        ("f_c[1]", -0.1, False),
-        ("k_high[1]", 0.1e6, True),
-        ("f_c[1]", 0.0, True),
-        ("xi[2]", 0.0, True),
-        ("g", 0.0, True),
-    ],
-)
-def test_parameters_out_of_their_physical_range_are_refused(alone, name, value, accepted):
-    ((function, log),) = alone("refusals", [{name: value}])
-    if accepted:
-        assert function is None and log == ""
-    else:
+def test_parameters_out_of_their_physical_range_are_refused(alone, request):
+    # pythonfmu 0.7.0 leaves its slave's exception pending: there the last one is the only one that is refused.
+    systems = [*ACCEPTED.items(), *REFUSED.items()][: None if "native" in request.node.name else len(ACCEPTED) + 1]
+    answers = alone("refusals", [{name: value} for name, value in systems])
+    assert answers[: len(ACCEPTED)] == [[None, ""]] * len(ACCEPTED)
+    for (name, value), (function, log) in list(zip(systems, answers, strict=True))[len(ACCEPTED) :]:
         assert function == "fmi2ExitInitializationMode"
         assert f"{name} = {value:g} " in log and "outside its physical range" in log
 
 
-def test_without_numba_the_same_source_gives_the_same_trajectory(plant_file, tmp_path_factory):
+@pytest.mark.parametrize("name", REFUSED)
+def test_the_python_plant_knows_the_same_range(name):
+    check({**NOMINAL, **ACCEPTED})
+    with pytest.raises(ValueError, match=re.escape(f"{name} = {REFUSED[name]:g} ")):
+        check({**NOMINAL, name: REFUSED[name]})
+
+
+def test_without_numba_the_same_source_gives_the_same_trajectory(alone, request):
     """Both are the same operations in IEEE arithmetic, but for the last bit of sine, cosine and exponential."""
-    alone, samples = isolated(plant_file, tmp_path_factory), 60
+    samples = 60
     compiled, with_numba = alone("trajectory", POSE, samples)
     interpreted, without_numba = alone("trajectory", POSE, samples, options=["no-numba"])
-    assert with_numba and not without_numba
+    assert with_numba == ("native" not in request.node.name) and not without_numba
     compiled, interpreted = np.array(compiled), np.array(interpreted)
     # Each of the three substeps a sample may round the motor angle, some 60 rad, one last place another way.
     bound = 3 * samples * np.spacing(np.abs(compiled).max())

@@ -3,8 +3,6 @@
 Linux on x86-64 is run here and Windows under wine; what is for macOS and for Linux on arm64 is linked, and not run.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import struct
@@ -136,9 +134,6 @@ def test_zig_gives_the_bits_of_this_machines_compiler(everywhere, native_plant_f
         pytest.skip("runs binaries for Linux on x86-64")
     by_zig = driven(everywhere[0], "x86_64-linux", tmp_path / "zig")
     np.testing.assert_array_equal(driven(native_plant_file, "x86_64-linux", tmp_path / "own"), by_zig)
-
-
-# ---- Without ziglang, and what is no platform ----
 
 
 def test_without_the_package_the_reason_is_told(tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """The report of a run: the static part of its page, its remarks, and the scorecard in a terminal."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io
@@ -60,9 +58,6 @@ def printed(results, **options) -> str:
     console = Console(file=io.StringIO(), emoji=False, **options)
     show_results(results, console)
     return console.file.getvalue()
-
-
-# ---- The page ----
 
 
 def test_headline_and_verdicts():
@@ -160,22 +155,19 @@ def test_every_case_in_sight_comes_with_the_command_that_repeats_it():
         assert entry["command"] == simulate_command(results, entry["id"])
 
 
-# ---- Words ----
+REMARKS = {
+    "Incomplete": {"complete": False},
+    "V depends on the seed": {"protocol": "quick"},
+    "1 ms": {"sample_time": SampleTimeRecord(1e-3, False)},
+    "m[1] = 60": {"plant": {"parameters": {"m[1]": 60.0}}},
+}
 
 
-@pytest.mark.parametrize(
-    ("words", "changes"),
-    [
-        ("Incomplete", {"complete": False}),
-        ("V depends on the seed", {"protocol": "quick"}),
-        ("1 ms", {"sample_time": SampleTimeRecord(1e-3, False)}),
-        ("m[1] = 60", {"plant": {"parameters": {"m[1]": 60.0}}}),
-    ],
-)
-def test_remarks(words, changes):
+def test_remarks():
     assert remarks(results_of()) == []
-    (remark,) = remarks(results_of(**changes))
-    assert words in remark
+    for words, changes in REMARKS.items():
+        (remark,) = remarks(results_of(**changes))
+        assert words in remark
 
 
 def test_variables_without_a_unit_are_one_remark():
@@ -197,9 +189,6 @@ def test_requirements_are_told_per_axis():
     assert (rows[3].amplitude, rows[3].judged.worst_case) == ("20 µm", CYCLING.id)
 
 
-# ---- In the terminal ----
-
-
 @pytest.mark.parametrize("width", [40, 60, 140])
 def test_terminal_respects_its_width_and_markup_of_others(width):
     text = printed(results_of(controller={"file": "[red]x[/red]\x1b[31m\u202e.fmu"}), width=width)
@@ -217,37 +206,27 @@ def test_failures_and_the_worst_of_failing_requirements_come_with_their_commands
     gone = result(0, "sticky", "gain_1", None, None, ERROR, "gone")
     failed = printed(results_of([gone, *everything(TABLE_2, [1])]), width=60)
     assert "c00.sticky.gain_1: error: gone" in failed and simulate_command(RUN.results, gone.id) in failed
-    assert "--case" not in printed(RUN.results)
-
-
-def test_a_run_of_unstable_cases_says_so():
     lost = {"status": Status.UNSTABLE, "message": "gone", "measurements": Measurements()}
     text = printed(results_of([changed(case, **lost) for case in GOOD]), width=100)
     assert "c00.compliant.noise: unstable: gone" in text and "and 321 more" in text
     assert "No cost V: 108 of the cases that B1 to B7 are measured in are unstable." in text
 
 
-def test_colour_on_a_terminal_only_and_never_against_the_users_will(monkeypatch):
-    monkeypatch.setenv("TERM", "xterm-256color")
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    for name, colours in (("COLOURFUL", True), ("NO_COLOR", False)):
-        monkeypatch.setenv(name, "1")
-        shown = printed(RUN.results, force_terminal=True, width=80)
-        assert bool(re.search(r"\x1b\[[0-9;]*3[0-7]m", shown)) == colours
-
-
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
-def test_a_terminal_of_any_encoding_shows_the_scorecard(monkeypatch, encoding):
+def test_a_terminal_of_any_encoding_shows_the_scorecard_in_colour_if_it_has_any(monkeypatch, encoding):
     stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding, errors="strict")
     monkeypatch.setattr(sys, "stdout", stream)
     show_results(results_of(controller={"file": "Ω.fmu"}), terminal())
     stream.flush()
     text = stream.buffer.getvalue().decode(encoding)
     assert "140.7" in text and ("Ω" in text) == (encoding == "utf-8")
-    assert ("10 um" if encoding == "ascii" else "10 µm") in text
-
-
-# ---- In a notebook ----
+    assert ("10 um" if encoding == "ascii" else "10 µm") in text and "\x1b" not in text
+    monkeypatch.setenv("TERM", "xterm-256color")
+    for name, colours in (("COLOURFUL", True), ("NO_COLOR", False)):
+        monkeypatch.delenv("NO_COLOR", raising=False)
+        monkeypatch.setenv(name, "1")
+        shown = printed(RUN.results, force_terminal=True, width=80)
+        assert bool(re.search(r"\x1b\[[0-9;]*3[0-7]m", shown)) == colours
 
 
 def test_fragments_say_what_the_tables_say():

@@ -1,7 +1,5 @@
 """results.json, cases.csv and their relatives, and the way back from a run's folder."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -14,12 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat
-from support.reports import RECORDINGS, edited, results_of, scaled, stored
+from support.refusals import refusal
+from support.reports import RECORDINGS, results_of, scaled, stored
 from support.results import TABLE_2, everything, result, trajectory
 
 from orchestrator.benchmark.results import Results
 from orchestrator.codec import json_schema, to_json
-from orchestrator.errors import EnvironmentFault, InputError
+from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting import files, trajectory_files
@@ -36,9 +35,6 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.fixture
 def run(tmp_path):
     return stored(tmp_path, results_of())
-
-
-# ---- results.json ----
 
 
 def test_what_was_written_is_read_back(run):
@@ -62,47 +58,41 @@ def test_results_conform_to_the_schema_in_the_docs_which_is_that_of_the_types(ru
         assert list(validator.iter_errors({**contents, **wrong}))
 
 
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        (None, "no-run"),
-        ("{", "damaged"),
-        ("[]", "damaged"),
-        ("{}", "other-schema"),
-        ('{"schema": "other/2"}', "other-schema"),
-        (lambda c: c.update(cost=1.0), "damaged"),
-        (lambda c: c.update(complete=False), "damaged"),
-        (lambda c: c["criteria"]["B5"].update(value=1e-3), "damaged"),
-        (lambda c: c["stability"]["A1"].update(passed=False), "damaged"),
-        (lambda c: c["cases"][0]["measurements"].update(B1=0.01), "damaged"),
-        (lambda c: c["cases"].append(c["cases"][0]), "damaged"),
-        (lambda c: c.update(cases=[]), "damaged"),
-        (lambda c: c["plant"]["nominal"].pop("l[1]"), "damaged"),
-        (lambda c: c["rules"]["cost"].update(paper=0.0), "damaged"),
-        (lambda c: c["rules"]["criteria"]["B1"].update(unit="parsec"), "damaged"),
+WRONG = {
+    "damaged": [
+        *("{", "[]"),
+        lambda c: c.update(cost=1.0),
+        lambda c: c.update(complete=False),
+        lambda c: c["criteria"]["B5"].update(value=1e-3),
+        lambda c: c["stability"]["A1"].update(passed=False),
+        lambda c: c["cases"][0]["measurements"].update(B1=0.01),
+        lambda c: c["cases"].append(c["cases"][0]),
+        lambda c: c.update(cases=[]),
+        lambda c: c["plant"]["nominal"].pop("l[1]"),
+        lambda c: c["rules"]["cost"].update(paper=0.0),
+        lambda c: c["rules"]["criteria"]["B1"].update(unit="parsec"),
     ],
-)
-def test_results_that_are_none_or_contradict_themselves_are_refused(run, change, what):
+    "other-schema": ["{}", '{"schema": "other/2"}'],
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_results_that_are_none_or_contradict_themselves_are_refused(run, what):
     file = run.folder / files.RESULTS
-    if change is None:
-        file.unlink()
-    elif isinstance(change, str):
-        file.write_text(change)
-    else:
-        contents = edited(run.results)
-        change(contents)
-        file.write_text(json.dumps(contents))
-    refused(run.folder, what, file)
+    for change in WRONG[what]:
+        contents = json.loads(to_json(run.results))
+        if not isinstance(change, str):
+            change(contents)
+        file.write_text(change if isinstance(change, str) else json.dumps(contents))
+        refused(run.folder, what, file)
+    file.unlink()
+    refused(run.folder, "no-run", file)
 
 
 def refused(folder, what, file):
     """A run cannot be loaded because of a file."""
-    with pytest.raises(InputError) as raised:
-        load_run(folder)
-    assert (raised.value.what, raised.value.where) == (what, str(file))
-
-
-# ---- Tables ----
+    error = refusal(load_run, folder)
+    assert (error.what, error.where) == (what, str(file))
 
 
 def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
@@ -115,23 +105,17 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
     expected = ['said "no",\nthen died; ü', *(f"'{text}" for text in messages[1:])]
     assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle_x [m]"] == ""
     assert float(rows[-7]["q_a1 [rad]"]) < 0, "a number keeps its sign"
-
-
-def test_parquet_is_the_same_table():
     parquet = pytest.importorskip("pyarrow.parquet")
-    results = results_of()
-    table = parquet.read_table(io.BytesIO(parquet_bytes(results))).to_pydict()
-    assert table["id"] == [case.id for case in results.cases]
-    assert set(table["B5 [m]"]) == {None, 0.0102}
+    table = parquet.read_table(io.BytesIO(parquet_bytes(results_of(cases)))).to_pydict()
+    assert table["id"] == [entry.id for entry in cases] and set(table["B5 [m]"]) == {None, 0.0102}
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_mat_holds_a_struct_array_of_the_recordings(count):
     contents = loadmat(io.BytesIO(mat_bytes(Run(results_of(), RECORDINGS[:count]))))
     recordings = contents["recordings"]
-    assert recordings.shape == (1, count)
+    assert recordings.shape == (1, count) and contents["units"]["q_a1"].item() == "rad"
     assert {"id", "roles", "window", "t", "x", "u_m2"} <= set(recordings.dtype.names)
-    assert contents["units"]["q_a1"].item() == "rad"
     for entry, original in zip(recordings[0], RECORDINGS, strict=False):
         assert entry["id"].tolist() == [original.about.id]
         assert entry["window"].ravel().tolist() == list(original.about.window)
@@ -145,39 +129,32 @@ def test_figures_are_written_in_all_formats_and_repeat_byte_for_byte(run, tmp_pa
     assert (len(names), missing, len(list(whole.iterdir()))) == (7, [], 7 * 3)
     names, missing = write_figures(Run(results_of()), plant)
     assert {name.split("_")[1] for name in names} == {"03", "04"} and len(missing) == 5
-    for file in plant.iterdir():
-        assert file.read_bytes() == (whole / file.name).read_bytes()
+    assert all(file.read_bytes() == (whole / file.name).read_bytes() for file in plant.iterdir())
 
 
-# ---- Recordings ----
+CHANGED_RECORDINGS = {
+    "other columns": {"columns_torque": np.array(["t [s]", "u_m2 [N.m]", "u_m1 [N.m]"])},
+    "not finite": {"torque_0": np.full((5, 3), np.nan, np.float32)},
+    "times that decrease": {"torque_0": np.array([[0, 1, 3, 2, 4]] * 3, np.float32).T},
+}
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"columns_torque": np.array(["t [s]", "u_m2 [N.m]", "u_m1 [N.m]"])},
-        {"torque_0": np.full((5, 3), np.nan, np.float32)},
-        {"torque_0": np.array([[0, 1, 3, 2, 4]] * 3, np.float32).T},
-    ],
-    ids=["other columns", "not finite", "times that decrease"],
-)
-def test_recordings_have_named_columns_and_times_that_increase(run, change):
+def test_recordings_are_those_that_were_written_or_refused(run):
     file = run.folder / files.TRAJECTORIES
+    whole = file.read_bytes()
     with np.load(file) as stored_arrays:
         arrays = dict(stored_arrays)
-    assert tuple(arrays["columns_motion"]) == MOTION and set(change) <= set(arrays)
-    np.savez(file, **{**arrays, **change})
-    refused(run.folder, "damaged", file)
-
-
-def test_damaged_recordings_are_an_input_error_and_those_that_may_not_be_read_are_not_damaged(run):
-    file = run.folder / files.TRAJECTORIES
-    for contents in (b"", b"no archive", b"PK\x03\x04", file.read_bytes()[:-900]):
+    assert tuple(arrays["columns_motion"]) == MOTION
+    for change in CHANGED_RECORDINGS.values():
+        assert set(change) <= set(arrays)
+        np.savez(file, **{**arrays, **change})
+        refused(run.folder, "damaged", file)
+    for contents in (b"", b"no archive", b"PK\x03\x04", whole[:-900]):
         file.write_bytes(contents)
         refused(run.folder, "damaged", file)
     file.unlink()
     file.mkdir()
-    refused(run.folder, "no-file", file)
+    refused(run.folder, "no-file", file)  # what may not be read is not damaged
 
 
 @given(st.lists(st.tuples(*[st.floats(-1e3, 1e3)] * 2), min_size=1, max_size=200), st.integers(1, 20))
@@ -185,17 +162,10 @@ def test_thinning_keeps_every_signals_extremes_and_both_ends(rows, intervals):
     signals = np.array(rows)
     kept = thin(signals, intervals)
     assert kept[0] == 0 and kept[-1] == len(signals) - 1
-    np.testing.assert_array_equal(signals[kept].min(axis=0), signals.min(axis=0))
-    np.testing.assert_array_equal(signals[kept].max(axis=0), signals.max(axis=0))
+    for extreme in (np.min, np.max):
+        np.testing.assert_array_equal(extreme(signals[kept], axis=0), extreme(signals, axis=0))
     assert kept.size <= max(2 * intervals, 4 * intervals + 2)
-
-
-def test_thinning_leaves_out_what_is_not_finite():
-    assert thin(np.array([[0.0], [np.nan], [1.0], [np.inf]]), 5).tolist() == [0, 2]
-    assert thin(np.full((3, 1), np.nan), 5).size == 0
-
-
-# ---- A trajectory in full ----
+    assert thin(np.array([[0.0], [np.nan], [1.0], [np.inf]]), 5).tolist() == [0, 2], "what is not finite is left out"
 
 
 def test_a_trajectory_in_every_format_is_the_same(tmp_path):
@@ -227,27 +197,18 @@ def test_a_plot_shows_errors_in_mm_and_torques(tmp_path):
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 
-# ---- Files ----
-
-
-def test_a_file_is_replaced_whole(tmp_path):
+def test_what_cannot_be_written_is_an_error_of_this_machine(run, tmp_path):
     file = tmp_path / "a.txt"
     write_text(file, "old")
     with pytest.raises(UnicodeEncodeError):
         write_text(file, "new \udc00")
-    assert file.read_text() == "old" and [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
-
-
-def test_what_cannot_be_written_is_an_error_of_this_machine(run, tmp_path):
+    assert file.read_text() == "old" and not list(tmp_path.glob("*.txt?*")), "a file is replaced whole"
     (tmp_path / "figures").write_text("in the way")
-    with pytest.raises(InputError) as refused:
-        write_figures(run, tmp_path / "figures")
-    assert (refused.value.what, refused.value.where) == ("folder-not-writable", str(tmp_path / "figures"))
+    error = refusal(write_figures, run, tmp_path / "figures")
+    assert (error.what, error.where) == ("folder-not-writable", str(tmp_path / "figures"))
     (tmp_path / "figures").unlink()
     (tmp_path / "figures" / "figure_03_stiffness.pdf").mkdir(parents=True)
-    with pytest.raises(EnvironmentFault) as failed:
-        write_figures(run, tmp_path / "figures")
-    assert failed.value.what == "not-written"
+    assert refusal(write_figures, run, tmp_path / "figures", kind=EnvironmentFault).what == "not-written"
 
 
 def test_what_was_made_of_other_results_is_removed(run):

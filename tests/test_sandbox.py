@@ -1,7 +1,5 @@
 """In the sandbox a controller reaches neither the network nor the user's files, and gives the same numbers."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil
@@ -12,17 +10,15 @@ import sys
 import tempfile
 from ast import literal_eval
 from contextlib import suppress
-from dataclasses import replace
-from pathlib import Path
 
 import psutil
 import pytest
-from hostile import fmus
 from hostile.commands import ROOT, command, finished, kill, started, wait_for
-from hostile.runs import STRUCK, bench, job, run, short_cases
+from hostile.runs import STRUCK, bench, copied_packages, job, run, short_cases
+from support.python_controllers import python_controller
+from support.refusals import refusal
 
 from orchestrator.api import campaign
-from orchestrator.errors import InputError
 from orchestrator.execution import sandbox
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
@@ -38,17 +34,8 @@ def problem() -> str:
     return "" if tried.returncode == 0 else f"bubblewrap may not work here: {tried.stderr.strip()}"
 
 
-EXIT, SPAWN, REPORT = 2, 4, 6
-"""Faults of ``tests/hostile/slave.py``."""
-
 PROBLEM = problem()
 sandboxed = pytest.mark.skipif(bool(PROBLEM), reason=PROBLEM or "-")
-
-
-@pytest.fixture(scope="module")
-def slave(fmu_folder) -> Path:
-    """The FMU of ``tests/hostile/slave.py``."""
-    return fmus.python_fmu(fmu_folder)
 
 
 @pytest.fixture
@@ -64,18 +51,15 @@ def inside(own, function: str, task: str = "") -> str:
     return outcome.value.decode()
 
 
-def with_fault(own, fault: int, **changes):
-    """The bench whose controller has this fault."""
-    return replace(own, setup=replace(own.setup, parameters={"fault": float(fault)}), **changes)
-
-
 @sandboxed
-def test_the_sandbox_stops_what_is_allowed_without_it(plant_file, slave, tmp_path, monkeypatch):
+def test_the_sandbox_stops_what_is_allowed_without_it(plant_file, tmp_path, monkeypatch):
     """The controller connects to a server on this machine, reads where it may, and writes into the user's home."""
     monkeypatch.setenv("HOME", str(tmp_path))
-    own, reports = bench(plant_file, slave, limit=120.0), {}
+    modules = {"report": (ROOT / "tests" / "hostile" / "report.py").read_text()}
+    body = "raise RuntimeError('; '.join(report.report()))"
+    file, reports = python_controller(tmp_path, imports="import report", step_body=body, modules=modules), {}
     for boxed in (False, True):
-        (found,) = run(with_fault(own, REPORT, sandbox=boxed), short_cases((STRUCK,)))
+        (found,) = run(bench(plant_file, file, limit=120.0, sandbox=boxed), short_cases((STRUCK,)))
         assert found.result.status is Status.ERROR
         reports[boxed] = found.result.message
     for word in ("home: written", "own folder: written"):
@@ -155,9 +139,7 @@ print(outcome.value.decode())
 @sandboxed
 def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path):
     """As by that of an editable install, from another folder than its own, and the package lies in a hidden one."""
-    clone = tmp_path / "clone"
-    for package in ("orchestrator", "controller_fmu", "plant_fmu"):
-        shutil.copytree(ROOT / package, clone / package, ignore=shutil.ignore_patterns("__pycache__"))
+    clone = copied_packages(tmp_path / "clone")
     shutil.copytree(ROOT / "tests" / "hostile", tmp_path / "hostile")
     shutil.copy(ROOT / "build_fmus.py", tmp_path)
     (tmp_path / "script.py").write_text(SCRIPT.format(clone=str(clone)))
@@ -189,14 +171,16 @@ def commands_below(pid: int) -> list[list[str]]:
 
 
 @sandboxed
-def test_crashes_and_processes_left_behind(plant_file, slave, monkeypatch):
+def test_crashes_and_processes_left_behind(plant_file, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "START_TIME", 60.0)
-    own = bench(plant_file, slave, sandbox=True)
     before = sleepers()
-    (crashed,) = run(with_fault(own, EXIT), short_cases((STRUCK,)))
+    file = python_controller(tmp_path, "Exits", imports="import os", step_body="os._exit(7)")
+    (crashed,) = run(bench(plant_file, file, sandbox=True), short_cases((STRUCK,)))
     assert (crashed.result.status, crashed.result.time) == (Status.CRASHED, 0.0)
     assert "exit code 7" in crashed.result.message
-    (left,) = run(with_fault(own, SPAWN), short_cases((STRUCK,)))
+    spawn = "subprocess.Popen(['sleep', '1000'], start_new_session=True)"
+    file = python_controller(tmp_path, "Spawns", imports="import subprocess", initialize=spawn)
+    (left,) = run(bench(plant_file, file, sandbox=True), short_cases((STRUCK,)))
     assert left.result.status is Status.DONE
     assert wait_for(lambda: not sleepers() - before)  # the system ends a sandbox in its own time
 
@@ -214,6 +198,5 @@ def test_where_bubblewrap_is_not_there_or_may_not_work_it_is_refused(words, own,
         program = tmp_path / "bwrap"
         program.write_text(f"#!/bin/sh\necho '{words}' >&2\nexit 1\n")
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
-    with pytest.raises(InputError) as told:
-        run(own, short_cases((STRUCK,)))
-    assert told.value.what == "no-sandbox" and words in str(told.value)
+    error = refusal(run, own, short_cases((STRUCK,)))
+    assert error.what == "no-sandbox" and words in str(error)

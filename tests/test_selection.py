@@ -1,7 +1,5 @@
 """What an evaluation simulates again for its report."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 from support.results import PAPER, RULES, TABLE_2, everything, result

@@ -1,7 +1,5 @@
 """The disturbances and imperfections of the loop, each alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -17,8 +15,6 @@ from orchestrator.loop.signals import ChirpSignal, PulseSignal
 numbers = st.floats(-1e6, 1e6)
 quanta = st.floats(1e-6, 10.0)
 
-
-# ---- Chirp ----
 
 UP = ChirpSignal(amplitude_1=1.0, amplitude_2=-1.0, start=0.5, stop=8.0, f_start=0.0, f_stop=15.0)
 DOWN = UP._replace(f_start=15.0, f_stop=0.0)
@@ -47,15 +43,8 @@ def test_chirp_begins_at_its_start_and_ends_before_its_stop():
     assert signals.chirp(DOWN, 0.51)[0] != 0.0
     assert signals.chirp(DOWN, math.nextafter(8.0, 0.0))[0] != 0.0
     assert signals.chirp(DOWN, 8.0) == (0.0, 0.0)
-
-
-@given(t=st.floats(0.0, 30.0))
-def test_chirp_is_off_at_amplitude_zero(t):
-    assert signals.chirp(UP._replace(amplitude_1=0.0, amplitude_2=0.0), t) == (0.0, 0.0)
-    assert signals.chirp(ChirpSignal(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), t) == (0.0, 0.0), "from 0 until 0 is never"
-
-
-# ---- Pulse ----
+    assert signals.chirp(UP._replace(amplitude_1=0.0, amplitude_2=0.0), 3.0) == (0.0, 0.0)
+    assert signals.chirp(ChirpSignal(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.0) == (0.0, 0.0), "from 0 until 0 is never"
 
 
 def test_pulse_is_constant_between_its_times():
@@ -63,9 +52,6 @@ def test_pulse_is_constant_between_its_times():
     shown = {t: signals.pulse(pulse, t) for t in (0.0, math.nextafter(10.0, 0.0), 10.0, 10.499, 10.5, 11.0)}
     assert [t for t, force in shown.items() if force == (3.0, -4.0)] == [10.0, 10.499]
     assert {force for t, force in shown.items() if t not in (10.0, 10.499)} == {(0.0, 0.0)}
-
-
-# ---- Saturation, quantization, gain ----
 
 
 @given(value=numbers, limit=st.floats(0.0, 1e3))
@@ -84,11 +70,7 @@ def test_quantization_gives_the_nearest_multiple(value, quantum):
     assert abs(rounded - value) <= quantum / 2 + slack
     assert abs(steps - round(steps)) <= 4 * math.ulp(abs(steps) + 1.0)
     assert signals.quantize(-value, quantum) == -rounded
-
-
-@given(value=numbers)
-def test_quantization_is_off_at_quantum_zero(value):
-    assert signals.quantize(value, 0.0) == value
+    assert signals.quantize(value, 0.0) == value, "off"
 
 
 def test_quantization_has_the_steps_of_the_converters():
@@ -112,9 +94,6 @@ def test_gain_acts_about_its_centre(value, centre, gain):
     assert signals.amplify(value, centre, 1.0) == value, "to the last bit"
 
 
-# ---- Noise ----
-
-
 def test_noise_is_white_and_of_the_size_asked_for():
     n = 200_000
     noise = noise_of(Noise(1.095e-4, (7,)), n) / 1.095e-4
@@ -132,15 +111,12 @@ def test_noise_depends_on_every_word_of_its_seed():
     assert len(first) == len(seeds)
 
 
-def test_longer_noise_begins_with_the_shorter():
-    np.testing.assert_array_equal(noise_of(Noise(1.0, (3,)), 100)[:7], noise_of(Noise(1.0, (3,)), 7))
-
-
 def test_noise_is_frozen():
     """Results of the benchmark hold these numbers: another library's version must not change them."""
-    frozen = noise_of(Noise(1.0, (0, 1, 2)), 3)
-    assert frozen.tolist() == [
+    frozen = [
         [-0.3576950329493073, 0.647620087477443],
         [-0.5352345912227796, -0.9489091721227497],
         [-0.5979742871366136, -0.5931937598649935],
     ]
+    for count in (3, 100):  # longer noise begins with the shorter
+        assert noise_of(Noise(1.0, (0, 1, 2)), count)[:3].tolist() == frozen

@@ -1,10 +1,8 @@
-"""The same PID through every kind of FMI and from every exporter: the same torques, the same scorecard.
+"""The same PID through every kind of FMI and from every exporter: the same torques, and so the same scorecard.
 
 What is expected does not come from another FMU: the law is replayed on the angles that each simulation's own
 controller saw, and must give the torques it commanded.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
@@ -12,17 +10,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from exporters import RECIPES, REFUSED, Recipe
+from exporters import RECIPES, REFUSED, Recipe, built_or_skip
 from exporters.casadi_pid import held
 from fmpy.validation import validate_fmu
-from msgspec import structs
 from numpy.testing import assert_allclose, assert_array_equal
 from support.closed_loops import T_S, case, probed, quiet, simulate_all
 from support.pid_fmus import Signals, law
 from support.refusals import refusal
 
 import build_fmus
-from orchestrator import Benchmark, Controller
 from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.probe import Convention
 from orchestrator.loop.setup import Setup, controller_binding
@@ -54,17 +50,7 @@ SCENARIO = replace(
 @pytest.fixture(scope="module")
 def build(exporter_folder):
     """The FMU of a recipe by name."""
-
-    def build(name):
-        recipe = {**EVERYONE, **REFUSED}[name]
-        if recipe.missing():
-            pytest.skip(recipe.missing())
-        return recipe.build(exporter_folder)
-
-    return build
-
-
-# ---- Torques ----
+    return lambda name: built_or_skip({**EVERYONE, **REFUSED}[name], exporter_folder)
 
 
 def replayed(recipe, trajectory):
@@ -106,57 +92,18 @@ def test_torques_are_the_laws_and_trajectories_the_same(recipe, plant_file, buil
     assert (timing.latency, timing.convention) == (0, recipe.convention.value)
 
 
-# ---- Scorecards ----
-
-CASES = ("c07.compliant.noise", "c07.compliant.disturbance", "c07.slippery.gain_1")
-
-
-def scored(file, only=CASES):
-    """The results of some cases."""
-    return Benchmark("paper", timeout=600.0).evaluate(Controller(file), only=only, recordings=False).results
-
-
-@pytest.fixture(scope="module")
-def scores(build):
-    """The results of the default controller."""
-    return scored(build(DEFAULT))
+WHY = {
+    "refused_integer": ("connector-type", "q_m[1]"),
+    "refused_two_candidates": ("connector-ambiguous", "q_m[1]"),
+    "refused_missing_output": ("connector-missing", "u_m"),
+    "refused_missing_second_output": ("connector-missing", "u_m"),
+    "refused_wrong_unit": ("wrong-unit", "m"),
+    "refused_three_axes": ("connector-size", "q_m[1], q_m[2], q_m[3]"),
+    "refused_arrays_of_three": ("connector-size", "q_m"),
+}
 
 
-LIKE = ("timing_twice_first", "casadi")
-"""Controllers whose torques are others, if only a little."""
-
-
-@pytest.mark.parametrize(
-    "name", ["DiagonalPID_C", *build_fmus.VARIANTS, "container_fmi3", "timing_initialization", *LIKE]
-)
-def test_scorecards_are_equal_and_conventions_told(name, scores, build):
-    found = scored(build(name), CASES[:1] if name in LIKE else CASES)
-    expected = structs.replace(scores.loop_delay, convention=EVERYONE[name].convention.value)
-    assert (found.loop_delay, found.sample_time) == (expected, scores.sample_time)
-    assert found.loop_delay.samples == 1.0 and found.sample_time.as_in_benchmark
-    if name in LIKE:
-        values, wanted = ([each.scorecard.criteria[of].value for of in ("B1", "B2")] for each in (found, scores))
-        assert values == pytest.approx(wanted, rel=0.2)
-    else:
-        assert (found.scorecard, found.cases) == (scores.scorecard, scores.cases)
-        assert found.scorecard.criteria["B7"].value > 0 and found.scorecard.stability["A1"].axes
-
-
-# ---- What must be refused ----
-
-
-@pytest.mark.parametrize(
-    ("name", "what", "value"),
-    [
-        ("refused_integer", "connector-type", "q_m[1]"),
-        ("refused_two_candidates", "connector-ambiguous", "q_m[1]"),
-        ("refused_missing_output", "connector-missing", "u_m"),
-        ("refused_missing_second_output", "connector-missing", "u_m"),
-        ("refused_wrong_unit", "wrong-unit", "m"),
-        ("refused_three_axes", "connector-size", "q_m[1], q_m[2], q_m[3]"),
-        ("refused_arrays_of_three", "connector-size", "q_m"),
-    ],
-)
-def test_refused_controllers(name, what, value, build):
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_controllers(name, build):
     error = refusal(controller_binding, open_archive(build(name)), Setup())
-    assert (error.what, error.value) == (what, value)
+    assert (error.what, error.value) == WHY[name]

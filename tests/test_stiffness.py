@@ -1,7 +1,5 @@
 """Manipulators that the plant's integration cannot follow are refused, and no others."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,10 +1,7 @@
 """The timing contract of docs/timing.md, measured: no step of delay that is not written there.
 
 The plant is a stub whose motor angles are given functions of time and which notes when a torque first acts on it;
-the controller is a mere gain. What comes out between the two is the master's doing alone.
-"""
-
-from __future__ import annotations
+the controller is a mere gain. What comes out between the two is the master's doing alone."""
 
 import math
 import random
@@ -13,10 +10,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.closed_loops import T_S, quiet, simulate_all
+from exporters import RECIPES, built_or_skip
+from support.closed_loops import T_S, probed, quiet, simulate_all
 from support.stub_fmus import axes
 
 from orchestrator.loop import signals
+from orchestrator.loop.probe import Convention
 from orchestrator.loop.random_streams import noise as noise_of
 from orchestrator.loop.scenario import NO_DELAY, Chirp, Drive, Noise, Pulse, Sensor
 
@@ -32,9 +31,6 @@ def probe(probe_plant_file, feedthrough_file):
         return simulate_all(probe_plant_file, feedthrough_file, scenarios, observe, {"K": -1.0})
 
     return run
-
-
-# ---- Delay ----
 
 
 def random_delays():
@@ -95,9 +91,6 @@ def test_until_a_measurement_arrives_q_m_ref_is_seen(probe):
     np.testing.assert_allclose(trajectory.command, seen, rtol=0, atol=1e-15)
 
 
-# ---- What happens in which order ----
-
-
 def test_a_measurement_is_noisy_then_late_then_quantized(probe):
     """Each order of the three gives other numbers; with K = -1, q_m_ref = 0 and u_m0 = 0 the command shows them."""
     quantum, lag, noise = 0.01, 2, Noise(0.02, (4, 2))
@@ -127,9 +120,6 @@ def test_a_torque_is_amplified_then_saturated_then_quantized_then_late(probe):
         np.testing.assert_array_equal(trajectory.extra[name][1:], late)
 
 
-# ---- Disturbances ----
-
-
 def test_disturbances_are_taken_at_the_beginning_of_each_part(probe):
     chirp = Chirp((1.0, -2.0), 0.001, 0.008, 0.0, 600.0)
     pulse = Pulse((3.0, 4.0), 0.0035, 0.0065)
@@ -150,9 +140,6 @@ def test_disturbances_are_held_no_longer_than_asked_at_slow_sampling(probe):
     assert trajectory.extra["steps"][-1] == 400
 
 
-# ---- Time itself ----
-
-
 def test_time_is_computed_not_accumulated(probe):
     scenario = quiet("3", {"rate[1]": 1.0}, sample_time=Fraction(1, 3000))
     (trajectory,) = probe(scenario)
@@ -165,3 +152,38 @@ def test_time_is_computed_not_accumulated(probe):
 def test_a_duration_that_is_no_multiple_of_the_sample_time_is_reached(probe):
     (trajectory,) = probe(quiet(Fraction(7, 2) * T_S, {}))
     assert trajectory.time.tolist() == [float(k * T_S) for k in range(5)]
+
+
+STEADY = {"rest[1]": 0.4, "rest[2]": -1.1, "hold[1]": 9.0, "hold[2]": -6.0, "q_a_start[1]": 0.3, "q_a_start[2]": -0.9}
+
+
+def timing(plant, controller, parameters=None, sample_time=T_S):
+    """Latency and convention of a controller."""
+    found = probed(plant, controller, quiet(sample_time, STEADY, sample_time=sample_time), parameters)
+    return found.latency, Convention(found.convention)
+
+
+@pytest.mark.parametrize("name", ["timing_initialization", "timing_twice_first", "position_error", "casadi"])
+def test_conventions_of_exporters(name, probe_plant_file, exporter_folder):
+    file = built_or_skip(RECIPES[name], exporter_folder)
+    assert timing(probe_plant_file, file) == (0, RECIPES[name].convention)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sample_time", "latency", "convention"),
+    [
+        ({}, T_S, 0, Convention.STEP_START),
+        ({"lag": 1.0}, T_S, 1, Convention.STEP_START),
+        ({"lag": 7.0}, T_S, 7, Convention.STEP_START),
+        ({"lag": 1.0}, Fraction(1, 1000), 1, Convention.STEP_START),
+        ({"lag": 8.0}, T_S, None, Convention.SILENT),
+        ({"K": 0.0}, T_S, None, Convention.SILENT),
+        ({"forgetful": 1.0}, T_S, 0, Convention.UNKNOWN),
+    ],
+    ids=["none", "one", "most", "in its own samples", "too late", "no response", "a gain that fades with time"],
+)
+def test_every_sample_of_latency_is_seen(
+    parameters, sample_time, latency, convention, probe_plant_file, feedthrough_file
+):
+    found = timing(probe_plant_file, feedthrough_file, {"K": 45.0, **parameters}, sample_time)
+    assert found == (latency, convention)

@@ -1,7 +1,5 @@
 """The wheel, installed away from the checkout: commands, starter kits and the library in an empty folder."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -49,9 +49,8 @@ bool component_refuse(Component *component, const char *message)
 bool component_check_guid(Component *component, const char *guid)
 {
     if (guid && strcmp(guid, MODEL_GUID) == 0) return true;
-    return component_refuse(component,
-                            "the GUID is not " MODEL_GUID ", with which this FMU was built: pass the one "
-                            "in its own modelDescription.xml");
+    return component_refuse(component, "the GUID is not " MODEL_GUID ", with which this FMU was built: pass the one "
+                                       "in its own modelDescription.xml");
 }
 
 void component_reset(Component *component)
@@ -60,22 +59,19 @@ void component_reset(Component *component)
     model_start(component->memory->model);
 }
 
-void component_set_time(Component *component, double time) { component->memory->time = time; }
-
 /* The variables a reference stands for, or NULL if there are none or fewer values than variables. */
 static double *find(Component *component, unsigned reference, size_t n_values, size_t *extent)
 {
     const bool is_time = reference == model_variables;
     if (reference > model_variables) {
-        snprintf(component->message, MODEL_MESSAGE_SIZE, "value reference %u unknown: the model has 0 to %u",
-                 reference, (unsigned)model_variables);
+        snprintf(component->message, MODEL_MESSAGE_SIZE, "value reference %u unknown: the model has 0 to %u", reference,
+                 (unsigned)model_variables);
         return NULL;
     }
     *extent = MODEL_HAS_ARRAYS && !is_time ? model_extent(reference) : 1;
     if (*extent > n_values) {
-        snprintf(component->message, MODEL_MESSAGE_SIZE,
-                 "value reference %u has %u values, only %u were passed", reference, (unsigned)*extent,
-                 (unsigned)n_values);
+        snprintf(component->message, MODEL_MESSAGE_SIZE, "value reference %u has %u values, only %u were passed",
+                 reference, (unsigned)*extent, (unsigned)n_values);
         return NULL;
     }
     return is_time ? &component->memory->time : component->memory->model + reference;
@@ -91,8 +87,7 @@ static void refresh(Component *component)
 #endif
 }
 
-bool component_get(Component *component, const unsigned references[], size_t n, double values[],
-                   size_t n_values)
+bool component_get(Component *component, const unsigned references[], size_t n, double values[], size_t n_values)
 {
     refresh(component);
     for (size_t i = 0, done = 0, extent = 0; i < n; i++, done += extent) {
@@ -103,14 +98,12 @@ bool component_get(Component *component, const unsigned references[], size_t n, 
     return true;
 }
 
-bool component_set(Component *component, const unsigned references[], size_t n, const double values[],
-                   size_t n_values)
+bool component_set(Component *component, const unsigned references[], size_t n, const double values[], size_t n_values)
 {
     for (size_t i = 0, done = 0, extent = 0; i < n; i++, done += extent) {
         double *variable = find(component, references[i], n_values - done, &extent);
         if (!variable) return false;
-        if (variable == &component->memory->time)
-            return component_refuse(component, "the time cannot be set so");
+        if (variable == &component->memory->time) return component_refuse(component, "the time cannot be set so");
         memcpy(variable, values + done, extent * sizeof(double));
     }
     return true;
@@ -157,13 +150,23 @@ static bool check_count(Component *component, size_t n)
     return false;
 }
 
-bool component_get_states(Component *component, double x[], size_t n)
+static bool read(Component *component, const unsigned references[], double values[], size_t n)
 {
     if (!check_count(component, n)) return false;
     refresh(component);
     for (size_t i = 0; i < n; i++)
-        x[i] = component->memory->model[STATE_REFERENCES[i]];
+        values[i] = component->memory->model[references[i]];
     return true;
+}
+
+bool component_get_states(Component *component, double x[], size_t n)
+{
+    return read(component, STATE_REFERENCES, x, n);
+}
+
+bool component_get_derivatives(Component *component, double dx[], size_t n)
+{
+    return read(component, DERIVATIVE_REFERENCES, dx, n);
 }
 
 bool component_set_states(Component *component, const double x[], size_t n)
@@ -174,13 +177,10 @@ bool component_set_states(Component *component, const double x[], size_t n)
     return true;
 }
 
-bool component_get_derivatives(Component *component, double dx[], size_t n)
+void component_get_nominals(double x[], size_t n)
 {
-    if (!check_count(component, n)) return false;
-    refresh(component);
     for (size_t i = 0; i < n; i++)
-        dx[i] = component->memory->model[DERIVATIVE_REFERENCES[i]];
-    return true;
+        x[i] = 1.0;
 }
 
 static bool copy(Component *component, const void *memory, void **state)
@@ -193,10 +193,7 @@ static bool copy(Component *component, const void *memory, void **state)
 
 bool component_save(Component *component, void **state) { return copy(component, component->memory, state); }
 
-void component_restore(Component *component, const void *state)
-{
-    memcpy(component->memory, state, memory_size());
-}
+void component_restore(Component *component, const void *state) { memcpy(component->memory, state, memory_size()); }
 
 void component_forget(void **state)
 {
@@ -208,15 +205,13 @@ size_t component_serialized_size(void) { return memory_size(); }
 
 bool component_serialize(Component *component, const void *state, void *bytes, size_t size)
 {
-    if (size < memory_size())
-        return component_refuse(component, "the buffer is too small for the serialized state");
+    if (size < memory_size()) return component_refuse(component, "the buffer is too small for the serialized state");
     memcpy(bytes, state, memory_size());
     return true;
 }
 
 bool component_deserialize(Component *component, const void *bytes, size_t size, void **state)
 {
-    if (size != memory_size())
-        return component_refuse(component, "the serialized state is not one of this FMU");
+    if (size != memory_size()) return component_refuse(component, "the serialized state is not one of this FMU");
     return copy(component, bytes, state);
 }

@@ -1,6 +1,6 @@
-/* One instance of the model and its life, free of the types of any FMI version; fmi1.c, fmi2.c and fmi3.c
- * only translate between this and their standard. A function that returns false leaves the reason in
- * `message`. */
+/* One instance of the model and its life, free of the types of any FMI version; fmi1.c, fmi2.c and fmi3.c only
+ * translate between this and their standard. A function that returns false leaves the reason in `message`; some cannot
+ * fail. */
 #ifndef COMPONENT_H
 #define COMPONENT_H
 
@@ -40,14 +40,10 @@ bool component_refuse(Component *component, const char *message);
 /* Back to the state after component_new. */
 void component_reset(Component *component);
 
-void component_set_time(Component *component, double time);
-
 /* Variables by value reference; `values` holds n_values numbers, in FMI 3 the arrays one after the other. The
  * reference after the last variable is the time, read only. */
-bool component_get(Component *component, const unsigned references[], size_t n, double values[],
-                   size_t n_values);
-bool component_set(Component *component, const unsigned references[], size_t n, const double values[],
-                   size_t n_values);
+bool component_get(Component *component, const unsigned references[], size_t n, double values[], size_t n_values);
+bool component_set(Component *component, const unsigned references[], size_t n, const double values[], size_t n_values);
 
 /* Ends initialization; the time set before is the start time. */
 bool component_initialize(Component *component);
@@ -66,6 +62,7 @@ double component_next_event(const Component *component);
 bool component_get_states(Component *component, double x[], size_t n);
 bool component_set_states(Component *component, const double x[], size_t n);
 bool component_get_derivatives(Component *component, double dx[], size_t n);
+void component_get_nominals(double x[], size_t n);
 
 /* A state is saved to *state, which is allocated where it is NULL. */
 bool component_save(Component *component, void **state);

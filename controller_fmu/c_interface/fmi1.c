@@ -3,97 +3,51 @@
 
 #include "fmi1Functions.h"
 
-#include "component.h"
-#include "identity.h"
+#define FMI(name) fmi1##name
+#define LOG(c) ((fmi1CallbackLogger)c->logger)(c, c->name, fmi1Error, "logStatusError", c->message)
 
+/* The names of all functions begin with the model's. */
+#define JOIN(identifier, name) identifier##_##name
+#define JOIN_EXPANDED(identifier, name) JOIN(identifier, name)
+#define NAME(name) JOIN_EXPANDED(MODEL_IDENTIFIER, name)
 #if defined _WIN32
 #define EXPORT __declspec(dllexport)
 #else
 #define EXPORT
 #endif
 
-/* In FMI 1.0 the names of all functions begin with the model's. */
-#define JOIN(identifier, name) identifier##_##name
-#define JOIN_EXPANDED(identifier, name) JOIN(identifier, name)
-#define FMI(name) JOIN_EXPANDED(MODEL_IDENTIFIER, name)
-
-static fmi1Status status(Component *component, bool succeeded)
-{
-    if (succeeded) return fmi1OK;
-    if (component->logging && component->logger)
-        ((fmi1CallbackLogger)component->logger)(component, component->name, fmi1Error, "logStatusError",
-                                                component->message);
-    return fmi1Error;
-}
-
-static fmi1Status refuse(Component *component, const char *message)
-{
-    return status(component, component_refuse(component, message));
-}
+#include "translation.h"
 
 /* ---- Life of an instance ---- */
 
-EXPORT const char *FMI(fmiGetTypesPlatform)(void) { return "standard32"; }
+EXPORT const char *NAME(fmiGetTypesPlatform)(void) { return "standard32"; }
+EXPORT const char *NAME(fmiGetVersion)(void) { return "1.0"; }
+METHOD_OF(fmiSetDebugLogging, fmi1Boolean on) { return DONE(SELF->logging = on); }
 
-EXPORT const char *FMI(fmiGetVersion)(void) { return "1.0"; }
-
-EXPORT fmi1Status FMI(fmiSetDebugLogging)(fmi1Component c, fmi1Boolean on)
+EXPORT fmi1Component NAME(fmiInstantiateSlave)(fmi1String name, fmi1String guid, fmi1String location, fmi1String mime,
+                                               fmi1Real timeout, fmi1Boolean visible, fmi1Boolean interactive,
+                                               fmi1CallbackFunctions host, fmi1Boolean logging)
 {
-    ((Component *)c)->logging = on;
-    return fmi1OK;
+    return instantiate(name, guid, (AnyFunction)host.logger, NULL, logging);
 }
 
-EXPORT fmi1Component FMI(fmiInstantiateSlave)(fmi1String name, fmi1String guid, fmi1String location,
-                                              fmi1String mime, fmi1Real timeout, fmi1Boolean visible,
-                                              fmi1Boolean interactive, fmi1CallbackFunctions host,
-                                              fmi1Boolean logging)
+EXPORT void NAME(fmiFreeSlaveInstance)(fmi1Component c) { component_free(c); }
+METHOD(fmiTerminateSlave) { return fmi1OK; }
+METHOD(fmiResetSlave) { return DONE(component_reset(c)); }
+METHOD_OF(fmiInitializeSlave, fmi1Real start, fmi1Boolean stop_defined, fmi1Real stop)
 {
-    Component *component = component_new(name);
-    if (!component) return NULL;
-    component->logger = (AnyFunction)host.logger;
-    component->logging = logging;
-    if (status(component, component_check_guid(component, guid)) == fmi1OK) return component;
-    component_free(component);
-    return NULL;
-}
-
-EXPORT void FMI(fmiFreeSlaveInstance)(fmi1Component c) { component_free(c); }
-
-EXPORT fmi1Status FMI(fmiInitializeSlave)(fmi1Component c, fmi1Real start, fmi1Boolean stop_defined,
-                                          fmi1Real stop)
-{
-    component_set_time(c, start);
+    SELF->memory->time = start;
     return status(c, component_initialize(c));
-}
-
-EXPORT fmi1Status FMI(fmiTerminateSlave)(fmi1Component c) { return fmi1OK; }
-
-EXPORT fmi1Status FMI(fmiResetSlave)(fmi1Component c)
-{
-    component_reset(c);
-    return fmi1OK;
 }
 
 /* ---- Variables ---- */
 
-EXPORT fmi1Status FMI(fmiGetReal)(fmi1Component c, const fmi1ValueReference vr[], size_t n, fmi1Real value[])
-{
-    return status(c, component_get(c, vr, n, value, n));
-}
+#define VARIABLES(name, type) METHOD_OF(name, const fmi1ValueReference vr[], size_t n, type value[])
+VARIABLES(fmiGetReal, fmi1Real) { return status(c, component_get(c, vr, n, value, n)); }
+VARIABLES(fmiSetReal, const fmi1Real) { return status(c, component_set(c, vr, n, value, n)); }
 
-EXPORT fmi1Status FMI(fmiSetReal)(fmi1Component c, const fmi1ValueReference vr[], size_t n,
-                                  const fmi1Real value[])
-{
-    return status(c, component_set(c, vr, n, value, n));
-}
-
-#define NO_VARIABLES(function, value_type)                                                            \
-    EXPORT fmi1Status FMI(function)(fmi1Component c, const fmi1ValueReference vr[], size_t n,         \
-                                    value_type value[])                                               \
-    {                                                                                                 \
-        return n == 0 ? fmi1OK : refuse(c, #function ": all variables of this FMU are of type Real"); \
-    }
-
+#define NO_VARIABLES(name, type) \
+    VARIABLES(name, type) { return refuse_any(c, n, #name ": all variables of this FMU are of type Real"); }
 NO_VARIABLES(fmiGetInteger, fmi1Integer)
 NO_VARIABLES(fmiSetInteger, const fmi1Integer)
 NO_VARIABLES(fmiGetBoolean, fmi1Boolean)
@@ -103,43 +57,30 @@ NO_VARIABLES(fmiSetString, const fmi1String)
 
 /* ---- Steps ---- */
 
-EXPORT fmi1Status FMI(fmiDoStep)(fmi1Component c, fmi1Real t, fmi1Real h, fmi1Boolean new_step)
-{
-    return status(c, component_step(c, t, h));
-}
+METHOD_OF(fmiDoStep, fmi1Real t, fmi1Real h, fmi1Boolean new_step) { return status(c, component_step(c, t, h)); }
+METHOD(fmiCancelStep) { return refuse(c, "steps end at once, there is none to cancel"); }
 
-EXPORT fmi1Status FMI(fmiCancelStep)(fmi1Component c)
+#define DERIVATIVES(name, type) \
+    METHOD_OF(name, const fmi1ValueReference vr[], size_t n, const fmi1Integer order[], type value[])
+DERIVATIVES(fmiSetRealInputDerivatives, const fmi1Real)
 {
-    return refuse(c, "steps end at once, there is none to cancel");
+    return refuse_any(c, n, "this FMU does not interpolate its inputs");
 }
-
-EXPORT fmi1Status FMI(fmiSetRealInputDerivatives)(fmi1Component c, const fmi1ValueReference vr[], size_t n,
-                                                  const fmi1Integer order[], const fmi1Real value[])
+DERIVATIVES(fmiGetRealOutputDerivatives, fmi1Real)
 {
-    return n == 0 ? fmi1OK : refuse(c, "this FMU does not interpolate its inputs");
-}
-
-EXPORT fmi1Status FMI(fmiGetRealOutputDerivatives)(fmi1Component c, const fmi1ValueReference vr[], size_t n,
-                                                   const fmi1Integer order[], fmi1Real value[])
-{
-    return n == 0 ? fmi1OK : refuse(c, "this FMU provides no derivatives of its outputs");
+    return refuse_any(c, n, "this FMU provides no derivatives of its outputs");
 }
 
 /* Steps end at once and nothing is pending, so there is no such status to ask for. */
-#define NO_STATUS(function, value_type)                                                       \
-    EXPORT fmi1Status FMI(function)(fmi1Component c, fmi1StatusKind kind, value_type * value) \
-    {                                                                                         \
-        return fmi1Discard;                                                                   \
-    }
-
+#define NO_STATUS(name, type) \
+    METHOD_OF(name, fmi1StatusKind kind, type *value) { return fmi1Discard; }
 NO_STATUS(fmiGetStatus, fmi1Status)
 NO_STATUS(fmiGetIntegerStatus, fmi1Integer)
 NO_STATUS(fmiGetBooleanStatus, fmi1Boolean)
 NO_STATUS(fmiGetStringStatus, fmi1String)
-
-EXPORT fmi1Status FMI(fmiGetRealStatus)(fmi1Component c, fmi1StatusKind kind, fmi1Real *value)
+METHOD_OF(fmiGetRealStatus, fmi1StatusKind kind, fmi1Real *value)
 {
     if (kind != fmi1LastSuccessfulTime) return fmi1Discard;
-    *value = ((Component *)c)->memory->time;
+    *value = SELF->memory->time;
     return fmi1OK;
 }

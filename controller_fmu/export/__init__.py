@@ -14,6 +14,5 @@ from controller_fmu.export.platforms import PLATFORMS
 from controller_fmu.export.python_fmu import python_fmu
 
 __all__ = ["COMPILERS", "C_INTERFACE", "FMI_HEADERS", "PLATFORMS", "BuildError", "Dialect", "NoCompilerError"]
-__all__ += ["build_folder"]
-__all__ += ["c_fmu", "content_guid", "find_compiler", "pack", "python_fmu", "run_compiler", "unpack"]
+__all__ += ["build_folder", "c_fmu", "content_guid", "find_compiler", "pack", "python_fmu", "run_compiler", "unpack"]
 __all__ += ["write_atomically"]

@@ -54,11 +54,9 @@ def find_compiler() -> list[str] | None:
     try:
         wanted = shlex.split(chosen)
     except ValueError as problem:
-        raise CompilerError(
-            f"the environment variable CC is not a command: {chosen} ({problem})",
-            value=chosen,
-            remedy=f"set it to a C compiler, such as {COMPILERS[1]}, or unset it",
-        ) from None
+        what = f"the environment variable CC is not a command: {chosen} ({problem})"
+        remedy = f"set it to a C compiler, such as {COMPILERS[1]}, or unset it"
+        raise CompilerError(what, value=chosen, remedy=remedy) from None
     candidates = [wanted] if wanted else [[name] for name in COMPILERS]
     found = next((command for command in candidates if shutil.which(command[0])), None)
     if found is None and not wanted:
@@ -100,23 +98,15 @@ def run_compiler(
         except subprocess.TimeoutExpired:
             raise CompilerError(f"'{command[0]}' did not end within {limit:g} s", value=command[0]) from None
         finally:
-            _end(process)
+            if process.poll() is None:  # end it, and its parts
+                with suppress(ProcessLookupError, PermissionError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
         messages.seek(0)
         words = messages.read(MESSAGE_SIZE).decode(errors="replace").strip()
     if code != 0:
-        raise CompilerError(words or f"'{command[0]}' {_ending(code)} without a message", value=command[0])
+        ended = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
+        raise CompilerError(words or f"'{command[0]}' {ended} without a message", value=command[0])
     if not product.is_file():
         what = words or f"'{command[0]}' ended without an error, but wrote nothing: is it a C compiler?"
         raise CompilerError(what, value=command[0])
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a compiler that is still at work, and its parts."""
-    if process.poll() is None:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _ending(code: int) -> str:
-    return f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"

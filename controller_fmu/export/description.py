@@ -120,14 +120,17 @@ def _define_units(root: Element, base_units: Mapping[str, BaseUnit], remedy: str
     own |= {unit: _unit(unit, attributes) for unit, attributes in base_units.items()}
     for old in root.findall("UnitDefinitions"):
         root.remove(old)
-    definitions = Element("UnitDefinitions")
+    definitions, known = Element("UnitDefinitions"), (*BASE_UNITS, "factor", "offset")
     for unit in sorted(used):
         try:
             definitions.append(own[unit] if unit in own else _unit(unit, base_exponents(unit)))
         except UnitError as error:
             error.remedy = remedy
             raise
-        _check_unit(definitions[-1])
+        given = [name for base in definitions[-1].iterfind("BaseUnit") for name in base.attrib]
+        for name in (name for name in given if name not in known):
+            near = tuple(difflib.get_close_matches(name, known))
+            raise UnitError(f"the unit {unit!r} has the unknown base unit {name!r}", value=name, nearest=near)
     root.insert(sum(child.tag in _INTERFACES for child in root), definitions)
 
 
@@ -137,27 +140,16 @@ def _unit(unit: str, attributes: BaseUnit) -> Element:
     return element
 
 
-def _check_unit(unit: Element) -> None:
-    known = (*BASE_UNITS, "factor", "offset")
-    for name in [name for base in unit.iterfind("BaseUnit") for name in base.attrib if name not in known]:
-        near = tuple(difflib.get_close_matches(name, known))
-        raise UnitError(f"the unit {unit.get('name')!r} has the unknown base unit {name!r}", value=name, nearest=near)
-
-
 def _list_initial_unknowns(root: Element) -> None:
     structure = root.find("ModelStructure")
     if structure is None:
-        raise DescriptionError(
-            "the model description has no ModelStructure", value="ModelStructure", remedy="add it, with the Outputs"
-        )
+        what, remedy = "the model description has no ModelStructure", "add it, with the Outputs"
+        raise DescriptionError(what, value="ModelStructure", remedy=remedy)
     for old in structure.findall("InitialUnknowns"):
         structure.remove(old)
     dynamic = {index for pair in derivatives(root) for index in pair}
-    indices = [
-        index
-        for index, variable in enumerate(variables(root), start=1)
-        if _is_initial_unknown(variable, index in dynamic)
-    ]
+    numbered = enumerate(variables(root), start=1)
+    indices = [index for index, variable in numbered if _is_initial_unknown(variable, index in dynamic)]
     if indices:
         unknowns = SubElement(structure, "InitialUnknowns")
         for index in indices:

@@ -69,45 +69,29 @@ def _child(root: Element, path: str) -> Element:
 
 # ---- FMI 2.0 ----
 
+_STATES_2 = ("canGetAndSetFMUstate", "canSerializeFMUstate")
+_KEPT_2 = ("modelIdentifier", "canNotUseMemoryManagementFunctions", *_STATES_2)
+
 
 def _fmi2(root: Element, dialect: Dialect) -> Element:
     translated = Element(root.tag, root.attrib)
     for child in root:
-        is_interface = child.tag == "CoSimulation" and dialect.interface == "ModelExchange"
-        translated.append(_model_exchange2(child) if is_interface else child)
+        if child.tag == "CoSimulation" and dialect.interface == "ModelExchange":
+            attributes = {"completedIntegratorStepNotNeeded": "true", **_copy_attributes(child, _KEPT_2)}
+            child = Element("ModelExchange", attributes)
+        translated.append(child)
     return translated
 
 
-def _model_exchange2(interface: Element) -> Element:
-    kept = (
-        "modelIdentifier",
-        "canNotUseMemoryManagementFunctions",
-        "canGetAndSetFMUstate",
-        "canSerializeFMUstate",
-    )
-    attributes = {"completedIntegratorStepNotNeeded": "true", **_copy_attributes(interface, kept)}
-    return Element("ModelExchange", attributes)
-
-
 # ---- FMI 1.0 ----
-
-_CAUSALITY_1 = {"input": "input", "output": "output"}
-_VARIABILITY_1 = {"fixed": "parameter", "tunable": "parameter"}
 
 
 def _fmi1(root: Element) -> Element:
     kept = ("modelName", "description", "author", "version", "generationTool", "variableNamingConvention")
     interface = _child(root, "CoSimulation")
-    translated = Element(
-        root.tag,
-        {
-            "fmiVersion": "1.0",
-            **_copy_attributes(root, kept),
-            "modelIdentifier": interface.attrib["modelIdentifier"],
-            "numberOfContinuousStates": "0",
-            "numberOfEventIndicators": "0",
-        },
-    )
+    none = dict.fromkeys(("numberOfContinuousStates", "numberOfEventIndicators"), "0")
+    attributes = {**_copy_attributes(root, kept), "modelIdentifier": interface.attrib["modelIdentifier"], **none}
+    translated = Element(root.tag, {"fmiVersion": "1.0", **attributes})
     units = SubElement(translated, "UnitDefinitions")
     for unit in root.iterfind("UnitDefinitions/Unit"):
         SubElement(units, "BaseUnit", unit=unit.attrib["name"])
@@ -124,8 +108,8 @@ def _fmi1(root: Element) -> Element:
 def _variable1(variable: Element) -> Element:
     attributes = _copy_attributes(variable, ("name", "valueReference", "description"))
     causality, variability = variable.get("causality", "local"), variable.get("variability", "continuous")
-    attributes["causality"] = _CAUSALITY_1.get(causality, "internal")
-    attributes["variability"] = _VARIABILITY_1.get(variability, variability)
+    attributes["causality"] = causality if causality in ("input", "output") else "internal"
+    attributes["variability"] = "parameter" if variability in ("fixed", "tunable") else variability
     translated = Element(variable.tag, attributes)
     translated.append(_child(variable, "Real"))
     return translated
@@ -134,7 +118,7 @@ def _variable1(variable: Element) -> Element:
 # ---- FMI 3.0 ----
 
 # What FMI 3 spells differently, and what it has dropped.
-_RENAMED_3 = {"canGetAndSetFMUstate": "canGetAndSetFMUState", "canSerializeFMUstate": "canSerializeFMUState"}
+_RENAMED_3 = {name: name.replace("FMUstate", "FMUState") for name in _STATES_2}
 _DROPPED_3 = ("canNotUseMemoryManagementFunctions",)
 _COMMON_3 = ("UnitDefinitions", "LogCategories", "DefaultExperiment")
 
@@ -144,10 +128,21 @@ def _fmi3(root: Element, dialect: Dialect) -> Element:
     translated = Element(root.tag, {"fmiVersion": "3.0", **_copy_attributes(root, kept), "instantiationToken": ""})
     translated.append(_interface3(_child(root, "CoSimulation"), dialect))
     translated.extend(child for tag in _COMMON_3 for child in root.iterfind(tag))
-    groups = _arrays(variables(root)) if dialect.arrays else [[variable] for variable in variables(root)]
+    groups: dict[str, list[Element]] = {}
+    owners = []
+    for scalar in variables(root):
+        group = groups.setdefault(array_name(scalar) if dialect.arrays else scalar.attrib["valueReference"], [])
+        group.append(scalar)
+        owners.append(group[0].attrib["valueReference"])
+
+    def reference(index: str) -> str:
+        if not (index.isdigit() and 1 <= int(index) <= len(owners)):
+            raise DescriptionError(f"no variable has the index {index}: there are {len(owners)}", value=index)
+        return owners[int(index) - 1]
+
     listed = SubElement(translated, "ModelVariables")
-    reference = _reference_of(groups, variables(root))
-    listed.extend([_variable3(group, dialect, reference) for group in groups])  # extend hides errors of a generator
+    translations = [_variable3(group, dialect, reference) for group in groups.values()]
+    listed.extend(translations)  # which hides errors of a generator
     time_reference = 1 + max(int(variable.attrib["valueReference"]) for variable in variables(root))
     time = {"valueReference": str(time_reference), "causality": "independent", "variability": "continuous"}
     SubElement(listed, dialect.float_type, {"name": "time", **time, "description": "Simulation time [s]"})
@@ -160,17 +155,6 @@ _STRUCTURE_3 = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative",
 
 Reference = Callable[[str], str]
 """From the index of a scalar to the value reference of the variable that it is, or is an element of."""
-
-
-def _reference_of(groups: list[list[Element]], scalars: list[Element]) -> Reference:
-    owners = {id(scalar): group[0].attrib["valueReference"] for group in groups for scalar in group}
-
-    def reference(index: str) -> str:
-        if not (index.isdigit() and 1 <= int(index) <= len(scalars)):
-            raise DescriptionError(f"no variable has the index {index}: there are {len(scalars)}", value=index)
-        return owners[id(scalars[int(index) - 1])]
-
-    return reference
 
 
 def _structure3(root: Element, reference: Reference, dialect: Dialect) -> Element:
@@ -194,14 +178,6 @@ def _interface3(interface: Element, dialect: Dialect) -> Element:
     if dialect.interface == "ModelExchange":
         attributes.pop("canHandleVariableCommunicationStepSize", None)
     return Element(dialect.interface, attributes)
-
-
-def _arrays(scalars: list[Element]) -> list[list[Element]]:
-    """Group elements of one array; they follow each other in the list and in their value references."""
-    groups: dict[str, list[Element]] = {}
-    for scalar in scalars:
-        groups.setdefault(array_name(scalar), []).append(scalar)
-    return list(groups.values())
 
 
 def _variable3(elements: list[Element], dialect: Dialect, reference: Reference) -> Element:

@@ -35,7 +35,9 @@ def build_folder(folder: Path, target: Path | None = None, dialect: Dialect | No
     script = _slave(folder)
     if dialect not in (None, Dialect()):
         raise DialectError("a controller in Python becomes an FMU of FMI 2.0 co-simulation only", str(script))
-    return python_fmu(script, _companions(script), script.stem, target)
+    others = sorted(path for path in folder.iterdir() if path != script and not path.name.startswith("."))
+    companions = [path for path in others if path.suffix in (".py", *DATA) or (path / "__init__.py").is_file()]
+    return python_fmu(script, companions, script.stem, target)
 
 
 def model_name(name: str) -> str:
@@ -52,14 +54,6 @@ def _slave(folder: Path) -> Path:
         names = tuple(slave.name for slave in slaves)
         raise SourceError("has more than one slave in Python", str(folder), nearest=names, remedy="keep one per folder")
     if not slaves:
-        raise SourceError(
-            "holds no controller",
-            str(folder),
-            remedy="a controller in C is .c files and a modelDescription.xml, one in Python a script *_fmu.py",
-        )
+        remedy = "a controller in C is .c files and a modelDescription.xml, one in Python a script *_fmu.py"
+        raise SourceError("holds no controller", str(folder), remedy=remedy)
     return slaves[0]
-
-
-def _companions(script: Path) -> list[Path]:
-    others = sorted(path for path in script.parent.iterdir() if path != script and not path.name.startswith("."))
-    return [path for path in others if path.suffix in (".py", *DATA) or (path / "__init__.py").is_file()]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -65,32 +64,26 @@ def check_model(library: Path, root: Element, arrays: bool) -> None:
     """
     declared = {int(variable.attrib["valueReference"]): variable for variable in variables(root)}
     groups = _groups(root) if arrays else {}
-    model = _ask(library, list(groups))
-    _check_places(declared, len(model.starts))
+    starts, extents = _ask(library, list(groups))
+    _check_places(declared, len(starts))
     for reference, variable in declared.items():
-        _check_start(reference, variable, model.starts[reference])
-    for (first, names), extent in zip(groups.items(), model.extents, strict=True):
+        _check_start(reference, variable, starts[reference])
+    for (first, names), extent in zip(groups.items(), extents, strict=True):
         if extent != len(names):
             what = f"model_extent says that the array at valueReference {first} has {extent} elements"
             raise ValueReferenceError(f"{what}, the description has {', '.join(names)}", value=str(first))
 
 
-@dataclass(frozen=True)
-class _Model:
-    starts: list[float]
-    """By value reference."""
-    extents: list[int]
-    """Of the arrays that were asked for."""
-
-
-def _ask(library: Path, references: list[int]) -> _Model:
+def _ask(library: Path, references: list[int]) -> tuple[list[float], list[int]]:
+    """The model's start values by value reference, and the extents of the arrays at ``references``."""
     answer = library.with_name("answer.json")
     arguments = [str(library.resolve()), str(answer.resolve()), *map(str, references)]
     try:
         run_compiler([sys.executable, "-I", "-S", "-c", _ASK, *arguments], answer)
     except CompilerError as problem:
         raise CompilerError(f"the built model cannot be asked for its variables\n{problem}") from None
-    return _Model(*json.loads(answer.read_text()))
+    starts, extents = json.loads(answer.read_text())
+    return starts, extents
 
 
 def _groups(root: Element) -> dict[int, list[str]]:

@@ -3,27 +3,31 @@
 A motor held by friction cannot damp its arm. Shaken fast enough that the arm does not notice, it moves all the time,
 and to slow torques its Coulomb friction looks like a small viscous one. The dither follows the largest recent
 estimate of the TCP error and ends before the error is worth its noise: at rest the motors stand still.
-
-Plain arithmetic only, so that the tuning compiles the very function that the FMU interprets.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 
 class Dither(NamedTuple):
-    """Constants of the dither."""
+    """The dither's parameters; annotations as in flexible_manipulator_lqg/interface.py."""
 
-    amplitude_1: float
-    """Torque of axis 1 at full strength [N.m]."""
-    amplitude_2: float
-    """Torque of axis 2 at full strength [N.m]."""
+    amplitude: Annotated[tuple[float, float], "N.m", "Torque of the dither at full strength", 0.0]
+    period: Annotated[float, "s", "Period of the dither", 1e-9]
+    off: Annotated[float, "m", "Level of the TCP error below which there is no dither", 0.0]
+    rise: Annotated[float, "m", "From that level to the one with full strength", 1e-9]
+    memory: Annotated[float, "s", "Time constant with which the level fades", 1e-9]
+
+
+class Wave(NamedTuple):
+    """What a step needs of them."""
+
+    amplitude: tuple[float, float]
+    """[N.m]."""
     period: float
-    """Samples of one oscillation."""
+    """[samples]."""
     off: float
     """Level [m] below which there is none."""
     full: float
@@ -32,15 +36,15 @@ class Dither(NamedTuple):
     """Factor by which the level falls in a sample."""
 
 
-def dither(constants, level, error, k):
+def wave(of: Dither, T_s: float) -> Wave:
+    """The dither at the sample time ``T_s`` [s]."""
+    return Wave(of.amplitude, of.period / T_s, of.off, of.off + of.rise, math.exp(-T_s / of.memory))
+
+
+def dither(constants: Wave, level: float, error: float, k: int) -> tuple[float, float, float]:
     """The new level [m] and the torques of axis 1 and 2 [N.m] at sample ``k``; ``error`` is the estimated one [m]."""
-    amplitude_1, amplitude_2, period, off, full, forget = constants
+    amplitude, period, off, full, forget = constants
     level = max(error, forget * level)
     strength = min(max((level - off) / (full - off), 0.0), 1.0)
-    wave = strength * math.sin(2.0 * math.pi * (k % period) / period)
-    return level, amplitude_1 * wave, amplitude_2 * wave
-
-
-def read_dither(file: Path) -> Dither:
-    """The dither in a data file of the tuning script."""
-    return Dither(**json.loads(file.read_text(encoding="utf-8"))["dither"])
+    shake = strength * math.sin(2.0 * math.pi * (k % period) / period)
+    return level, amplitude[0] * shake, amplitude[1] * shake

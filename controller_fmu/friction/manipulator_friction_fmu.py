@@ -8,13 +8,19 @@ sum, limited as the drive limits it, and so takes no dither for a disturbance.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from flexible_manipulator_dither import Dither, dither, read_dither
-from manipulator_lqg_fmu import U_M, UNITS, ManipulatorLQG, U
+from flexible_manipulator_dither import Dither, Wave, dither, wave
+from flexible_manipulator_lqg.interface import BASE_UNITS, chosen, parameters
+from manipulator_lqg_fmu import ROWS, U_M, ManipulatorLQG, U
 
-__all__ = ["UNITS", "DitheredLQG"]
+__all__ = ["BASE_UNITS", "UNITS", "DitheredLQG"]
+
+OWN_ROWS = (*ROWS, *parameters(Dither))
+UNITS = {row.name: row.unit for row in OWN_ROWS}
+"""Unit of every variable, by its name without index; the build writes them into the model description."""
 
 TORQUE_LIMIT = (35.0, 20.0)
 """u_max of Table 1 [N.m]."""
@@ -25,12 +31,17 @@ class DitheredLQG(ManipulatorLQG):
 
     description = "LQG controller with a dither that keeps friction from holding the motors while the arm rings"
     data: ClassVar[Path] = Path(__file__).with_name("friction_weights.json")
+    rows = OWN_ROWS
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self._dither: Dither = read_dither(self.data)
+        self._wave: Wave | None = None
         self._level = 0.0
         self._sample = 0
+
+    def _design(self, values: Mapping[str, float]) -> None:
+        super()._design(values)
+        self._wave = wave(chosen(Dither, values), values["T_s"])
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""
@@ -38,7 +49,7 @@ class DitheredLQG(ManipulatorLQG):
             return False
         vector, x = self._now, self._values
         error = math.hypot(vector.item(U + 2), vector.item(U + 3))
-        self._level, *shake = dither(self._dither, self._level, error, self._sample)
+        self._level, *shake = dither(self._wave, self._level, error, self._sample)
         self._sample += 1
         for i, u_max in enumerate(TORQUE_LIMIT):
             x[U_M + i] = torque = min(max(x[U_M + i] + shake[i], -u_max), u_max)
@@ -46,8 +57,9 @@ class DitheredLQG(ManipulatorLQG):
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {**super()._get_fmu_state(), "level": self._level, "sample": self._sample}
+        return {**super()._get_fmu_state(), "wave": self._wave, "level": self._level, "sample": self._sample}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         super()._set_fmu_state(state)
+        self._wave = state["wave"] and Wave(*state["wave"])
         self._level, self._sample = state["level"], state["sample"]

@@ -1,7 +1,7 @@
 """The scheduled LQG controller as an FMI 2.0 co-simulation slave.
 
-The design (flexible_manipulator_lqg.py) runs at the end of initialization, for the pose that q_m_ref and u_m0 tell.
-A step is one product of a matrix and a vector:
+The design (flexible_manipulator_lqg) runs at the end of initialization, with the weights that the parameters then have
+and for the pose that q_m_ref and u_m0 tell. A step is one product of a matrix and a vector:
 
     (z+, u+, tool error) = law (z, u, e)
 
@@ -17,17 +17,25 @@ simulation: of two modules with one name only one would be loaded.
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
-import flexible_manipulator_lqg as lqg
 import numpy as np
+from flexible_manipulator_lqg import design as lqg
+from flexible_manipulator_lqg.interface import BASE_UNITS, CONNECTORS, SAMPLE_TIME, Weights, chosen, parameters
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 from pythonfmu.enums import Fmi2Status
 
-UNITS = {"q_m_ref": "rad", "q_m": "rad", "u_m": "N.m", "T_s": "s", "u_m0": "N.m"}
+__all__ = ["BASE_UNITS", "UNITS", "ManipulatorLQG"]
+
+ROWS = (*CONNECTORS, *parameters(Weights))
+"""The variables in the order of their value references."""
+
+UNITS = {row.name: row.unit for row in ROWS}
 """Unit of every variable, by its name without index; the build writes them into the model description."""
 
 CAPABILITIES = {
@@ -36,20 +44,11 @@ CAPABILITIES = {
     "canSerializeFMUstate": True,
 }
 
-# Value references: both elements of an array stand side by side, T_s is the only scalar.
+# Value references of the connectors.
 Q_M_REF, Q_M, U_M, T_S, U_M0 = 0, 2, 4, 6, 7
 U, E = lqg.STATES, lqg.STATES + 2
 """Where torques and deviations (afterwards, the estimated TCP error) stand in the law's vectors."""
 STEP_TOLERANCE = 1e-9
-
-VARIABLES = (
-    ("q_m_ref", "input", (0.0, 0.0), "Motor position reference"),
-    ("q_m", "input", (0.0, 0.0), "Measured motor position"),
-    ("u_m", "output", (0.0, 0.0), "Motor torque command"),
-    ("T_s", "parameter", (0.25e-3,), "Sample time; the communication step must equal it"),
-    ("u_m0", "parameter", (0.0, 0.0), "Motor torque in the initial steady state"),
-)
-"""Name, causality, start values and description in the order of the value references."""
 
 VARIABILITY = {
     "input": Fmi2Variability.continuous,
@@ -65,7 +64,8 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
     license = "MIT"
     description = "LQG controller for the flexible manipulator, designed at initialization for the reference position"
     data: ClassVar[Path] = Path(__file__).with_name("lqg_weights.json")
-    """The design's data file, beside the script in the FMU's resources."""
+    """The parameters' start values, beside the script in the FMU's resources."""
+    rows = ROWS
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -77,21 +77,29 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         self._T_s = 0.0
         # What went in and what came out; a step exchanges the two.
         self._now, self._next = np.zeros(lqg.LAW_SIZE), np.zeros(lqg.LAW_SIZE)
-        for name, causality, start, text in VARIABLES:
-            for index, value in enumerate(start, start=1):
-                self._values.append(value)
+        starts = {"T_s": SAMPLE_TIME, **json.loads(self.data.read_text(encoding="utf-8"))["parameters"]}
+        for row in self.rows:
+            for name in row.names:
+                self._values.append(starts.get(name, 0.0))
                 self.register_variable(
                     Real(
-                        f"{name}[{index}]" if len(start) > 1 else name,
-                        causality=Fmi2Causality[causality],
-                        variability=VARIABILITY[causality],
-                        description=text,
+                        name,
+                        causality=Fmi2Causality[row.causality],
+                        variability=VARIABILITY[row.causality],
+                        description=row.description,
                     )
                 )
 
     def to_xml(self, model_options: dict[str, Any] | None = None) -> Element:
-        """Return the model description with this slave's true capabilities."""
+        """Return the model description with true capabilities, exact start values and the parameters' ranges."""
         description: Element = super().to_xml({**CAPABILITIES, **(model_options or {})})
+        # pythonfmu writes 16 digits, which are not always enough.
+        least = [row.least for row in self.rows for _ in row.names]
+        for real, start, lowest in zip(description.iter("Real"), self._values, least, strict=True):
+            if "start" in real.attrib:
+                real.set("start", repr(start))
+            if lowest is not None:
+                real.set("min", repr(lowest))
         return description
 
     def get_real(self, vrs: list[int]) -> list[float]:
@@ -117,14 +125,19 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         try:
             if not 0.0 < x[T_S] < math.inf:
                 raise ValueError(f"parameter T_s = {x[T_S]!r} s: the sample time must be positive and finite")
-            pose = lqg.pose((x[Q_M_REF], x[Q_M_REF + 1]), (x[U_M0], x[U_M0 + 1]))
-            self._law = lqg.law(lqg.controller(lqg.read_weights(self.data), pose, x[T_S]))
-        except ValueError as problem:
+            self._design(dict(zip((name for row in self.rows for name in row.names), x, strict=True)))
+        except (ValueError, ArithmeticError) as problem:
             self.log(f"{self.instance_name}: {problem}", Fmi2Status.error)
             raise
         self._initialized = True
         self._T_s = x[T_S]
         self._u_0 = (x[U_M0], x[U_M0 + 1])
+
+    def _design(self, values: Mapping[str, float]) -> None:
+        """Make the controller of the variables' values, by name."""
+        x = self._values
+        pose = lqg.pose((x[Q_M_REF], x[Q_M_REF + 1]), (x[U_M0], x[U_M0 + 1]))
+        self._law = lqg.law(lqg.controller(chosen(Weights, values), pose, x[T_S]))
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""

@@ -9,13 +9,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from diagonal_pid_fmu import K_D, K_I, K_P, UNITS, Z_P, DiagonalPID
+from diagonal_pid_fmu import UNITS, DiagonalPID
 
 __all__ = ["UNITS", "TunedPID"]
 
 GAINS = Path(__file__).with_name("tuned_pid_gains.json")
-PLACES = {"K_p": K_P, "K_i": K_I, "K_d": K_D, "z_p": Z_P}
-"""Value reference of each gain's first element."""
 
 
 class TunedPID(DiagonalPID):
@@ -25,6 +23,6 @@ class TunedPID(DiagonalPID):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        gains = json.loads(GAINS.read_text(encoding="utf-8"))["gains"]
-        for name, place in PLACES.items():
-            self._values[place : place + 2] = gains[name]
+        gains = json.loads(GAINS.read_text(encoding="utf-8"))["parameters"]
+        for reference, variable in self.vars.items():
+            self._values[reference] = gains.get(variable.name, self._values[reference])

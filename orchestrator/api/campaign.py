@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 
+from msgspec import structs
+
 from ..benchmark.case import Case
 from ..benchmark.metrics import named
 from ..benchmark.protocol import Protocol
@@ -223,7 +225,7 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
         return CaseRun(case, named(case, judgement), outcome.wall_time, kind=kind)
     if isinstance(outcome, Died):
         status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
-        outcome = replace(outcome, place=_plausible(outcome.place, case.scenario))
+        outcome = structs.replace(outcome, place=_plausible(outcome.place, case.scenario))
         time = float(outcome.place.sample * case.scenario.sample_time)
         judgement = Judgement(status=status, time=time, message=account(outcome, case.scenario))
         return CaseRun(case, named(case, judgement), outcome.wall_time, not outcome.outside, outcome.kind)

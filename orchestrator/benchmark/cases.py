@@ -66,12 +66,8 @@ def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration
     limits = protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg
     for name, value, (low, high) in zip(("q_a1", "q_a2"), (q_a1, q_a2), limits, strict=True):
         if not low - 1e-9 <= math.degrees(value) <= high + 1e-9:
-            raise InputError(
-                f"{name} = {math.degrees(value):g} deg is outside the workspace, {low:g} to {high:g} deg.",
-                "outside-workspace",
-                name,
-                value,
-            )
+            message = f"{name} = {math.degrees(value):g} deg is outside the workspace, {low:g} to {high:g} deg."
+            raise InputError(message, "outside-workspace", name, value)
     for point in grid(protocol):
         if math.isclose(point.q_a1, q_a1, abs_tol=1e-9) and math.isclose(point.q_a2, q_a2, abs_tol=1e-9):
             return point
@@ -87,13 +83,9 @@ def case_named(protocol: Protocol, nominal: Mapping[str, float], seed: int, id: 
     match = re.fullmatch(r"c(\d+)\.(\w+)\.(\w+)", id)
     if not match or int(match[1]) >= len(poses):
         example = f"c{len(poses) - 1:02d}.{protocol.sets[protocol.tests[0].systems][0]}.{protocol.tests[0].name}"
-        raise InputError(
-            f"There is no case {id} in the protocol {protocol.name}. Cases are named CONFIGURATION.SYSTEM.TEST, "
-            f"such as {example}.",
-            "no-case",
-            protocol.name,
-            id,
-        )
+        message = f"There is no case {id} in the protocol {protocol.name}. Cases are named CONFIGURATION.SYSTEM.TEST, "
+        message += f"such as {example}."
+        raise InputError(message, "no-case", protocol.name, id)
     test = protocol.test(match[3])
     pose = poses[int(match[1])]
     return case(protocol, pose, system(protocol, nominal, seed, pose.index, match[2], test), test, seed)
@@ -113,13 +105,8 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
         deviations = {symbol: (sign, sign) for symbol, sign in protocol.systems[name].items()}
     else:
         known = (*protocol.systems, "random_1", "random_2", "...")
-        raise InputError(
-            f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}.",
-            "no-system",
-            protocol.name,
-            name,
-            known[:-1],
-        )
+        message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}."
+        raise InputError(message, "no-system", protocol.name, name, known[:-1])
     parameters = {name: value for name, value in nominal.items() if not name.startswith("q_a_start")}
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):

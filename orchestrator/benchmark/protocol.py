@@ -133,13 +133,8 @@ class Protocol(Struct):
             if test.name == name:
                 return test
         names = [test.name for test in self.tests]
-        raise InputError(
-            f"The protocol {self.name} has no test {name}. It has: {', '.join(names)}.",
-            "no-test",
-            self.name,
-            name,
-            names,
-        )
+        message = f"The protocol {self.name} has no test {name}. It has: {', '.join(names)}."
+        raise InputError(message, "no-test", self.name, name, names)
 
 
 def names() -> tuple[str, ...]:

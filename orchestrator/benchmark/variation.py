@@ -50,12 +50,8 @@ class Variation:
 
     def __post_init__(self) -> None:
         if self.duration is not None and not 0 < self.duration <= LONGEST:
-            raise InputError(
-                f"{float(self.duration):g} s is not a duration up to {LONGEST} s.",
-                "bad-duration",
-                "",
-                float(self.duration),
-            )
+            message = f"{float(self.duration):g} s is not a duration up to {LONGEST} s."
+            raise InputError(message, "bad-duration", "", float(self.duration))
         for bits in (self.angle_bits, self.torque_bits):
             if bits is not None and not 0 <= bits <= FINEST_BITS:
                 raise InputError(f"{bits} is not a number of bits from 0 to {FINEST_BITS}.", "bad-bits", "", bits)
@@ -120,12 +116,8 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
     )
     for name, signal in (("force", varied.pulse), ("chirp", varied.chirp)):
         if signal.stop < signal.start:
-            raise InputError(
-                f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s.",
-                "ends-before-start",
-                name,
-                signal.stop,
-            )
+            message = f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s."
+            raise InputError(message, "ends-before-start", name, signal.stop)
     return varied
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,10 @@ from .finding import Finding, Severity
 BATCHES, TIMED_STEPS = 20, 100
 """Steps that are timed; the fastest batch counts, since others may have to share the processor."""
 
+EXTRA_DELAY = (
+    "An extra sample of delay costs stability margin; look for a unit delay or memory block at the output, or an "
+    "export option that delays outputs by a step."
+)
 _AGREE = "Nothing to do: every case begins at rest, where the conventions agree."
 
 TIMING = {
@@ -56,32 +61,19 @@ def timing(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding
     steady = _steady(plant)
     found = probe(controller, task.setup, steady, task.sample_time)
     if not np.all(np.isfinite(found.first_torque)):
-        yield Finding(
-            Severity.ERROR,
-            "initial output",
-            f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest",
-            "Look for a division by zero or memory without a start value: every case would end at its first sample.",
+        text = f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest"
+        remedy = (
+            "Look for a division by zero or memory without a start value: every case would end at its first sample."
         )
+        yield Finding(Severity.ERROR, "initial output", text, remedy)
         return
     if found.convention is Convention.SILENT:
-        yield Finding(
-            Severity.ERROR,
-            "latency",
-            f"the controller {found.convention.value} of {ERROR:g} rad at its inputs",
-            "Check that q_m is connected inside the model, and that the output is not frozen.",
-        )
+        text = f"the controller {found.convention.value} of {ERROR:g} rad at its inputs"
+        remedy = "Check that q_m is connected inside the model, and that the output is not frozen."
+        yield Finding(Severity.ERROR, "latency", text, remedy)
         return
-    assert found.latency is not None
-    severity = Severity.OK if found.latency == 0 else Severity.WARNING
-    yield Finding(
-        severity,
-        "latency",
-        f"{found.latency} samples from a measurement to the torque",
-        ""
-        if found.latency == 0
-        else "An extra sample of delay costs stability margin; look for a unit delay or memory "
-        "block at the output, or an export option that delays outputs by a step.",
-    )
+    late = (Severity.WARNING, EXTRA_DELAY) if found.latency else (Severity.OK, "")
+    yield Finding(late[0], "latency", f"{found.latency} samples from a measurement to the torque", late[1])
     severity, remedy = TIMING.get(found.convention, (Severity.OK, ""))
     yield Finding(severity, "timing", found.convention.value, remedy)
     difference = np.array(found.first_torque) - np.array(steady.u_m0)
@@ -89,72 +81,56 @@ def timing(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding
     if np.all(np.abs(difference) < np.array(task.torque_step)):
         yield Finding(Severity.OK, "initial output", "u_m0 at rest" if not np.any(difference) else off)
     else:
-        yield Finding(
-            Severity.WARNING,
-            "initial output",
-            f"{off}, more than a step of the torque's quantization",
-            "Start the integrators with the input or parameter u_m0; otherwise every run begins with a jump.",
-        )
+        remedy = "Start the integrators with the input or parameter u_m0; otherwise every run begins with a jump."
+        text = f"{off}, more than a step of the torque's quantization"
+        yield Finding(Severity.WARNING, "initial output", text, remedy)
 
 
 def repeatability(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """Two instances one after the other must answer alike."""
     steady = _steady(plant)
-    first, second = (response(controller, task.setup, steady, task.sample_time, LATE) for _ in range(2))
+    first, second = _response(controller, steady, task), _response(controller, steady, task)
     if np.array_equal(first, second, equal_nan=True):
         yield Finding(Severity.OK, "determinism", "two instances, one after the other, give equal torques")
     else:
-        yield Finding(
-            Severity.ERROR,
-            "determinism",
-            f"two instances, one after the other, differ by up to {np.max(np.abs(first - second)):.3g} N.m",
-            "Seed random numbers, and initialize all memory: results would not be reproducible.",
-        )
+        text = f"two instances, one after the other, differ by up to {np.max(np.abs(first - second)):.3g} N.m"
+        remedy = "Seed random numbers, and initialize all memory: results would not be reproducible."
+        yield Finding(Severity.ERROR, "determinism", text, remedy)
 
 
 def reset(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """An instance that was initialized and reset must answer like a new one."""
     steady = _steady(plant)
-    first = response(controller, task.setup, steady, task.sample_time, LATE)
+    first = _response(controller, steady, task)
     with controller.resetting():
-        again = response(controller, task.setup, steady, task.sample_time, LATE)
+        again = _response(controller, steady, task)
     if np.array_equal(first, again, equal_nan=True):
         yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
     else:
-        yield Finding(
-            Severity.NOTE,
-            "reset",
-            f"a reset instance differs by up to {np.max(np.abs(first - again)):.3g} N.m",
-            "The benchmark makes a new instance for every simulation, so this does no harm here.",
-        )
+        text = f"a reset instance differs by up to {np.max(np.abs(first - again)):.3g} N.m"
+        remedy = "The benchmark makes a new instance for every simulation, so this does no harm here."
+        yield Finding(Severity.NOTE, "reset", text, remedy)
 
 
 def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """Two instances alive at once must not disturb each other."""
-    description = controller.archive.description
-    interface = description.coSimulation or description.modelExchange
-    if str(interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
+    if str(controller.archive.interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
         text, remedy = "only one per process, as declared", "Nothing to mend: the benchmark uses one per process."
         yield Finding(Severity.NOTE, "instances", text, remedy)
         return
     steady = _steady(plant)
-    alone = response(controller, task.setup, steady, task.sample_time, LATE)
-    other = load(controller.archive, CONTROLLER)
-    step = float(task.sample_time)
-    moved = Steady((steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0), steady.u_m0, steady.q_a_ref)
+    alone = _response(controller, steady, task)
+    other, step = load(controller.archive, CONTROLLER), float(task.sample_time)
+    moved = replace(steady, q_m_ref=(steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0))
     with prepared(other, task.setup, moved, task.sample_time, 1.0) as port:
         exchange(port, port.inputs.size, 0.0, step, True)
-        beside = response(controller, task.setup, steady, task.sample_time, LATE)
+        beside = _response(controller, steady, task)
         exchange(port, port.inputs.size, step, step, True)
     if np.array_equal(alone, beside, equal_nan=True):
         yield Finding(Severity.OK, "instances", "two at once do not disturb each other")
     else:
-        yield Finding(
-            Severity.NOTE,
-            "instances",
-            "two at once disturb each other",
-            "Keep state in the instance, not in global variables. The benchmark uses one controller per process.",
-        )
+        remedy = "Keep state in the instance, not in global variables. The benchmark uses one controller per process."
+        yield Finding(Severity.NOTE, "instances", "two at once disturb each other", remedy)
 
 
 def cost(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
@@ -175,13 +151,10 @@ def cost(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     if spent <= step and full <= task.timeout:
         yield Finding(Severity.OK, "cost", text)
         return
-    limit = f", beyond the time limit of {task.timeout:g} s" if full > task.timeout else ""
-    yield Finding(
-        Severity.WARNING,
-        "cost",
-        f"{text}; the sample time is {step * 1e6:g} µs, and {task.duration:g} s of simulation take {full:.0f} s{limit}",
-        "It would not run in real time. Give the evaluation more time, or make the controller cheaper.",
-    )
+    text += f"; the sample time is {step * 1e6:g} µs, and {task.duration:g} s of simulation take {full:.0f} s"
+    text += f", beyond the time limit of {task.timeout:g} s" if full > task.timeout else ""
+    remedy = "It would not run in real time. Give the evaluation more time, or make the controller cheaper."
+    yield Finding(Severity.WARNING, "cost", text, remedy)
 
 
 def termination(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
@@ -191,23 +164,19 @@ def termination(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Fi
         exchange(port, port.inputs.size, 0.0, step, True)
         try:
             controller.terminate()
-        except FmuError as problem:
-            yield Finding(
-                Severity.WARNING,
-                "termination",
-                str(problem),
-                "Mend what the FMU reports. The results are not affected; every simulation will count this warning.",
-            )
-        else:
             yield Finding(Severity.OK, "termination", "the simulation can be ended")
+        except FmuError as problem:
+            remedy = (
+                "Mend what the FMU reports. The results are not affected; every simulation will count this warning."
+            )
+            yield Finding(Severity.WARNING, "termination", str(problem), remedy)
 
 
 Look = Callable[[Slave, Slave, CheckTask], Iterator[Finding]]
 """Yields its findings, given the loaded plant and controller."""
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """A look at the running controller; ``failure`` and ``loss`` are what it means if the look itself fails."""
 
     look: Look
@@ -220,18 +189,19 @@ class Check:
         return self.look.__name__.replace("_", " ")
 
 
+_WITHOUT = "The benchmark does without: it"
 CHECKS = (
     Check(timing),
     Check(repeatability),
     Check(
         reset,
         Severity.WARNING,
-        "The benchmark does without: it makes a new instance for every simulation. Importers that reset will fail.",
+        f"{_WITHOUT} makes a new instance for every simulation. Importers that reset will fail.",
     ),
     Check(
         several_instances,
         Severity.WARNING,
-        "The benchmark does without: it uses one controller per process. Importers with several at once will fail.",
+        f"{_WITHOUT} uses one controller per process. Importers with several at once will fail.",
     ),
     Check(termination),
     Check(cost),
@@ -251,3 +221,7 @@ def _steady(plant: Slave) -> Steady:
     with plant.instantiated(1.0):
         plant.initialize(pose, {})
         return steady_state(plant, bind(description, PLANT, "The plant"))
+
+
+def _response(controller: Slave, steady: Steady, task: CheckTask) -> np.ndarray:
+    return response(controller, task.setup, steady, task.sample_time, LATE)

@@ -28,14 +28,10 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
         yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {platform})")
     else:
         yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
-    interface = description.coSimulation if archive.kind == "CoSimulation" else description.modelExchange
-    if str(interface.needsExecutionTool).lower() in ("true", "1"):
-        yield Finding(
-            Severity.NOTE,
-            "execution tool",
-            "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)",
-            "Make sure that it is installed wherever the FMU is to run.",
-        )
+    if str(archive.interface.needsExecutionTool).lower() in ("true", "1"):
+        text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
+        remedy = "Make sure that it is installed wherever the FMU is to run."
+        yield Finding(Severity.NOTE, "execution tool", text, remedy)
     yield from _validation(archive.file)
 
 
@@ -66,12 +62,9 @@ def sampling_findings(sample_time: SampleTime, benchmark: Fraction) -> Iterator[
     if sample_time.value == benchmark:
         yield Finding(Severity.OK, "sample time", text)
     else:
-        yield Finding(
-            Severity.WARNING,
-            "sample time",
-            f"{text}, not the benchmark's {float(benchmark) * 1e3:g} ms; every result will be marked",
-            f"Export the controller with {float(benchmark):g} s to be comparable.",
-        )
+        text += f", not the benchmark's {float(benchmark) * 1e3:g} ms; every result will be marked"
+        remedy = f"Export the controller with {float(benchmark):g} s to be comparable."
+        yield Finding(Severity.WARNING, "sample time", text, remedy)
 
 
 def _validation(file: Path) -> Iterator[Finding]:

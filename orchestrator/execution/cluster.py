@@ -7,6 +7,7 @@ result depends on its task alone. What comes back are bytes, decoded here like t
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import logging
 import tempfile
@@ -18,12 +19,12 @@ from typing import Any
 
 from .. import __version__
 from ..cache import PACKAGE, cache_folder, computing_code, source_hash
-from ..codec import Malformed, NonNegative, Struct, pack, unpack
+from ..codec import Malformed, Struct, pack, unpack
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from ..fmi.trace import Place
-from .job import Died, Done, Job, Limits, Outcome, Refused
-from .messages import ErrorRecord, FmuFiles, Order, error_of, error_record
+from .job import Died, Done, Job, Limits, Outcome
+from .messages import ErrorRecord, Failed, Finished, FmuFiles, Order, error_of, error_record
 from .supervision import run_isolated
 
 CONNECT_TIME = 15.0
@@ -48,18 +49,10 @@ class RemoteJob(Struct, frozen=True):
     sandbox: bool
 
 
-class RemoteDone(Struct, frozen=True):
-    """A result that is not decoded yet."""
-
-    index: int
-    value: bytes
-    wall_time: NonNegative
-
-
 class RemoteAnswer(Struct, frozen=True):
-    """Outcomes, one of the three each; or the error that came instead."""
+    """Outcomes, results not decoded yet; or the error that came instead."""
 
-    outcomes: tuple[tuple[RemoteDone | None, Refused | None, Died | None], ...] = ()
+    outcomes: tuple[Finished | Failed | Died, ...] = ()
     error: ErrorRecord | None = None
 
 
@@ -83,16 +76,20 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
     except ImportError:
         raise InputError("A cluster needs Dask's package: pip install distributed", "no-dask") from None
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what matters is said below, in one sentence
+    client: Any = None
     try:
-        client: Any = Client(address, timeout=CONNECT_TIME)  # type: ignore[no-untyped-call]
+        client = Client(address, timeout=CONNECT_TIME)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as problem:
-        raise InputError(f"There is no Dask scheduler at {address}: {problem}.", "no-scheduler", address) from problem
+        reason = str(problem)
+    if client is None:
+        gc.collect()  # a failed client closes itself when it is collected: not while the next one holds the lock
+        raise InputError(f"There is no Dask scheduler at {address}: {reason}.", "no-scheduler", address)
     with client:
         _check_workers(client, address)
         archives = {archive.sha256: archive for job in jobs for archive in (job.plant, job.controller)}
         # As tasks and not as scattered data: the scheduler makes them anew where the worker that held them is lost.
         contents = {
-            sha256: client.submit(_same, archive.content or archive.file.read_bytes(), pure=False)
+            sha256: client.submit(bytes, archive.content or archive.file.read_bytes(), pure=False)
             for sha256, archive in archives.items()
         }
         futures = {
@@ -113,11 +110,9 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
                 raise
             except Exception as problem:  # whatever a worker or the network has to offer
                 reason = str(problem).strip().split("\n")[0] or type(problem).__name__
-                raise EnvironmentFault(
-                    f"The cluster at {address} could not run a job: {reason}. What is finished is kept: do the same "
-                    "again. Workers need this package in the same version.",
-                    "cluster",
-                ) from problem
+                message = f"The cluster at {address} could not run a job: {reason}. What is finished is kept: do the "
+                message += "same again. Workers need this package in the same version."
+                raise EnvironmentFault(message, "cluster") from problem
             for outcome in outcomes:
                 yield number, outcome
 
@@ -125,7 +120,14 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
 def _check_workers(client: Any, address: str) -> None:
     """Wait for a worker, and refuse those with other code: their numbers would be others."""
     deadline = time.monotonic() + WORKER_TIME
-    while not (found := _codes(client, address)):
+    while True:
+        try:
+            found: dict[str, str | Exception] = client.run(code_identity, on_error="return")
+        except Exception as problem:  # whatever a worker without this package has to offer
+            message = f"The workers of the cluster at {address} do not say which code they have: {problem}."
+            raise EnvironmentFault(message, "cluster") from problem
+        if found:
+            break
         if time.monotonic() > deadline:
             raise EnvironmentFault(f"The cluster at {address} has had no worker for {WORKER_TIME:g} s.", "no-worker")
         logger.info("waiting for workers of the cluster at %s", address)
@@ -134,29 +136,11 @@ def _check_workers(client: Any, address: str) -> None:
         _check_code(code, f"The worker {worker} of the cluster at {address}")
 
 
-def _codes(client: Any, address: str) -> dict[str, str | Exception]:
-    try:
-        found: dict[str, str | Exception] = client.run(code_identity, on_error="return")
-    except Exception as problem:  # whatever a worker without this package has to offer
-        raise EnvironmentFault(
-            f"The workers of the cluster at {address} do not say which code they have: {problem}.", "cluster"
-        ) from problem
-    return found
-
-
 def _check_code(code: str | Exception, whose: str) -> None:
     if code != code_identity():
         found = f"version {code}" if isinstance(code, str) else f"another version or none ({code})"
-        raise InputError(
-            f"{whose} has {found}, not {code_identity()}: its numbers would not be comparable.",
-            "other-code",
-            whose,
-            code,
-        )
-
-
-def _same(data: bytes) -> bytes:
-    return data
+        message = f"{whose} has {found}, not {code_identity()}: its numbers would not be comparable."
+        raise InputError(message, "other-code", whose, code)
 
 
 def _packed(job: Job) -> bytes:
@@ -179,7 +163,11 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.limits,
             remote.sandbox,
         )
-        return pack(RemoteAnswer(tuple(map(_as_sent, run_isolated(job)))))
+        sent = (
+            Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found
+            for found in run_isolated(job)
+        )
+        return pack(RemoteAnswer(tuple(sent)))
     except BenchmarkError as error:
         return pack(RemoteAnswer(error=error_record(error)))
 
@@ -196,12 +184,6 @@ def _open(files: FmuFiles, content: bytes) -> Archive:
     return replace(archive, content=content)
 
 
-def _as_sent(outcome: Outcome) -> tuple[RemoteDone | None, Refused | None, Died | None]:
-    if isinstance(outcome, Done):
-        return RemoteDone(outcome.index, outcome.value, outcome.wall_time), None, None
-    return (None, outcome, None) if isinstance(outcome, Refused) else (None, None, outcome)
-
-
 def _outcomes(answer: object, job: Job) -> list[Outcome]:
     """What a worker sent, checked as if it came from a process here."""
     if not isinstance(answer, bytes):
@@ -209,11 +191,10 @@ def _outcomes(answer: object, job: Job) -> list[Outcome]:
     decoded = unpack(answer, RemoteAnswer)
     if decoded.error is not None:
         raise error_of(decoded.error)
-    found: list[Outcome] = []
-    for done, refused, died in decoded.outcomes:
-        if done is not None:
-            found.append(Done(done.index, job.decode(done.index, done.value), done.wall_time))
-        found += [outcome for outcome in (refused, died) if outcome is not None]
+    found = [
+        Done(sent.index, job.decode(sent.index, sent.value), sent.wall_time) if isinstance(sent, Finished) else sent
+        for sent in decoded.outcomes
+    ]
     if [outcome.index for outcome in found] != list(range(len(job.tasks))):
         raise Malformed("not one outcome per task")
     return found

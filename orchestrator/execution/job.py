@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..codec import NonNegative
+import msgspec
+
+from ..codec import NonNegative, Struct
 from ..fmi.archive import Archive
 from ..fmi.trace import Place
-from .messages import ErrorRecord, FmuFiles, Order
+from .messages import Failed, FmuFiles, Order
 
 
 @dataclass(frozen=True)
@@ -68,26 +70,19 @@ class Job:
         return Order(plant, controller, self.work, self.tasks, self.time_limits)
 
 
-@dataclass(frozen=True)
-class Done:
-    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took."""
+class Done(msgspec.Struct, frozen=True):
+    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took. It is never sent."""
 
     index: int
     value: Any
     wall_time: NonNegative
 
 
-@dataclass(frozen=True)
-class Refused:
-    """Task ``index`` raised an error of the FMU's or the user's making."""
-
-    index: int
-    error: ErrorRecord
-    wall_time: NonNegative
+Refused = Failed
+"""The task raised an error of the FMU's or the user's making."""
 
 
-@dataclass(frozen=True)
-class Died:
+class Died(Struct, frozen=True, tag=True):
     """The process ended in task ``index`` at ``place`` in its simulation.
 
     ``timeout`` tells whether at its time limit, ``message`` how, ``kind`` the same without what was measured, so that

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from io import FileIO
@@ -123,6 +123,19 @@ def boot(module: str, *arguments: int | str) -> list[str]:
     return [sys.executable, "-c", code]
 
 
+def _spawned(
+    command: list[str], output: int, kept: Sequence[int], variables: dict[str, str]
+) -> subprocess.Popen[bytes]:
+    """A process that prints to ``output`` and inherits the descriptors ``kept``.
+
+    In a session of its own, Ctrl-C does not reach it: the owner decides what ends.
+    """
+    none = subprocess.DEVNULL
+    return subprocess.Popen(
+        command, stdin=none, stdout=output, stderr=output, pass_fds=kept, env=variables, start_new_session=True
+    )
+
+
 class ForkServer:
     """The near end of a fork server, which ends with this process at the latest."""
 
@@ -136,16 +149,8 @@ class ForkServer:
             self._control, far = map(stack.enter_context, socket.socketpair())
             self._scratch = tempfile.mkdtemp(prefix="flexible-manipulator-")
             stack.callback(shutil.rmtree, self._scratch, ignore_errors=True)
-            # In a session of its own, Ctrl-C does not reach it: the owner decides what ends.
-            self._process = subprocess.Popen(
-                boot("fork_server", far.fileno(), os.getpid(), module, self._scratch),
-                stdin=subprocess.DEVNULL,
-                stdout=self._output,
-                stderr=self._output,
-                pass_fds=[far.fileno()],
-                env=environment(),
-                start_new_session=True,
-            )
+            command = boot("fork_server", far.fileno(), os.getpid(), module, self._scratch)
+            self._process = _spawned(command, self._output.fileno(), [far.fileno()], environment())
             far.close()
             self._resources = stack.pop_all()
 
@@ -270,16 +275,8 @@ class _SandboxedProcess:
     """A worker in a sandbox, started from nothing."""
 
     def __init__(self, job: Job, descriptors: tuple[int, ...]) -> None:
-        output = descriptors[1]
-        self._process = subprocess.Popen(
-            [*sandbox.command(job), *boot("sandboxed", *descriptors)],
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-            pass_fds=descriptors,
-            start_new_session=True,
-            env=sandbox.environment(environment()),
-        )
+        command = [*sandbox.command(job), *boot("sandboxed", *descriptors)]
+        self._process = _spawned(command, descriptors[1], descriptors, sandbox.environment(environment()))
         self.tree = ProcessTree(self._process.pid)
 
     def exit_code(self, patience: float) -> int | None:

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
-from ..codec import Malformed, Natural, NonNegative, Struct, pack, unpack
+from ..codec import Malformed, Natural, NonNegative, Struct, convert, pack, unpack
 from ..errors import BenchmarkError, EnvironmentFault, FmuError, InputError
 
 CHUNK = 1 << 20
@@ -85,17 +85,21 @@ class Failed(Struct, frozen=True, tag=True):
 Message = Loaded | Finished | Failed
 
 
+FAMILY: dict[str, tuple[type[BenchmarkError], tuple[str, ...]]] = {
+    "fmu": (FmuError, ("call", "log")),
+    "input": (InputError, ("what", "where", "value", "nearest")),
+    "environment": (EnvironmentFault, ("what",)),
+    "other": (BenchmarkError, ()),
+}
+"""The errors by their ``kind``, with the fields they have beside the message."""
+
+
 def error_record(error: BenchmarkError) -> ErrorRecord:
     """``error`` as data, cut to a length and to text that can be sent."""
-    message = _sent(str(error), LONGEST_TEXT)
-    if isinstance(error, FmuError):
-        return ErrorRecord("fmu", message, call=_sent(error.call), log=_lines(error.log))
-    if isinstance(error, InputError):
-        what, where, value = map(_sent, (error.what, error.where, error.value))
-        return ErrorRecord("input", message, what, where, value, _lines(error.nearest))
-    if isinstance(error, EnvironmentFault):
-        return ErrorRecord("environment", message, _sent(error.what))
-    return ErrorRecord("other", message)
+    kind, fields = next((kind, fields) for kind, (base, fields) in FAMILY.items() if isinstance(error, base))
+    own = {name: getattr(error, name) for name in fields}
+    sent = {name: _sent(value) if isinstance(value, str) else _lines(value) for name, value in own.items()}
+    return convert({"kind": kind, "message": _sent(str(error), LONGEST_TEXT), **sent}, ErrorRecord)
 
 
 def _sent(text: str, longest: int = LONGEST_LINE) -> str:
@@ -108,15 +112,11 @@ def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
 
 def error_of(record: ErrorRecord) -> BenchmarkError:
     """The inverse of :func:`error_record`."""
-    if record.kind == "fmu":
-        error = FmuError(record.message, record.call)
-        error.log = record.log  # its lines are part of the message already
-        return error
-    if record.kind == "input":
-        return InputError(record.message, record.what, record.where, record.value, record.nearest)
-    if record.kind == "environment":
-        return EnvironmentFault(record.message, record.what)
-    return BenchmarkError(record.message)
+    base, fields = FAMILY[record.kind]
+    error = base(record.message)
+    for name in fields:
+        setattr(error, name, getattr(record, name))
+    return error
 
 
 def frame(message: Struct) -> bytes:

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from ..cache import PACKAGE, VARIABLE, cache_folder
 from ..errors import InputError
@@ -88,21 +89,12 @@ def _given(job: Job, cache: Path) -> list[str]:
 @functools.cache
 def _check(start: tuple[str, ...]) -> None:
     """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
-    probe = [
-        *start,
-        "--",
-        sys.executable,
-        "-c",
-        f"import sys; sys.path.append({str(PACKAGE.parent)!r}); import orchestrator",
-    ]
-    tried = subprocess.run(
-        probe, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment(os.environ), check=False
-    )
+    code = f"import sys; sys.path.append({str(PACKAGE.parent)!r}); import orchestrator"
+    options: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "env": environment(os.environ)}
+    tried = subprocess.run([*start, "--", sys.executable, "-c", code], text=True, check=False, **options)
     if tried.returncode != 0:
         reason = tried.stderr.strip() or "bubblewrap failed"
-        raise InputError(
-            f"The sandbox does not work on this machine: {reason}. User namespaces must be allowed, and Python and "
-            f"this package ({PACKAGE.parent}) must not lie directly in a folder that is hidden ({', '.join(HIDDEN)}). "
-            "Without it FMUs run with your rights.",
-            "no-sandbox",
-        )
+        message = f"The sandbox does not work on this machine: {reason}. User namespaces must be allowed, and Python "
+        message += f"and this package ({PACKAGE.parent}) must not lie directly in a folder that is hidden "
+        message += f"({', '.join(HIDDEN)}). Without it FMUs run with your rights."
+        raise InputError(message, "no-sandbox")

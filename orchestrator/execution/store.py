@@ -57,11 +57,9 @@ class Store:
         try:
             yield
         except sqlite3.Error as problem:
-            raise EnvironmentFault(
-                f"The results in {self._place} cannot be read or written: {problem}. What is committed is kept; make "
-                "room or repair the folder, and do the same again.",
-                "store",
-            ) from problem
+            message = f"The results in {self._place} cannot be read or written: {problem}. What is committed is kept; "
+            message += "make room or repair the folder, and do the same again."
+            raise EnvironmentFault(message, "store") from problem
 
 
 @contextmanager
@@ -80,9 +78,8 @@ def opened(folder: Path | None) -> Iterator[Store]:
             connection.execute("PRAGMA synchronous = FULL")  # a committed row survives a power cut
             connection.execute(SCHEMA)
         except sqlite3.Error as problem:
-            raise EnvironmentFault(
-                f"The results in {place} cannot be opened: {problem}. Move the file away to begin anew.", "store"
-            ) from problem
+            message = f"The results in {place} cannot be opened: {problem}. Move the file away to begin anew."
+            raise EnvironmentFault(message, "store") from problem
         yield Store(connection, str(place))
 
 
@@ -94,9 +91,8 @@ def _locked(folder: Path) -> Iterator[None]:
     except Timeout:
         raise InputError(f"Another evaluation is writing into {folder}.", "folder-in-use", folder) from None
     except OSError as problem:
-        raise InputError(
-            f"{lock.lock_file} cannot be locked: {problem.strerror or problem}.", "folder-in-use", folder
-        ) from problem
+        message = f"{lock.lock_file} cannot be locked: {problem.strerror or problem}."
+        raise InputError(message, "folder-in-use", folder) from problem
     try:
         yield
     finally:

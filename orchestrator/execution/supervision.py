@@ -8,14 +8,15 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from ..codec import Malformed
 from ..errors import EnvironmentFault
 from ..fmi.archive import restore
 from ..fmi.trace import CONTROLLER
 from ..text import printable
-from .job import Died, Done, Job, Outcome, Refused
+from .job import Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 
@@ -133,14 +134,14 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if isinstance(message, Failed):
                         if message.error.kind == "environment":
                             raise error_of(message.error)
-                        yield Refused(index, message.error, message.wall_time)
+                        yield message
                         return
-                    yield _done(message, job)
+                    yield Done(index, job.decode(index, message.value), message.wall_time)
                     index, printed, suspended = index + 1, 0, False
                     begin = awake = time.monotonic()
                     if index == len(job.tasks):
                         return
-            except Garbage as problem:
+            except (Garbage, Malformed) as problem:
                 words = "it wrote into a channel that is not its own"
                 yield died(f"{words} ({problem})", kind=words)
                 return
@@ -162,13 +163,6 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                 # Whatever it has started may still hold the channel open.
                 yield died(*_cause(child.process, 0.0, job.sandbox))
                 return
-
-
-def _done(message: Finished, job: Job) -> Done:
-    try:
-        return Done(message.index, job.decode(message.index, message.value), message.wall_time)
-    except Malformed as problem:
-        raise Garbage(str(problem)) from problem
 
 
 def _rest(output: int, most: int) -> bytes:
@@ -200,14 +194,8 @@ def _cause(process: Process, patience: float, sandboxed: bool) -> tuple[str, boo
         number = exit_code - 128
     if number <= 0:
         return f"the process ended by itself with exit code {exit_code}", False, False
-    name = _name(number)
+    known = {each.value: each.name for each in signal.Signals}
+    name = known.get(number, f"signal {number}")
     if name == "SIGALRM":
         return TIMED_OUT, True, False
     return f"the process was ended by {name}", False, name in FOREIGN_SIGNALS
-
-
-def _name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"

@@ -43,11 +43,14 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     os.dup2(output, 2)
     log.echo_to(2)
     trace.use(trace.Trace(SharedTrace(shared).buffer))
-    _close_all_but(channel)
+    # Close what the process has inherited: an FMU that writes into all it finds should find little.
+    os.closerange(3, channel)
+    os.closerange(channel + 1, min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     order = read_order(channel)
     os.chdir(folder)  # an empty one: what works in the user's only would fail elsewhere
-    work = find_work(order.work)
+    module, _, function = order.work.partition(":")
+    work: Work = getattr(importlib.import_module(module), function)
     surroundings = Surroundings()
     begin = time.perf_counter()
     index = 0
@@ -70,22 +73,8 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
         signal.pause()
 
 
-def find_work(name: str) -> Work:
-    """The function called ``name``, "module:function"."""
-    module, _, function = name.partition(":")
-    found: Work = getattr(importlib.import_module(module), function)
-    return found
-
-
 def _load(files: FmuFiles, side: int) -> Slave:
     return load(reopen(files.name, files.sha256, files.folder), side)
-
-
-def _close_all_but(descriptor: int) -> None:
-    """Close what the process has inherited: an FMU that writes into all it finds should find little."""
-    highest = min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS)
-    os.closerange(3, descriptor)
-    os.closerange(descriptor + 1, highest)
 
 
 class Surroundings:

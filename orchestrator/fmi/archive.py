@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import fmpy
-from fmpy.model_description import ModelDescription
+from fmpy.model_description import CoSimulation, ModelDescription, ModelExchange
 from lxml import etree
 
 from ..cache import cache_folder
@@ -71,6 +71,18 @@ class Archive:
         """ "1", "2" or "3"."""
         return str(self.description.fmiVersion)[0]
 
+    @property
+    def interface(self) -> CoSimulation | ModelExchange:
+        """What the description says of the kind that is used."""
+        return self.description.coSimulation if self.kind == "CoSimulation" else self.description.modelExchange
+
+    @property
+    def library(self) -> Path:
+        """The shared library for this platform, which may be missing."""
+        platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
+        name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        return Path(self.folder, "binaries", platform, name)
+
 
 def open_archive(file: Path) -> Archive:
     """Check and extract the FMU ``file``; a second call with the same bytes finds the first one's folder.
@@ -85,24 +97,22 @@ def open_archive(file: Path) -> Archive:
             raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).", "no-file", file)
         str(file).encode()
         if file.stat().st_size > MOST_BYTES:
-            raise InputError(
-                f"{file.name} is refused: it is larger than {MOST_BYTES / 1e6:.0f} MB.", "archive-limit", file.name
-            )
+            raise _refused(f"it is larger than {MOST_BYTES / 1e6:.0f} MB", "archive-limit", file)
         sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     except UnicodeEncodeError:
-        raise InputError(
-            f"The file name {str(file)!a} is not UTF-8, so results could not name it. Rename it.", "bad-file-name"
-        ) from None
+        message = f"The file name {str(file)!a} is not UTF-8, so results could not name it. Rename it."
+        raise InputError(message, "bad-file-name") from None
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
     _check_contents(file)
     description = read_description(file)
     kind = _kind(file.name, description)
     variables(description)  # raises if one cannot be understood
-    folder = _extract(file, sha256)
-    _ensure_library(file.name, folder, description, kind)
     content = file.read_bytes() if file.stat().st_size <= SMALL else None
-    return Archive(file, sha256, folder, description, kind, content)
+    archive = Archive(file, sha256, _extract(file, sha256), description, kind, content)
+    if not archive.library.is_file():
+        _compile_library(archive)
+    return archive
 
 
 def reopen(name: str, sha256: str, folder: str) -> Archive:
@@ -119,10 +129,7 @@ def restore(archive: Archive) -> bool:
     """
     try:
         with zipfile.ZipFile(io.BytesIO(archive.content) if archive.content is not None else archive.file) as opened:
-            if (
-                _is_intact(archive.folder, opened)
-                and _library(archive.folder, archive.description, archive.kind).is_file()
-            ):
+            if _is_intact(archive.folder, opened) and archive.library.is_file():
                 return False
         with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
             file = archive.file
@@ -142,29 +149,20 @@ def read_description(file: Path) -> ModelDescription:
     """
     try:
         return fmpy.read_model_description(str(file), validate=False)
-    except KeyError as problem:
-        if "modelDescription.xml" in str(problem):
-            raise InputError(
-                f"{file.name} is not an FMU: the archive has no modelDescription.xml.", "not-an-fmu", file.name
-            ) from None
-        raise _unusable(file, problem) from problem
     except etree.XMLSyntaxError as problem:
-        raise InputError(
-            f"The modelDescription.xml of {file.name} is not well-formed XML ({problem}). Export the FMU again.",
-            "bad-description",
-            file.name,
-        ) from None
+        message = f"The modelDescription.xml of {file.name} is not well-formed XML ({problem}). Export the FMU again."
+        raise InputError(message, "bad-description", file.name) from None
     except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
-        raise _unusable(file, problem) from problem
+        if isinstance(problem, KeyError) and "modelDescription.xml" in str(problem):
+            message = f"{file.name} is not an FMU: the archive has no modelDescription.xml."
+            raise InputError(message, "not-an-fmu", file.name) from None
+        message = f"The modelDescription.xml of {file.name} cannot be used: {problem or type(problem).__name__}. "
+        message += "Check it with: python -m fmpy validate."
+        raise InputError(message, "bad-description", file.name) from problem
 
 
-def _unusable(file: Path, problem: Exception) -> InputError:
-    return InputError(
-        f"The modelDescription.xml of {file.name} cannot be used: {problem or type(problem).__name__}. "
-        "Check it with: python -m fmpy validate.",
-        "bad-description",
-        file.name,
-    )
+def _refused(reason: str, what: str, file: Path, value: str = "") -> InputError:
+    return InputError(f"{file.name} is refused: {reason}.", what, file.name, value)
 
 
 def _kind(name: str, description: ModelDescription) -> str:
@@ -175,20 +173,11 @@ def _kind(name: str, description: ModelDescription) -> str:
     elif model_exchange is not None and not version.startswith("1"):
         kind, identifier = "ModelExchange", model_exchange.modelIdentifier
     else:
-        raise InputError(
-            f"{name} is FMI {version} for neither co-simulation nor (from FMI 2.0 on) Model Exchange. "
-            "Export it as FMI 2.0 or 3.0 co-simulation.",
-            "unsupported-fmi",
-            name,
-            version,
-        )
+        message = f"{name} is FMI {version} for neither co-simulation nor (from FMI 2.0 on) Model Exchange."
+        raise InputError(f"{message} Export it as FMI 2.0 or 3.0 co-simulation.", "unsupported-fmi", name, version)
     if not identifier or not re.fullmatch(r"\w+", identifier):
-        raise InputError(
-            f"{name}: the modelIdentifier {identifier!r} is not a C identifier. Export the FMU again.",
-            "bad-description",
-            name,
-            identifier,
-        )
+        message = f"{name}: the modelIdentifier {identifier!r} is not a C identifier. Export the FMU again."
+        raise InputError(message, "bad-description", name, identifier)
     return kind
 
 
@@ -198,31 +187,19 @@ def _check_contents(file: Path) -> None:
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        raise InputError(
-            f"{file.name} is not an FMU: it is not a zip archive. Export the controller again.", "not-an-fmu", file.name
-        ) from None
+        message = f"{file.name} is not an FMU: it is not a zip archive. Export the controller again."
+        raise InputError(message, "not-an-fmu", file.name) from None
     size = sum(member.file_size for member in members)
     packed = sum(member.compress_size for member in members)
     for member in members:
-        flaw = _flaw(member)
-        if flaw:
-            raise InputError(
-                f"{file.name} is refused: its entry {member.filename!r} {flaw}.",
-                "bad-entry",
-                file.name,
-                member.filename,
-            )
+        if flaw := _flaw(member):
+            raise _refused(f"its entry {member.filename!r} {flaw}", "bad-entry", file, member.filename)
     if sum(member.filename == "modelDescription.xml" for member in members) > 1:
-        raise InputError(
-            f"{file.name} is refused: it has more than one modelDescription.xml.", "bad-description", file.name
-        )
+        raise _refused("it has more than one modelDescription.xml", "bad-description", file)
     if len(members) > MOST_FILES or size > MOST_BYTES or (size > SMALL and size > MOST_RATIO * max(packed, 1)):
-        raise InputError(
-            f"{file.name} is refused: {len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB. "
-            f"The limits are {MOST_FILES} files, {MOST_BYTES / 1e6:.0f} MB, and a ratio of {MOST_RATIO}.",
-            "archive-limit",
-            file.name,
-        )
+        found = f"{len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB"
+        limits = f"{MOST_FILES} files, {MOST_BYTES / 1e6:.0f} MB, and a ratio of {MOST_RATIO}"
+        raise _refused(f"{found}. The limits are {limits}", "archive-limit", file)
 
 
 def _flaw(member: zipfile.ZipInfo) -> str:
@@ -235,10 +212,8 @@ def _flaw(member: zipfile.ZipInfo) -> str:
     if member.flag_bits & 1:
         return "is encrypted"
     if name in DESCRIPTIONS and member.file_size > LARGEST_DESCRIPTION:
-        limit = f"{LARGEST_DESCRIPTION / 1e6:.0f} MB"
-        return (
-            f"is {member.file_size / 1e6:.0f} MB, more than the {limit} that are read: export it with fewer variables"
-        )
+        size, limit = f"{member.file_size / 1e6:.0f} MB", f"{LARGEST_DESCRIPTION / 1e6:.0f} MB"
+        return f"is {size}, more than the {limit} that are read: export it with fewer variables"
     return ""
 
 
@@ -259,14 +234,11 @@ def _extract(file: Path, sha256: str) -> Path:
         os.rename(scratch / "fmu", folder)
     except OSError as problem:
         if not folder.is_dir():  # else another process was first
-            raise EnvironmentFault(
-                f"{file.name} cannot be extracted into the cache {folder.parent}: {problem.strerror or problem}.",
-                "no-cache",
-            ) from problem
+            message = f"{file.name} cannot be extracted into the cache {folder.parent}: {problem.strerror or problem}."
+            raise EnvironmentFault(message, "no-cache") from problem
     except Exception as problem:  # FMPy and zipfile have bare ones for damaged archives
-        raise InputError(
-            f"{file.name} cannot be extracted: {problem}. Export the FMU again.", "cannot-extract", file.name
-        ) from problem
+        message = f"{file.name} cannot be extracted: {problem}. Export the FMU again."
+        raise InputError(message, "cannot-extract", file.name) from problem
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
@@ -288,34 +260,16 @@ def _is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
     return True
 
 
-def _ensure_library(name: str, folder: Path, description: ModelDescription, kind: str) -> None:
-    """Make sure that there is a shared library for this platform; compile it if there are only sources."""
-    library = _library(folder, description, kind)
-    identifier, platform = library.stem, library.parent.name
-    if library.is_file():
-        return
-    others = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
+def _compile_library(archive: Archive) -> None:
+    """Compile the shared library for this platform from the FMU's sources."""
+    name, library = archive.name, archive.library
+    platform = library.parent.name
+    others = sorted(path.name for path in (archive.folder / "binaries").glob("*") if path.is_dir())
     if platform in others:
-        raise InputError(
-            f"{name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit. "
-            "Export the FMU again.",
-            "bad-description",
-            name,
-            identifier,
-        )
-    if (folder / "sources").is_dir():
-        compile_sources(name, folder, identifier, description, library)
-        return
-    raise InputError(
-        f"{name} has no binary for this platform, {platform}; it has {', '.join(others) or 'none'}, and no "
-        f"sources. Export it for {platform}, or with source code included.",
-        "no-binary",
-        name,
-        platform,
-    )
-
-
-def _library(folder: Path, description: ModelDescription, kind: str) -> Path:
-    interface = description.coSimulation if kind == "CoSimulation" else description.modelExchange
-    platform = fmpy.platform_tuple if str(description.fmiVersion).startswith("3") else fmpy.platform
-    return Path(folder, "binaries", platform, f"{interface.modelIdentifier}{fmpy.sharedLibraryExtension}")
+        message = f"{name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit."
+        raise InputError(f"{message} Export the FMU again.", "bad-description", name, library.stem)
+    if not (archive.folder / "sources").is_dir():
+        message = f"{name} has no binary for this platform, {platform}; it has {', '.join(others) or 'none'}, and no "
+        message += f"sources. Export it for {platform}, or with source code included."
+        raise InputError(message, "no-binary", name, platform)
+    compile_sources(name, archive.folder, library.stem, archive.description, library)

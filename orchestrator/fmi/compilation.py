@@ -25,28 +25,20 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
     try:
         compiler = find_compiler()
     except BuildError as problem:
-        raise InputError(
-            f"{name} comes as source code only, and {problem}; or {alternative}.", "no-compiler", name
-        ) from None
+        message = f"{name} comes as source code only, and {problem}; or {alternative}."
+        raise InputError(message, "no-compiler", name) from None
     if compiler is None:
         wanted = os.environ.get("CC") or ", ".join(COMPILERS)
-        raise InputError(
-            f"{name} comes as source code only, and there is no C compiler here ({wanted}). Install one, or "
-            f"{alternative}.",
-            "no-compiler",
-            name,
-            wanted,
-        )
+        message = f"{name} comes as source code only, and there is no C compiler here ({wanted}). Install one, or"
+        raise InputError(f"{message} {alternative}.", "no-compiler", name, wanted)
     sources, definitions = _listed(folder, identifier, description)
     if not sources:
-        raise InputError(
-            f"{name} has a folder of sources, but its description lists none to compile.", "bad-sources", name
-        )
+        message = f"{name} has a folder of sources, but its description lists none to compile."
+        raise InputError(message, "bad-sources", name)
     for source in sources:
         if not (folder / "sources" / source).resolve().is_relative_to((folder / "sources").resolve()):
-            raise InputError(
-                f"{name} is refused: its source file {source!r} lies outside the FMU.", "bad-sources", name, source
-            )
+            message = f"{name} is refused: its source file {source!r} lies outside the FMU."
+            raise InputError(message, "bad-sources", name, source)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         output = Path(scratch) / library.name
         command = [
@@ -61,12 +53,9 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             run_compiler(command, output)
         except BuildError as problem:
             lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
-            raise InputError(
-                f"The sources of {name} do not compile:\n  {lines}\n"
-                f"Mend the sources or the compiler (the environment's CC), or {alternative}.",
-                "bad-sources",
-                name,
-            ) from None
+            message = f"The sources of {name} do not compile:\n  {lines}\n"
+            message += f"Mend the sources or the compiler (the environment's CC), or {alternative}."
+            raise InputError(message, "bad-sources", name) from None
         library.parent.mkdir(parents=True, exist_ok=True)
         os.replace(output, library)
 

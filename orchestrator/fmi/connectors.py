@@ -9,7 +9,7 @@ from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
 from .lookup import unknown
-from .names import ARRAY, canonical, spelling, zero_based
+from .names import ARRAY, canonical, spelling
 from .units import conversion
 from .variables import Variable, variables
 
@@ -120,13 +120,9 @@ def bind_controller(description: ModelDescription, what: str, mapping: Mapping[s
         raise _missing(CONTROLLER[0], variables(description), what)
     if "e" in binding and "q_m" in binding:
         if "q_m_ref" not in binding:
-            raise InputError(
-                f"{what} has both inputs, q_m and e, but no q_m_ref. The benchmark feeds one of the two: give the "
-                "controller q_m_ref and form the error inside, or leave q_m out.",
-                "connector-missing",
-                what,
-                "q_m_ref",
-            )
+            message = f"{what} has both inputs, q_m and e, but no q_m_ref. The benchmark feeds one of the two: "
+            message += "give the controller q_m_ref and form the error inside, or leave q_m out."
+            raise InputError(message, "connector-missing", what, "q_m_ref")
         return {name: bound for name, bound in binding.items() if name != "e"}
     return binding
 
@@ -144,12 +140,8 @@ def _checked(
             raise unknown(message, "no-variable", what, source, known)
         other = next(name for name, variable in mapping.items() if variable == source)
         if other != target:
-            raise InputError(
-                f"The mapping has {source} for both {other} and {target}. Map each to a variable of its own.",
-                "bad-mapping",
-                what,
-                source,
-            )
+            message = f"The mapping has {source} for both {other} and {target}. Map each to a variable of its own."
+            raise InputError(message, "bad-mapping", what, source)
     return mapping
 
 
@@ -161,23 +153,18 @@ def _mapped(
         return [known[mapping[connector.name]]]
     mapped = [known[mapping[name]] for name in components if name in mapping]
     if len(mapped) == 1:
-        raise InputError(
-            f"The mapping has only one of {components[0]} and {components[1]}. Give both.",
-            "bad-mapping",
-            what,
-            connector.name,
-            components,
-        )
+        message = f"The mapping has only one of {components[0]} and {components[1]}. Give both."
+        raise InputError(message, "bad-mapping", what, connector.name, components)
     return mapped
 
 
 def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
     own = known.get(connector.name)
     arrays = [own] if own is not None and own.size > 1 else []
-    for pair in (connector.components(), zero_based(connector.name)):
+    every = [f"{connector.name}[{index}]" for index in range(10)]
+    scalars = [known[name] for name in every if name in known]
+    for pair in (every[1:3], every[0:2]):  # exporters with zero-based arrays write q_m[0], q_m[1]
         if all(name in known for name in pair):
-            every = (f"{connector.name}[{index}]" for index in range(10))
-            scalars = [known[name] for name in every if name in known]
             if arrays:
                 raise _ambiguous(connector, arrays, scalars, what)
             return scalars, "exact"
@@ -200,25 +187,16 @@ def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str)
     if set(candidates) >= {1, 2} or set(candidates) == {0, 1}:
         return scalars
     if set(candidates) in ({0}, {1}, {2}) and not connector.required:
-        raise InputError(
-            f"{what} has {scalars[0].name}, but not the other component of {connector.name}.",
-            "connector-half",
-            what,
-            connector.name,
-            [scalars[0].name],
-        )
+        message = f"{what} has {scalars[0].name}, but not the other component of {connector.name}."
+        raise InputError(message, "connector-half", what, connector.name, [scalars[0].name])
     return []
 
 
 def _ambiguous(connector: Connector, arrays: list[Variable], scalars: list[Variable], what: str) -> InputError:
     candidates = [variable.name for variable in (*arrays, *scalars)]
-    return InputError(
-        f"{what} has more than one candidate for {connector.name}: {', '.join(candidates)}.",
-        "connector-ambiguous",
-        what,
-        connector.name if arrays else connector.components()[0],
-        candidates,
-    )
+    message = f"{what} has more than one candidate for {connector.name}: {', '.join(candidates)}."
+    value = connector.name if arrays else connector.components()[0]
+    return InputError(message, "connector-ambiguous", what, value, candidates)
 
 
 def _bound(
@@ -227,30 +205,18 @@ def _bound(
     wanted = " or ".join(connector.causalities)
     for variable in found:
         if not variable.is_real or variable.causality not in connector.causalities:
-            raise InputError(
-                f"{what}: {variable.name} is declared as {variable.type}, {variable.causality}, but {connector.name} "
-                f"must be a real {wanted} [{connector.unit}]. Change its declaration and export the FMU again.",
-                "connector-type",
-                what,
-                variable.name,
-            )
+            message = f"{what}: {variable.name} is declared as {variable.type}, {variable.causality}, but "
+            message += f"{connector.name} must be a real {wanted} [{connector.unit}]. "
+            message += "Change its declaration and export the FMU again."
+            raise InputError(message, "connector-type", what, variable.name)
     size = sum(variable.size for variable in found)
     if size != 2:
         names = ", ".join(variable.name for variable in found)
-        raise InputError(
-            f"{what}: {names} has {size} elements, but {connector.name} needs 2, one per axis. "
-            "Change its dimension and export the FMU again.",
-            "connector-size",
-            what,
-            names,
-        )
+        message = f"{what}: {names} has {size} elements, but {connector.name} needs 2, one per axis."
+        raise InputError(f"{message} Change its dimension and export the FMU again.", "connector-size", what, names)
     if len({variable.type for variable in found}) > 1:
-        raise InputError(
-            f"{what}: {found[0].name} and {found[1].name} differ in type. Give both the same.",
-            "connector-type",
-            what,
-            found[0].name,
-        )
+        message = f"{what}: {found[0].name} and {found[1].name} differ in type. Give both the same."
+        raise InputError(message, "connector-type", what, found[0].name)
     units = [
         conversion(description, variable.unit, connector.unit, f"{what}: {variable.name}")
         for variable in found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,20 +30,14 @@ def read_mapping(file: Path) -> dict[str, str]:
     if file.suffix == ".ssm":
         entries = list(_root(file).iterfind(".//{*}MappingEntry"))
         if not entries:
-            raise InputError(
-                f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which.",
-                "bad-mapping",
-                file,
-            )
+            message = f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which."
+            raise InputError(message, "bad-mapping", file)
         for entry in entries:
             for child in entry.iterchildren(etree.Element):
-                raise InputError(
-                    f"{file}: the mapping of {entry.get('target')} has a {etree.QName(child).localname}, which is "
-                    "not supported. Units are converted by the FMU's own unit definitions.",
-                    "bad-mapping",
-                    file,
-                    entry.get("target"),
-                )
+                target, kind = entry.get("target"), etree.QName(child).localname
+                message = f"{file}: the mapping of {target} has a {kind}, which is not supported. "
+                message += "Units are converted by the FMU's own unit definitions."
+                raise InputError(message, "bad-mapping", file, target)
         return {entry.get("target", ""): entry.get("source", "") for entry in entries}
     table = _toml(file).get("map")
     if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
@@ -77,26 +71,17 @@ def _ssv_values(file: Path, controller: Archive) -> dict[str, float]:
         name = parameter.get("name", "")
         types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
         if not types:
-            raise InputError(
-                f"{file}: the parameter {name} has no value of type Real or Integer.", "bad-parameters", file, name
-            )
+            message = f"{file}: the parameter {name} has no value of type Real or Integer."
+            raise InputError(message, "bad-parameters", file, name)
         values[name] = _number(file, name, types[0].get("value"))
-        unit = types[0].get("unit")
-        if unit:
-            values[name] *= _factor(controller, name, unit, definitions, f"{file}: the parameter {name}")
+        if unit := types[0].get("unit"):
+            (own,) = find_parameters(controller.description, {name: 0.0}, f"The controller {controller.name}")
+            where = f"{file}: the parameter {name}"
+            values[name] *= factor_to_own(controller.description, own.unit, unit, definitions, where)
     if not values:
-        raise InputError(
-            f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value.",
-            "bad-parameters",
-            file,
-        )
+        message = f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value."
+        raise InputError(message, "bad-parameters", file)
     return values
-
-
-def _factor(controller: Archive, name: str, unit: str, definitions: Iterable[Unit], where: str) -> float:
-    """From a value in ``unit`` to one in the unit that the controller has for its parameter ``name``."""
-    (variable,) = find_parameters(controller.description, {name: 0.0}, f"The controller {controller.name}")
-    return factor_to_own(controller.description, variable.unit, unit, definitions, where)
 
 
 def _unit(file: Path, element: etree._Element) -> Unit:
@@ -113,9 +98,8 @@ def _number(file: Path, name: str, value: Any) -> float:
             raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(
-            f"{file}: the value of {name}, {value!r}, is not a number.", "not-a-number", file, value
-        ) from None
+        message = f"{file}: the value of {name}, {value!r}, is not a number."
+        raise InputError(message, "not-a-number", file, value) from None
 
 
 def _toml(file: Path) -> dict[str, Any]:

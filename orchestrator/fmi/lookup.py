@@ -30,13 +30,8 @@ def find_parameters(
             found.setdefault(array, list(array.start) or [0.0] * array.size)[int(index) - 1] = value
         elif name in settable:
             size = settable[name].size
-            raise InputError(
-                f"{what}: {name} is a parameter of {size} elements: give {name}[1]={value:g} and so on.",
-                "array-parameter",
-                what,
-                name,
-                (f"{name}[{i}]" for i in range(1, size + 1)),
-            )
+            message = f"{what}: {name} is a parameter of {size} elements: give {name}[1]={value:g} and so on."
+            raise InputError(message, "array-parameter", what, name, (f"{name}[{i}]" for i in range(1, size + 1)))
         elif name in known:
             kind = f"{known[name].type} {known[name].causality}"
             message = f"{what}: {name} is declared as {kind} and cannot be set: only real parameters can."

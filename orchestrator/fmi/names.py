@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-AXIS_WORDS = {"axis", "joint"}
-
 ARRAY = -1
 """Index of a whole array."""
 
@@ -35,15 +33,10 @@ def spelling(name: str, array: bool) -> Spelling | None:
     if not words or not words[-1].isdigit():
         return None
     number = words.pop()
-    if words and words[-1] in AXIS_WORDS:
+    if words and words[-1] in ("axis", "joint"):
         words.pop()
     base = "".join(words) + number[:-1]
     return Spelling(base, int(number[-1])) if base else None
-
-
-def zero_based(name: str) -> tuple[str, str]:
-    """The two components as exporters with zero-based arrays write them: ``q_m[0]``, ``q_m[1]``."""
-    return f"{name}[0]", f"{name}[1]"
 
 
 def canonical(name: str) -> str:

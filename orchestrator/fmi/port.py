@@ -6,12 +6,13 @@ to event: every sample is one, since inputs jump there, and between two of them 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..jit import call_status, compiled, inlined
-from .trace import CALL, SIDE
+from .trace import CALL, NOBODY, SIDE
 
 SET, STEP, GET = range(3)
 """Which FMI call failed."""
@@ -75,6 +76,33 @@ class Port(NamedTuple):
     """Words of :class:`orchestrator.fmi.trace.Trace`: before each call it is noted there."""
 
 
+def unconnected(inputs: Sequence[int], size_in: int, outputs: Sequence[int], size_out: int) -> Port:
+    """A port with these value references and buffers of these sizes, but without functions; signals are values."""
+    return Port(
+        stepping=CO_SIMULATION,
+        with_sizes=False,
+        instance=0,
+        set_values=0,
+        do_step=0,
+        get_values=0,
+        functions=np.zeros(5, dtype=np.int64),
+        clock=np.array([np.inf, 1.0, 0.0, 0.0]),
+        info=np.zeros(4),
+        inputs=np.array(inputs, dtype=np.uint32),
+        input_values=np.zeros(size_in),
+        outputs=np.array(outputs, dtype=np.uint32),
+        output_values=np.zeros(size_out),
+        single=(False, False),
+        input_singles=np.zeros(size_in, dtype=np.float32),
+        output_singles=np.zeros(size_out, dtype=np.float32),
+        offset=np.zeros(2),
+        scale=np.ones(2),
+        output_scale=np.ones(2),
+        side=NOBODY,
+        trace=np.zeros(4, dtype=np.int64),
+    )
+
+
 @inlined
 def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tuple[int, int]:
     """Write the first ``count`` inputs, advance by ``step`` [s] from ``time`` [s], read the outputs if ``read``.
@@ -116,8 +144,8 @@ def _write(port: Port, count: int) -> int:
             port.input_singles[i] = port.input_values[i]
         values = port.input_singles.ctypes.data
     if port.with_sizes:
-        sizes = (np.int64(count), values, np.int64(port.input_values.size))
-        return call_status(port.set_values, (port.instance, references, sizes[0], sizes[1], sizes[2]))
+        size = np.int64(port.input_values.size)
+        return call_status(port.set_values, (port.instance, references, np.int64(count), values, size))
     return call_status(port.set_values, (port.instance, references, np.int64(count), values))
 
 
@@ -210,17 +238,21 @@ def _integrate(port: Port, time: float, goal: float, tolerance: float) -> tuple[
     status = call_status(port.functions[SET_TIME], (port.instance, goal))
     if status > WARNING or port.functions[COMPLETED] == 0:
         return status, goal, event
-    flags = port.info.view(np.int32)
-    flags[:2] = 0
+    port.info[:] = 0.0
     at = port.info.ctypes.data
     if port.stepping == EVENTS:
         status = call_status(port.functions[COMPLETED], (port.instance, np.int32(1), at, at + 4))
-        wanted, terminate = flags[0] != 0, flags[1] != 0
     else:
-        bits = port.info.view(np.uint8)
         status = call_status(port.functions[COMPLETED], (port.instance, np.uint8(1), at, at + 1))
-        wanted, terminate = bits[0] != 0, bits[1] != 0
-    return TERMINATED if status <= WARNING and terminate else status, goal, event or wanted
+    return TERMINATED if status <= WARNING and _flag(port, 1) else status, goal, event or _flag(port, 0)
+
+
+@inlined
+def _flag(port: Port, number: int) -> bool:
+    """A Boolean that a Model Exchange FMU has written into ``info``: an int in FMI 2, a byte in FMI 3."""
+    if port.stepping == EVENTS:
+        return bool(port.info.view(np.int32)[number] != 0)
+    return bool(port.info.view(np.uint8)[number] != 0)
 
 
 @compiled
@@ -228,25 +260,20 @@ def _handle_event(port: Port) -> int:
     """Event iteration until the FMU is content; leaves event mode and notes the time of the next event."""
     worst = 0
     for _ in range(MOST_ITERATIONS):
+        # As in struct fmi2EventInfo: five flags (update needed, terminate, ..., next event defined) and the next event.
+        port.info[:] = 0.0
+        at = port.info.ctypes.data
         if port.stepping == EVENTS:
-            # struct fmi2EventInfo: five 4-byte flags, padding, nextEventTime
-            flags = port.info.view(np.int32)
-            flags[:5] = 0
-            status = call_status(port.functions[UPDATE], (port.instance, port.info.ctypes.data))
-            again, terminate, defined = flags[0] != 0, flags[1] != 0, flags[4] != 0
+            status = call_status(port.functions[UPDATE], (port.instance, at))
         else:
-            bits = port.info.view(np.uint8)
-            bits[:5] = 0
-            at = port.info.ctypes.data
             status = call_status(port.functions[UPDATE], (port.instance, at, at + 1, at + 2, at + 3, at + 4, at + 24))
-            again, terminate, defined = bits[0] != 0, bits[1] != 0, bits[4] != 0
         if status > WARNING:
             return status
-        if terminate:
+        if _flag(port, 1):
             return TERMINATED
         worst = max(worst, status)
-        if not again:
-            port.clock[NEXT_EVENT] = port.info[3] if defined else np.inf
+        if not _flag(port, 0):
+            port.clock[NEXT_EVENT] = port.info[3] if _flag(port, 4) else np.inf
             port.clock[IN_EVENT_MODE] = 0.0
             return max(worst, call_status(port.functions[ENTER_CONTINUOUS], (port.instance,)))
     return ENDLESS_EVENTS

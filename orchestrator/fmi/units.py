@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fmpy.model_description import ModelDescription, Unit
 
@@ -45,8 +46,7 @@ KNOWN: dict[str, Dimension] = {
 """Units that are understood by name if an FMU does not define them."""
 
 
-@dataclass(frozen=True)
-class Conversion:
+class Conversion(NamedTuple):
     """``value in the connector's unit = factor * value in the FMU``; ``note`` says what could not be checked."""
 
     factor: float
@@ -64,31 +64,17 @@ def conversion(description: ModelDescription, unit: str | None, wanted: str, whe
         return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
     found, target = _dimension(unit, description.unitDefinitions, where), KNOWN[wanted]
     if found is not None and found.offset:
-        raise InputError(
-            f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g}). "
-            f"Declare it in {wanted}.",
-            "unit-offset",
-            where,
-            unit,
-        )
+        message = f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g})."
+        raise InputError(f"{message} Declare it in {wanted}.", "unit-offset", where, unit)
     if found is None:
         if unit == wanted:
             return Conversion(1.0)
-        raise InputError(
-            f"{where} has the unit {unit!r}, which the FMU does not define by base units. "
-            f"Declare it in {wanted}, or give its definition a BaseUnit.",
-            "unknown-unit",
-            where,
-            unit,
-        )
+        message = f"{where} has the unit {unit!r}, which the FMU does not define by base units. Declare it in {wanted},"
+        raise InputError(f"{message} or give its definition a BaseUnit.", "unknown-unit", where, unit)
     if found.exponents != target.exponents:
         if any(found.exponents) or target != KNOWN["rad"]:
-            raise InputError(
-                f"{where} has the unit {unit!r}, which is not convertible to {wanted}. Connect it to another variable.",
-                "wrong-unit",
-                where,
-                unit,
-            )
+            message = f"{where} has the unit {unit!r}, which is not convertible to {wanted}."
+            raise InputError(f"{message} Connect it to another variable.", "wrong-unit", where, unit)
         return Conversion(found.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
     return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
 
@@ -106,20 +92,12 @@ def factor_to_own(
     if found is None or target is None:
         if given == own:
             return 1.0
-        raise InputError(
-            f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
-            "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it.",
-            "unknown-unit",
-            where,
-            given,
-        )
+        message = f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
+        message += "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it."
+        raise InputError(message, "unknown-unit", where, given)
     if found.offset != target.offset or found.exponents[:-1] != target.exponents[:-1]:  # gains may leave out radians
-        raise InputError(
-            f"{where} is given in {given!r}, which is not convertible to {own}. Give it in {own}.",
-            "wrong-unit",
-            where,
-            given,
-        )
+        message = f"{where} is given in {given!r}, which is not convertible to {own}. Give it in {own}."
+        raise InputError(message, "wrong-unit", where, given)
     return found.factor / target.factor
 
 
@@ -130,11 +108,6 @@ def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension 
         return KNOWN.get(unit)
     factor, offset = float(base.factor), float(base.offset)
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
-        raise InputError(
-            f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}. "
-            "Give its BaseUnit a positive factor and a finite offset.",
-            "bad-unit",
-            where,
-            unit,
-        )
+        message = f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}."
+        raise InputError(f"{message} Give its BaseUnit a positive factor and a finite offset.", "bad-unit", where, unit)
     return Dimension(factor, tuple(int(getattr(base, name)) for name in EXPONENTS), offset)

@@ -68,10 +68,6 @@ def _numbers(name: str, start: Any, size: int) -> tuple[float, ...]:
     except ValueError:
         numbers = ()
     if len(numbers) not in (1, size):
-        raise InputError(
-            f"The start value of {name}, {start!r}, is not one number per element. Export the FMU again.",
-            "bad-start",
-            name,
-            start,
-        )
+        message = f"The start value of {name}, {start!r}, is not one number per element. Export the FMU again."
+        raise InputError(message, "bad-start", name, start)
     return numbers * size if len(numbers) == 1 else numbers

@@ -17,7 +17,7 @@ from . import closed_loop as loop
 from . import random_streams, signals
 from .controller import Steady, prepared
 from .plan import make_plan
-from .scenario import Pair, Scenario
+from .scenario import Scenario
 from .setup import Setup
 from .trajectory import Ending, Status, Trajectory
 
@@ -71,13 +71,8 @@ def simulate(
 
 def steady_state(plant: Slave, binding: Binding) -> Steady:
     """What the initialized plant publishes."""
-    q_m_ref, u_m0, q_a = (_pair(plant.get(binding[name].variables)) for name in ("q_m_ref", "u_m0", "q_a"))
-    return Steady(q_m_ref, u_m0, q_a)
-
-
-def _pair(values: Sequence[float]) -> Pair:
-    first, second = values
-    return first, second
+    q_m_ref, u_m0, q_a = (plant.get(binding[name].variables) for name in ("q_m_ref", "u_m0", "q_a"))
+    return Steady((q_m_ref[0], q_m_ref[1]), (u_m0[0], u_m0[1]), (q_a[0], q_a[1]))
 
 
 def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:

@@ -62,10 +62,8 @@ def make_plan(sample_time: Fraction, drive: Delays, sensor: Delays, longest: Fra
     ends = [*begins[1:], sample_time]
     denominator = math.lcm(sample_time.denominator, *(time.denominator for time in begins))
     if denominator > FINEST:
-        raise InputError(
-            f"Sample time and delays have no common grid of {1 / FINEST:g} s or coarser. Give them with fewer digits.",
-            "bad-time",
-        )
+        message = f"Sample time and delays have no common grid of {1 / FINEST:g} s or coarser."
+        raise InputError(f"{message} Give them with fewer digits.", "bad-time")
 
     def ticks(time: Fraction) -> int:
         return int(time * denominator)

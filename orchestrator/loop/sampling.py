@@ -29,13 +29,9 @@ def controller_sample_time(controller: Archive, benchmark: Fraction, given: Frac
     found = _find(controller, benchmark, given)
     ratio = found.value / benchmark if found.value > 0 else Fraction(0)
     if found.value <= 0 or min(ratio.numerator, ratio.denominator) != 1 or max(ratio.as_integer_ratio()) > MOST:
-        raise InputError(
-            f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), which is not an "
-            f"integer multiple or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s.",
-            "bad-sample-time",
-            controller.name,
-            float(found.value),
-        )
+        message = f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), which is not an "
+        message += f"integer multiple or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s."
+        raise InputError(message, "bad-sample-time", controller.name, float(found.value))
     return found
 
 
@@ -56,12 +52,8 @@ def _read(controller: Archive, text: str, origin: str) -> Fraction:
     try:
         return seconds(text)
     except ValueError:
-        raise InputError(
-            f"The sample time of {controller.name}, {text!r} ({origin}), is not a number of seconds.",
-            "bad-sample-time",
-            controller.name,
-            text,
-        ) from None
+        message = f"The sample time of {controller.name}, {text!r} ({origin}), is not a number of seconds."
+        raise InputError(message, "bad-sample-time", controller.name, text) from None
 
 
 def _near(value: Fraction, benchmark: Fraction) -> Fraction:

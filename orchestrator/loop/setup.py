@@ -31,13 +31,9 @@ def controller_binding(controller: Archive, setup: Setup) -> Binding:
     for name in setup.parameters:
         connector = connected.get(name) or connected.get(name.partition("[")[0])
         if connector is not None and binding[connector].is_parameter:
-            raise InputError(
-                f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark gives its "
-                "value in every case.",
-                "connector-parameter",
-                controller.name,
-                name,
-            )
+            message = f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark "
+            message += "gives its value in every case."
+            raise InputError(message, "connector-parameter", controller.name, name)
     return binding
 
 
@@ -55,11 +51,7 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
         return None
     if len(candidates) > 1:
         names = ", ".join(v.name for v in candidates)
-        raise InputError(
-            f"The controller {controller.name} has more than one candidate for its sample time {SAMPLE_TIME}: {names}.",
-            "ambiguous-sample-time",
-            controller.name,
-            SAMPLE_TIME,
-            (v.name for v in candidates),
-        )
+        message = f"The controller {controller.name} has more than one candidate for its sample time {SAMPLE_TIME}: "
+        found = (v.name for v in candidates)
+        raise InputError(f"{message}{names}.", "ambiguous-sample-time", controller.name, SAMPLE_TIME, found)
     return candidates[0] if candidates else None

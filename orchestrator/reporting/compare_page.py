@@ -27,31 +27,17 @@ def compare_html(groups: Sequence[Group]) -> str:
         "rules": plain(first.rules),
         "runs": [_run(entry) for entry in entries],
     }
-    shown = [
-        {
-            "title": group.title,
-            "difference": group.difference,
-            "notes": group.notes,
-            "rules": group.conditions.rules,
-            "criteria": criteria(group.entries[0].run.results),
-            "rows": [_row(str(rank), entry) for rank, entry in enumerate(group.ranked, start=1)]
-            + [_row("-", entry, reason) for entry, reason in group.unranked],
-        }
-        for group in groups
-    ]
-    return pages.render("compare.html", pages.COMPARE, payload, groups=shown, several=len(entries) > 1)
-
-
-def _row(rank: str, entry: Entry, reason: str = "") -> dict[str, Any]:
-    results = entry.run.results
-    return {
-        "rank": rank,
-        "name": entry.name,
-        "reason": reason,
-        "cost": results.cost,
-        "criteria": criteria(results),
-        "requirements": requirement_rows(results),
-    }
+    ranked = [[(str(rank), entry, "") for rank, entry in enumerate(group.ranked, start=1)] for group in groups]
+    unranked = [[("-", entry, reason) for entry, reason in group.unranked] for group in groups]
+    return pages.render(
+        "compare.html",
+        pages.COMPARE,
+        payload,
+        groups=[(group, first + last) for group, first, last in zip(groups, ranked, unranked, strict=True)],
+        criteria=criteria,
+        requirements=requirement_rows,
+        several=len(entries) > 1,
+    )
 
 
 def _run(entry: Entry) -> dict[str, Any]:

@@ -114,7 +114,12 @@ def compare(runs: Sequence[Run]) -> tuple[Group, ...]:
             groups.append((own, entries := []))
         entries.append(Entry(name, run))
     groups.sort(key=lambda group: len(group[1]), reverse=True)
-    return tuple(_group(own, entries, own.difference(groups[0][0])) for own, entries in groups)
+    found = []
+    for own, entries in groups:
+        ranked = sorted((e for e in entries if e.cost is not None), key=lambda entry: standing(entry.run.results))
+        unranked = tuple((entry, _reason(entry.run.results)) for entry in entries if entry.cost is None)
+        found.append(Group(own, tuple(ranked), unranked, own.difference(groups[0][0])))
+    return tuple(found)
 
 
 def conditions(results: Results) -> Conditions:
@@ -158,16 +163,6 @@ def standing(results: Results) -> tuple[bool, float]:
     """The sort key of a run that has a cost: those that meet all requirements first, then V."""
     assert results.cost is not None
     return not all(entry.passed for entry in results.stability.values()), results.cost
-
-
-def _group(own: Conditions, entries: Sequence[Entry], difference: str) -> Group:
-    ranked = [entry for entry in entries if entry.cost is not None]
-    return Group(
-        own,
-        tuple(sorted(ranked, key=lambda entry: standing(entry.run.results))),
-        tuple((entry, _reason(entry.run.results)) for entry in entries if entry.cost is None),
-        difference,
-    )
 
 
 def _reason(results: Results) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from plant_fmu.flexible_manipulator import dynamics
 from plant_fmu.flexible_manipulator.coefficients import Joint
 from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
 
-from .files import prepare_folder, write_bytes
+from .files import prepare_folder, streamed, write_bytes
 from .recording import EXAMPLE, SPREAD, Recording
 from .run import Run
 from .trajectory_files import interpreted
@@ -58,30 +58,35 @@ def write_figures(run: Run, folder: Path) -> tuple[list[str], list[str]]:
         made = {name: draw(run) for name, draw in FIGURES.items()}
         for name, figure in made.items():
             if figure is not None:
-                _save(figure, folder / name)
+                for ending, options in FORMATS.items():
+                    data = streamed(partial(figure.savefig, format=ending, **options))
+                    write_bytes(folder / f"{name}.{ending}", data)
     return [name for name in made if made[name] is not None], [name for name in made if made[name] is None]
 
 
 def stiffness(run: Run) -> Figure:
     """Figure 3: spring torque [Nm] over gear deflection [arc minutes], eq. (5), nominal parameters."""
     figure, axes = _axes("Deflection $\\Delta_q$ [arcmin]", "Spring torque $\\tau_s$ [Nm]")
-    for axis, colour, joint in _nominal_joints(run):
-        delta = np.linspace(-2 * joint.psi, 2 * joint.psi, 401)
-        torque = [interpreted(dynamics.spring)(joint, value) for value in delta]
-        axes.plot(delta / ARC_MINUTE, torque, color=colour, label=f"axis {axis}")
-    axes.legend()
+    _draw_law(run, axes, dynamics.spring, lambda joint: np.linspace(-2 * joint.psi, 2 * joint.psi, 401), ARC_MINUTE)
     return figure
 
 
 def friction(run: Run) -> Figure:
     """Figure 4: friction torque [Nm] over motor speed [rad/s], eq. (8), on the motor's side, nominal parameters."""
     figure, axes = _axes("Motor speed $\\dot q_m$ [rad/s]", "Friction torque $f / n$ [Nm]")
-    v = np.linspace(-30, 30, 2001)
-    for axis, colour, joint in _nominal_joints(run):
-        torque = [interpreted(dynamics.friction)(joint, value) for value in v]
-        axes.plot(v, torque, color=colour, label=f"axis {axis}")
-    axes.legend()
+    _draw_law(run, axes, dynamics.friction, lambda _: np.linspace(-30, 30, 2001), 1.0)
     return figure
+
+
+def _draw_law(
+    run: Run, axes: Axes, law: Callable[..., float], points: Callable[[Joint], np.ndarray], unit: float
+) -> None:
+    """What ``law`` gives for both joints at their ``points``, which are shown in ``unit``."""
+    for axis, colour in zip((1, 2), COLOURS, strict=True):
+        joint = joint_of(run.results.plant.nominal, axis)
+        x = points(joint)
+        axes.plot(x / unit, [interpreted(law)(joint, value) for value in x], color=colour, label=f"axis {axis}")
+    axes.legend()
 
 
 def circles(run: Run) -> Figure | None:
@@ -109,29 +114,21 @@ def circles(run: Run) -> Figure | None:
     return figure
 
 
-def example_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+def example_error(run: Run, due_to_force: bool) -> Figure | None:
     """Figures 9 and 10: TCP position error [mm] of the example over time [s], due to the force or the chirp."""
-
-    def draw(run: Run) -> Figure | None:
-        return _errors(run, due_to_force, [(entry, COLOURS[0], "nominal", 2) for entry in run.recorded(EXAMPLE)])
-
-    return draw
+    return _errors(run, due_to_force, [(entry, COLOURS[0], "nominal", 2) for entry in run.recorded(EXAMPLE)])
 
 
-def spread_error(due_to_force: bool) -> Callable[[Run], Figure | None]:
+def spread_error(run: Run, due_to_force: bool) -> Figure | None:
     """Figures 11 and 12: the same for the uncertain systems; those assumed and the worst of all stand out."""
-
-    def draw(run: Run) -> Figure | None:
-        shown = run.recorded(SPREAD)
-        worst = max(shown, key=lambda entry: _peak(entry, due_to_force), default=None)
-        others = [entry for entry in shown if _is_random(entry) and entry is not worst]
-        looks = [(entry, MUTED, f"{len(others)} others", 2) for entry in others]
-        for entry in (entry for entry in shown if not _is_random(entry) or entry is worst):
-            name = entry.about.system + (" (worst)" if entry is worst else "")
-            looks.append((entry, *((COLOURS[1], name, 3) if _is_random(entry) else (COLOURS[0], name, 4))))
-        return _errors(run, due_to_force, looks)
-
-    return draw
+    shown = run.recorded(SPREAD)
+    worst = max(shown, key=lambda entry: _peak(entry, due_to_force), default=None)
+    others = [entry for entry in shown if _is_random(entry) and entry is not worst]
+    looks = [(entry, MUTED, f"{len(others)} others", 2) for entry in others]
+    for entry in (entry for entry in shown if not _is_random(entry) or entry is worst):
+        name = entry.about.system + (" (worst)" if entry is worst else "")
+        looks.append((entry, *((COLOURS[1], name, 3) if _is_random(entry) else (COLOURS[0], name, 4))))
+    return _errors(run, due_to_force, looks)
 
 
 def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, str, int]]) -> Figure | None:
@@ -146,14 +143,8 @@ def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, 
     for entry, colour, name, layer in shown:
         inside = _within(entry, begin, end)
         label = "_" if name in named else name  # Matplotlib leaves labels with an underscore out
-        axes.plot(
-            entry.motion[inside, 0],
-            1e3 * entry.error[inside],
-            color=colour,
-            label=label,
-            linewidth=width,
-            zorder=layer,
-        )
+        t, error = entry.motion[inside, 0], 1e3 * entry.error[inside]
+        axes.plot(t, error, color=colour, label=label, linewidth=width, zorder=layer)
         named.add(name)
     criterion = "B5" if due_to_force else "B7"
     target = 1e3 * _target(run, criterion)
@@ -167,17 +158,11 @@ FIGURES: Mapping[str, Callable[[Run], Figure | None]] = {
     "figure_03_stiffness": stiffness,
     "figure_04_friction": friction,
     "figure_08_circles": circles,
-    "figure_09_force": example_error(due_to_force=True),
-    "figure_10_chirp": example_error(due_to_force=False),
-    "figure_11_force_uncertain": spread_error(due_to_force=True),
-    "figure_12_chirp_uncertain": spread_error(due_to_force=False),
+    "figure_09_force": partial(example_error, due_to_force=True),
+    "figure_10_chirp": partial(example_error, due_to_force=False),
+    "figure_11_force_uncertain": partial(spread_error, due_to_force=True),
+    "figure_12_chirp_uncertain": partial(spread_error, due_to_force=False),
 }
-
-
-def _nominal_joints(run: Run) -> list[tuple[int, str, Joint]]:
-    """Both axes with a colour, and the constants of motor and gear."""
-    nominal = run.results.plant.nominal
-    return [(axis, colour, joint_of(nominal, axis)) for axis, colour in zip((1, 2), COLOURS, strict=True)]
 
 
 def _window(entry: Recording, due_to_force: bool) -> tuple[float, float]:
@@ -215,10 +200,3 @@ def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
 def _legend_above(axes: Axes) -> None:
     """A legend that covers nothing of what is drawn, wherever that is."""
     axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-
-
-def _save(figure: Figure, file: Path) -> None:
-    for ending, options in FORMATS.items():
-        stream = io.BytesIO()
-        figure.savefig(stream, format=ending, **options)
-        write_bytes(file.with_suffix(f".{ending}"), stream.getvalue())

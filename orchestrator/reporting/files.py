@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
 import tempfile
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import IO, Any
 
 from ..errors import EnvironmentFault, InputError
 
@@ -23,9 +27,8 @@ def prepare_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as problem:
-        raise InputError(
-            f"The folder {folder} cannot be written to: {problem.strerror}.", "folder-not-writable", folder
-        ) from problem
+        message = f"The folder {folder} cannot be written to: {problem.strerror}."
+        raise InputError(message, "folder-not-writable", folder) from problem
 
 
 def remove(file: Path) -> None:
@@ -36,6 +39,22 @@ def remove(file: Path) -> None:
         file.rmdir() if file.is_dir() else file.unlink(missing_ok=True)
     except OSError as problem:
         raise EnvironmentFault(f"{file} cannot be removed: {problem.strerror}.", "not-removed") from problem
+
+
+def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table as CSV; each number with as few digits as determine it exactly."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def streamed(write: Callable[[IO[bytes]], object]) -> bytes:
+    """What ``write`` writes into a binary stream."""
+    stream = io.BytesIO()
+    write(stream)
+    return stream.getvalue()
 
 
 def write_text(file: Path, text: str) -> None:

@@ -9,14 +9,8 @@ from ..loop.trajectory import Ending
 from . import pages
 from .wording import SHOWN, figure, number, remarks, requirement_rows
 
-UNITS = {
-    **dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m"),
-    "B5": "m",
-    "B6": "s",
-    "B7": "m",
-    "limit_cycle": "m",
-    "rest_error": "m",
-}
+UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m") | {"B5": "m", "B6": "s", "B7": "m"}
+UNITS |= dict.fromkeys(("limit_cycle", "rest_error"), "m")
 """Units of :class:`~orchestrator.benchmark.results.Measurements`."""
 
 

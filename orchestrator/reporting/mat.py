@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from scipy.io import savemat
 
 from ..codec import plain
+from .files import streamed
 from .recording import MOTION, TORQUE, About
 from .run import Run
 
@@ -32,6 +31,4 @@ def mat_bytes(run: Run) -> bytes:
         recordings[0, number] = (*about.values(), *columns)
     units = {name: column.split("[")[1].rstrip("]") for name, column in COLUMNS.items()}
     contents = {"recordings": recordings, "units": units, "seed": run.results.seed}
-    stream = io.BytesIO()
-    savemat(stream, contents, oned_as="column", do_compression=True)
-    return stream.getvalue()
+    return streamed(lambda stream: savemat(stream, contents, oned_as="column", do_compression=True))

@@ -92,17 +92,11 @@ def _affordable(run: Run) -> list[Recording]:
     """The recordings but the spread; if they are too many or too lively for a page, thinned out further, by the same
     signals as in :func:`.recording.record`."""
     kept = [entry for entry in run.recordings if SPREAD not in entry.about.roles]
-    motions = _thinned([entry.motion for entry in kept], [_tcp(entry) for entry in kept])
+    tcp = [np.column_stack([entry.motion[:, 1:3], entry.error]) for entry in kept]
+    motions = _thinned([entry.motion for entry in kept], tcp)
     torques = _thinned([entry.torque for entry in kept], [entry.torque[:, 1:] for entry in kept])
-    return [
-        replace(entry, motion=motion, torque=torque)
-        for entry, motion, torque in zip(kept, motions, torques, strict=True)
-    ]
-
-
-def _tcp(entry: Recording) -> np.ndarray:
-    """TCP offset x, z and error [m], shape (N, 3)."""
-    return np.column_stack([entry.motion[:, 1:3], entry.error])
+    thinned = zip(kept, motions, torques, strict=True)
+    return [replace(entry, motion=motion, torque=torque) for entry, motion, torque in thinned]
 
 
 def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -17,7 +17,7 @@ from ..benchmark.case import Case
 from ..codec import Finite, Malformed, NonNegative, Struct, from_json, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status, Trajectory
-from .files import TRAJECTORIES, write_bytes
+from .files import TRAJECTORIES, streamed, write_bytes
 
 MOTION = ("t [s]", "x [m]", "z [m]", "q_a1 [rad]", "q_a2 [rad]")
 TORQUE = ("t [s]", "u_m1 [N.m]", "u_m2 [N.m]")
@@ -105,11 +105,9 @@ def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recordin
         time=ending.time,
         message=ending.message,
     )
-    return Recording(
-        about,
-        np.column_stack([trajectory.time[kept], moved[kept]]).astype(np.float32),
-        np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]]).astype(np.float32),
-    )
+    motion = np.column_stack([trajectory.time[kept], moved[kept]])
+    torque = np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]])
+    return Recording(about, motion.astype(np.float32), torque.astype(np.float32))
 
 
 def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
@@ -137,9 +135,7 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
     for number, recording in enumerate(recordings):
         arrays[f"motion_{number}"] = recording.motion
         arrays[f"torque_{number}"] = recording.torque
-    stream = io.BytesIO()
-    np.savez_compressed(stream, allow_pickle=False, **arrays)
-    write_bytes(folder / TRAJECTORIES, stream.getvalue())
+    write_bytes(folder / TRAJECTORIES, streamed(lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)))
 
 
 def load(folder: Path) -> tuple[Recording, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -23,6 +22,10 @@ def report_html(run: Run) -> str:
     """The report as one HTML file."""
     results = run.results
     payload = report_payload(run)
+
+    def amplitude(row: dict[str, Any]) -> float:
+        return math.inf if row["limit_cycle"] is None else row["limit_cycle"]  # none at all is the worst
+
     shown = {entry["id"]: index for index, entry in reversed(list(enumerate(payload["recordings"])))}
     return pages.render(
         "report.html",
@@ -38,7 +41,7 @@ def report_html(run: Run) -> str:
         shown=shown,
         command=partial(simulate_command, results),
         poses=poses(results),
-        stability=sorted(payload["stability"], key=_amplitude, reverse=True),
+        stability=sorted(payload["stability"], key=amplitude, reverse=True),
         spread=[entry.about.id for entry in run.recorded(SPREAD)],
         failures=[case for case in results.cases if case.status != "done"],
         recorded=bool(payload["recordings"]),
@@ -49,6 +52,11 @@ def headline(results: Results) -> dict[str, Any]:
     """V beside the paper's PID and the target: values, and places in percent on a common scale."""
     cost, target, paper = results.cost, results.rules.cost.target, results.rules.cost.paper
     end = SCALE_END * max(target, paper, cost or 0.0)
+    sentence = "No cost: a case that counts has no value."
+    if cost is not None:
+        side, direction = "At or below" if cost <= target else "Above", "less" if cost < paper else "more"
+        change = f"{abs(100 * (cost - paper) / paper):.0f} % {direction}"
+        sentence = f"{side} the target of {target:g}, {change} than the paper reports for its PID."
     return {
         "cost": number(cost),
         "place": None if cost is None else 100 * cost / end,
@@ -56,17 +64,8 @@ def headline(results: Results) -> dict[str, Any]:
             {"name": name, "value": f"{value:g}", "place": 100 * value / end}
             for name, value in (("target", target), ("paper's PID", paper))
         ],
-        "sentence": _sentence(cost, target, paper),
+        "sentence": sentence,
     }
-
-
-def _sentence(cost: float | None, target: float, paper: float) -> str:
-    if cost is None:
-        return "No cost: a case that counts has no value."
-    side = "At or below" if cost <= target else "Above"
-    change = 100 * (cost - paper) / paper
-    direction = "less" if change < 0 else "more"
-    return f"{side} the target of {target:g}, {abs(change):.0f} % {direction} than the paper reports for its PID."
 
 
 def facts(results: Results) -> list[tuple[str, str]]:
@@ -97,8 +96,3 @@ def poses(results: Results) -> dict[int, str]:
         entry.index: f"{math.degrees(entry.q_a1):.0f}° / {math.degrees(entry.q_a2):.0f}°"
         for entry in results.configurations
     }
-
-
-def _amplitude(row: Mapping[str, Any]) -> float:
-    """For sorting: no amplitude at all is the worst."""
-    return math.inf if row["limit_cycle"] is None else row["limit_cycle"]

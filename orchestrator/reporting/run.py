@@ -82,9 +82,8 @@ def load_run(path: Path) -> Run:
     try:
         schema = from_json(text, _Schema).schema
         if schema != SCHEMA:
-            raise InputError(
-                f"{file} holds results of the form {schema!r}, not {SCHEMA}.", "other-schema", file, schema
-            )
+            message = f"{file} holds results of the form {schema!r}, not {SCHEMA}."
+            raise InputError(message, "other-schema", file, schema)
         results = from_json(text, Results)
     except Malformed as problem:
         raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None

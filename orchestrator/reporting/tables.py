@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
 from ..benchmark.results import Results
+from . import files
 
 FORMULA = ("=", "+", "-", "@", "\t")
 """First characters by which a spreadsheet takes a text for a formula."""
@@ -39,11 +38,7 @@ def case_table(results: Results) -> dict[str, list[Any]]:
 def csv_text(results: Results) -> str:
     """The contents of ``cases.csv``, one row per case; an apostrophe precedes text that a spreadsheet would run."""
     table = case_table(results)
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(table)
-    writer.writerows(map(_inert, row) for row in zip(*table.values(), strict=True))
-    return stream.getvalue()
+    return files.csv_text(table, (map(_inert, row) for row in zip(*table.values(), strict=True)))
 
 
 def parquet_bytes(results: Results) -> bytes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Trajectory
-from .files import write_bytes, write_text
+from .files import csv_text, streamed, write_bytes, write_text
 
 if TYPE_CHECKING:  # loaded by those who draw
     from matplotlib.figure import Figure
@@ -57,28 +55,20 @@ def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def write_csv(table: Table, file: Path) -> None:
     """Write the columns with their names as header; each number with as few digits as determine it exactly."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(table)
-    writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-    write_text(file, stream.getvalue())
+    write_text(file, csv_text(table, zip(*(column.tolist() for column in table.values()), strict=True)))
 
 
 def write_npz(table: Table, file: Path) -> None:
     """Write the columns as arrays by their names, compressed: ``numpy.load(file)["u_m[1] [N.m]"]``."""
-    stream = io.BytesIO()
-    np.savez_compressed(stream, allow_pickle=False, **table)
-    write_bytes(file, stream.getvalue())
+    write_bytes(file, streamed(lambda stream: np.savez_compressed(stream, allow_pickle=False, **table)))
 
 
 def write_mat(table: Table, file: Path) -> None:
     """Write the columns as MATLAB variables ``time``, ``q_m_1``, ..., ``tcp_error``, in the same SI units."""
     from scipy.io import savemat
 
-    names = (re.sub(r"\W+", "_", name.split(" ")[0]).strip("_") for name in table)
-    stream = io.BytesIO()
-    savemat(stream, dict(zip(names, table.values(), strict=True)), oned_as="column", do_compression=True)
-    write_bytes(file, stream.getvalue())
+    named = {re.sub(r"\W+", "_", name.split(" ")[0]).strip("_"): column for name, column in table.items()}
+    write_bytes(file, streamed(lambda stream: savemat(stream, named, oned_as="column", do_compression=True)))
 
 
 def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Figure | None = None) -> Figure:
@@ -103,6 +93,5 @@ def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Fi
 
 def write_plot(figure: Figure, file: Path) -> None:
     """Write a figure in the format that the file's ending names."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format=file.suffix.lstrip(".") or "png", dpi=150)
-    write_bytes(file, stream.getvalue())
+    ending = file.suffix.lstrip(".") or "png"
+    write_bytes(file, streamed(lambda stream: figure.savefig(stream, format=ending, dpi=150)))

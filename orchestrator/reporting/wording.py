@@ -94,9 +94,8 @@ def requirement_rows(results: Results) -> list[RequirementRow]:
         for axis, judged in per_axis:
             test = tests.get(axis)
             gain, delay = (test.gain, test.delay * 1e3) if test else (1.0, 0.0)
-            rows.append(
-                RequirementRow(name, axis, REQUIREMENTS[name].format(axis=axis, gain=gain, delay=delay), judged)
-            )
+            title = REQUIREMENTS[name].format(axis=axis, gain=gain, delay=delay)
+            rows.append(RequirementRow(name, axis, title, judged))
     return rows
 
 
@@ -132,10 +131,8 @@ def remarks(results: Results) -> list[str]:
     found = []
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
-        found.append(
-            f"In {unsettled} case{'s' * (unsettled != 1)} B6 is the time to the end of the simulation: "
-            "the TCP did not settle."
-        )
+        cases = f"{unsettled} case{'s' * (unsettled != 1)}"
+        found.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
     if not results.complete:
         found.append("Incomplete: not every case of the protocol has a verdict.")
     if reason := without_cost(results):
@@ -143,9 +140,8 @@ def remarks(results: Results) -> list[str]:
     if not results.sample_time.as_in_benchmark:
         found.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
     if results.protocol != "paper":
-        found.append(
-            f"Protocol {results.protocol}: not comparable to the paper nor to other protocols; {SEED_MATTERS}."
-        )
+        others = "not comparable to the paper nor to other protocols"
+        found.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
     bound = (entry for entry in results.controller.connectors.values() if entry is not None)
     notes = collapsed(note for entry in bound for note in entry.notes)
     found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]

@@ -1,7 +1,5 @@
 """A headless Chromium, and pages that fail a test for any console error or network request."""
 
-from __future__ import annotations
-
 import functools
 import os
 import shutil

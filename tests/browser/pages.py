@@ -1,7 +1,5 @@
 """The pages that tests look at, of runs made by hand, and how these are read."""
 
-from __future__ import annotations
-
 import functools
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The pages in a real browser: every view, no console error, no request, on a desk and on a phone."""
 
-from __future__ import annotations
-
 import pytest
 
 from browser import pages
@@ -55,8 +53,6 @@ def test_runs_are_told_apart_in_the_figures_of_the_comparison(open_page):
     assert peaks == sorted(set(peaks))
 
 
-# ---- Targets in sight ----
-
 # How many separate dashes of the limits' colour a chart has within 2 pixels of `level`, from the left to the right.
 DASHES = """([id, level]) => {
   const place = document.getElementById(id);
@@ -107,9 +103,6 @@ def test_targets_are_in_sight_wherever_one_looks(open_page, size, scheme):
         page.locator("#which").select_option(criterion)
         assert f"worst case of {criterion}" in text(page, "#overlay-chart-text")
         assert dashes(page, "overlay-chart", target) > 5, criterion
-
-
-# ---- What the controls do ----
 
 
 def test_lines_are_not_broken_where_they_leave_the_chart(open_page):

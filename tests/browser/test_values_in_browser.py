@@ -1,7 +1,5 @@
 """What the pages draw: numbers of hand-made runs, read back from the charts and drawings."""
 
-from __future__ import annotations
-
 import math
 import re
 
@@ -16,7 +14,6 @@ from browser.pages import (
     RECORDINGS,
     SPREAD,
     comparison,
-    empty_report,
     ended_report,
     option,
     report,
@@ -49,9 +46,6 @@ def circles(page, selector: str) -> list[list[float]]:
     """Centre and radius of circles."""
     script = "(all) => all.map((c) => [c.cx, c.cy, c.r].map((length) => length.baseVal.value))"
     return page.locator(selector).evaluate_all(script)
-
-
-# ---- The report ----
 
 
 def test_the_assumed_and_the_worst_system_stand_out_in_the_spread(open_page):
@@ -189,9 +183,6 @@ def test_the_maps_and_the_shares_show_the_numbers_of_the_results(open_page):
     assert shown == pytest.approx([(index + 1) / 7 for index in range(18)], rel=5e-3)
 
 
-# ---- The comparison ----
-
-
 def test_a_comparison_shows_ratios_differences_and_errors_of_the_right_runs(open_page):
     page = open_page(comparison())
     targets = {name: criterion.target for name, criterion in PAPER.criteria.items()}
@@ -220,18 +211,3 @@ def test_a_comparison_shows_ratios_differences_and_errors_of_the_right_runs(open
         np.testing.assert_array_equal(torque[:, 1], np.interp(torque[:, 0], *recorded.torque[:, [0, axis]].T))
     commands = page.locator("#overlay-cases code").all_inner_texts()
     assert [command.split("=")[-1] for command in commands] == [repr(gain) for gain in GAINS[:7]]
-
-
-def test_maps_without_values_or_differences_have_no_colour_bar(open_page):
-    page = open_page(comparison())
-    show(page, "difference")
-    for minuend, words in ((0, "no difference"), (7, "no values")):
-        page.locator("#subtrahend").select_option(index=0)
-        page.locator("#minuend").select_option(index=minuend)
-        assert text(page, "#heat .legend") == words
-        assert page.locator("#heat .legend i").count() == 0
-    assert set(page.locator("#heat button").all_inner_texts()) == {"-"}
-    page = open_page(empty_report())
-    show(page, "workspace")
-    assert text(page, "#heat .legend") == "no values"
-    assert page.locator("#heat .legend i").count() == 0

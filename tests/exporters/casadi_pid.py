@@ -7,8 +7,6 @@ The derivative filter has the pole of the discrete one, exp(-T_s / tau) = z_p:
 Torques differ from the discrete controller's; ``held`` gives them exactly for an error that is held over each step.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

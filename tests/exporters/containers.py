@@ -1,7 +1,5 @@
 """The PID as a container FMU around two single-axis FMUs: fmu-manipulation-toolbox (FMI 2.0, 3.0) and FMPy (2.0)."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import tempfile
@@ -10,10 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from fmpy import model_description as md
-from fmpy import read_model_description
-from fmpy.container_fmu.cli import create_container_fmu
-from fmpy.container_fmu.config import Component, Configuration
 from support.pid_fmus import T_S
 
 from .native import CModel
@@ -48,41 +42,9 @@ def _fmu_manipulation_toolbox(target: Path, fmi_version: Literal[2, 3]) -> Path:
         return (folder / target.name).replace(target)
 
 
-def _fmpy(target: Path) -> Path:
-    with _axes(target) as folder:
-        parts = [folder / f"axis_{axis}.fmu" for axis in AXES]
-        components = [Component(part.stem, part, read_model_description(str(part))) for part in parts]
-        # Value reference 0 is the time, which has no mapping; the others follow in the order of the mappings.
-        outer = [md.ModelVariable(name="time", type="Real", causality="independent", variability="continuous")]
-        mappings = {}
-        for axis, component in zip(AXES, components, strict=True):
-            for inner in component.modelDescription.modelVariables:
-                same = {name: getattr(inner, name) for name in ("type", "causality", "variability", "start", "unit")}
-                outer.append(md.ModelVariable(name=f"{inner.name}[{axis}]", **same))
-                mappings[outer[-1]] = [(component, inner)]
-        outputs = [md.Unknown(variable=variable) for variable in outer if variable.causality == "output"]
-        description = md.ModelDescription(
-            fmiVersion="2.0",
-            modelName=target.stem,
-            instantiationToken=f"{{{target.stem}}}",
-            variableNamingConvention="structured",
-            coSimulation=md.CoSimulation(fixedInternalStepSize=T_S),
-            defaultExperiment=md.DefaultExperiment(stepSize=str(T_S)),
-            unitDefinitions=[md.Unit("rad", md.BaseUnit(rad=1)), md.Unit("N.m", md.BaseUnit(kg=1, m=2, s=-2))],
-            modelVariables=outer,
-            outputs=outputs,
-            initialUnknowns=outputs,
-        )
-        unpacked = folder / "unpacked"
-        unpacked.mkdir()
-        create_container_fmu(Configuration(False, description, components, [], mappings), unpacked, target)
-    return target
-
-
 _toolbox = {"modules": ("fmu_manipulation_toolbox",), "needs_compiler": True}
 
 RECIPES = (
     Recipe("container_fmi2", partial(_fmu_manipulation_toolbox, fmi_version=2), **_toolbox),
     Recipe("container_fmi3", partial(_fmu_manipulation_toolbox, fmi_version=3), **_toolbox),
-    Recipe("container_fmpy", _fmpy, needs_compiler=True),
 )

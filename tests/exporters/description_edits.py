@@ -1,7 +1,5 @@
 """The same binary under another model description: names, units and types as other tools or users write them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

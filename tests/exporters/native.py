@@ -1,7 +1,5 @@
 """The PID as a C model behind this project's own FMI glue, with the choices that foreign exporters make otherwise."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from dataclasses import dataclass

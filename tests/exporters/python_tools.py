@@ -1,7 +1,5 @@
 """The PID from exporters that turn Python classes into FMUs: pythonfmu3 (FMI 3.0) and component-model (FMI 2.0)."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -1,11 +1,11 @@
 """What every exporter's recipe says of itself: how to build its FMU, what that needs, and what to expect of it."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
 
 from controller_fmu.export import find_compiler
 from orchestrator.loop.probe import Convention
@@ -26,16 +26,13 @@ class Recipe:
     tolerance: float = 0.0
     """How far torques may be from the law's, relative to the greatest of them; 0 where the arithmetic is the same."""
 
-    def missing(self) -> str | None:
-        """Return why the FMU cannot be built here, or None if it can."""
-        absent = [module for module in self.modules if importlib.util.find_spec(module) is None]
-        if absent:
-            return f"{self.name}: {', '.join(absent)} not installed (pip install '.[exporters]')"
-        if self.needs_compiler and find_compiler() is None:
-            return f"{self.name}: no C compiler"
-        return None
 
-    def build(self, folder: Path) -> Path:
-        """Return ``folder/name.fmu``, made unless it is there."""
-        path = folder / f"{self.name}.fmu"
-        return path if path.exists() else self.make(path)
+def built_or_skip(recipe: Recipe, folder: Path) -> Path:
+    """``folder/name.fmu``, made unless it is there; the test is skipped where the exporter or a compiler is missing."""
+    absent = [module for module in recipe.modules if importlib.util.find_spec(module) is None]
+    if absent:
+        pytest.skip(f"{recipe.name}: {', '.join(absent)} not installed (pip install '.[exporters]')")
+    if recipe.needs_compiler and find_compiler() is None:
+        pytest.skip(f"{recipe.name}: no C compiler")
+    path = folder / f"{recipe.name}.fmu"
+    return path if path.exists() else recipe.make(path)

@@ -5,8 +5,6 @@ rumoca 0.10.2 refuses sampled blocks for its own FMI targets (``fmi2``, ``fmi3``
 precision; compiled with ``float`` as ``double`` it gives the law's torques to the last bit.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

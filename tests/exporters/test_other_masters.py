@@ -4,8 +4,6 @@ The others couple in parallel (Jacobi): in each step every FMU sees the others' 
 benchmark's coupling with one sample of delay on the way to the motors, and without noise, quantization and saturation.
 """
 
-from __future__ import annotations
-
 import ctypes
 from importlib.metadata import PackageNotFoundError, distribution, files
 from pathlib import Path
@@ -89,22 +87,23 @@ def couple_in_ecos(plant: Path, controller: Path, start: dict[str, float]) -> li
 
 
 @pytest.mark.parametrize(
-    ("couple", "packages", "controller"),
-    [(couple_in_libcosim, ("libcosimpy",), "pid_file"), (couple_in_ecos, ("ecospy", "tbb"), "pid_c_file")],
+    ("couple", "packages", "plant", "controller"),
+    [
+        (couple_in_libcosim, ("libcosimpy",), "native_plant_file", "pid_file"),
+        (couple_in_ecos, ("ecospy", "tbb"), "plant_file", "pid_c_file"),
+    ],
     ids=["libcosim", "ecos"],
 )
-def test_same_trajectory_in_another_master(couple, packages, controller, each_plant_file, request):
+def test_same_trajectory_in_another_master(couple, packages, plant, controller, request):
     for package in packages:
         try:
             distribution(package)
         except PackageNotFoundError:
             pytest.skip(f"{package} not installed (pip install '.[exporters]')")
     push = Pulse(tuple(PUSH.values()), 0.0, 1e9)
-    file = request.getfixturevalue(controller)
-    (ours,) = simulate_all(
-        each_plant_file, file, [Scenario((), STEPS * T_S, T_S, drive=Drive(delay=(T_S, T_S)), pulse=push)]
-    )
+    files = [request.getfixturevalue(name) for name in (plant, controller)]
+    (ours,) = simulate_all(*files, [Scenario((), STEPS * T_S, T_S, drive=Drive(delay=(T_S, T_S)), pulse=push)])
     start = axes(q_m_ref=ours.q_m_ref, u_m0=ours.u_m0)
     assert np.abs(ours.q_m[:, 0] - ours.q_m_ref[0]).max() > 1e-3, "the force should set the arm in motion"
     expected = [tuple(row) for row in np.hstack([ours.q_m[1:], ours.command]).tolist()]
-    assert in_child(couple, each_plant_file, file, start) == expected
+    assert in_child(couple, *files, start) == expected

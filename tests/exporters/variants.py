@@ -1,7 +1,5 @@
 """The PID in C under other names, units, types and timings; cheap, because most share one binary."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +14,9 @@ from .native import DEGREE, CModel
 from .recipe import Recipe
 
 
-def _described(name: str, *edits: Edit, base: str = "DiagonalPID_C") -> Recipe:
+def _described(name: str, *edits: Edit) -> Recipe:
     def make(target: Path) -> Path:
-        return edited(built(base, target.parent), target, *edits)
+        return edited(built("DiagonalPID_C", target.parent), target, *edits)
 
     return Recipe(name, make, needs_compiler=True)
 
@@ -36,10 +34,7 @@ _INDEX = r"\[(\d)\]"
 
 RECIPES = (
     _described("names_underscore", rename(_INDEX, r"_\1")),
-    _described("names_underscore_fmi3", rename(_INDEX, r"_\1"), base="DiagonalPID_C_fmi3_scalars"),
     _described("names_joined", rename(_INDEX, r"\1")),
-    _described("names_bare", rename(_INDEX, r"\1"), rename("_", "")),
-    _described("names_member", rename(_INDEX, r".axis\1")),
     _described("names_nested", rename("^", "Controller.")),
     _described(
         "position_error",

@@ -1,13 +1,11 @@
 """The evaluation as a command, to be interrupted, killed and run again."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -25,20 +23,14 @@ def command(folder: Path, *arguments: str) -> list[str]:
 
 
 @contextmanager
-def started(arguments: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """A command in a session of its own; when the block ends, so does the whole session. Options beside Popen's:
-    ``environment``, what is added to that, and ``folder``, the current one."""
-    process = subprocess.Popen(
-        arguments,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        stdin=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-        cwd=options.pop("folder", ROOT),
-        env={**os.environ, **options.pop("environment", {})},
-        **options,
-    )
+def started(
+    arguments: Sequence[str], folder: Path = ROOT, environment: Mapping[str, str] | None = None, **options: Any
+) -> Iterator[subprocess.Popen[str]]:
+    """A command in a session of its own, in ``folder`` and with ``environment`` added; when the block ends, so does the
+    whole session."""
+    streams = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE) | {"stdin": subprocess.DEVNULL, "text": True}
+    surroundings = {**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})}
+    process = subprocess.Popen(arguments, cwd=folder, env=surroundings, start_new_session=True, **(streams | options))
     try:
         with process:
             try:
@@ -49,9 +41,9 @@ def started(arguments: Sequence[str], **options: Any) -> Iterator[subprocess.Pop
         end_session(process.pid)
 
 
-def finished(arguments: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
+def finished(arguments: Sequence[str], folder: Path = ROOT, **options: Any) -> subprocess.CompletedProcess[str]:
     """A command that ran to its end; there must be no traceback in what it says."""
-    with started(arguments, **options) as process:
+    with started(arguments, folder, **options) as process:
         output, errors = process.communicate(timeout=120)
         assert "Traceback" not in errors + output, errors
         return subprocess.CompletedProcess(arguments, process.returncode, output, errors)

@@ -1,28 +1,24 @@
 """Builds hostile controllers: one compiled library, and a fault in the resources of each FMU."""
 
-from __future__ import annotations
-
 import subprocess
 import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from xml.etree.ElementTree import Element, SubElement, fromstring
 
 import fmpy
+from support.stub_fmus import CONTROLLER, description
 
 import build_fmus
 from controller_fmu.export.archive import pack
 from controller_fmu.export.c_fmu import FMI_HEADERS
 from controller_fmu.export.compiler import NoCompilerError
-from controller_fmu.export.description import complete, to_bytes
+from controller_fmu.export.description import complete, parse, to_bytes
 
 SOURCES = Path(__file__).parent
 NAME = "Hostile"
 LIBRARY = f"binaries/{fmpy.platform}/{NAME}{fmpy.sharedLibraryExtension}"
-
-CONNECTORS = (("q_m_ref", "input", "rad"), ("q_m", "input", "rad"), ("u_m", "output", "N.m"), ("u_m0", "input", "N.m"))
 
 
 @dataclass(frozen=True)
@@ -60,44 +56,16 @@ def hostile_fmu(folder: Path, fault: Fault = NONE) -> Path:
 @cache
 def contents() -> dict[str, bytes]:
     """The files of a hostile FMU, but for its fault."""
-    return {"modelDescription.xml": to_bytes(description()), LIBRARY: _library()}
-
-
-def description() -> Element:
-    """Description of ``controller.c``."""
-    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=NAME, guid="{hostile}")
-    SubElement(root, "CoSimulation", modelIdentifier=NAME, canHandleVariableCommunicationStepSize="true")
-    listed = SubElement(root, "ModelVariables")
-    outputs = SubElement(SubElement(root, "ModelStructure"), "Outputs")
-    for name, causality, unit in CONNECTORS:
-        for index in (1, 2):
-            variable = SubElement(
-                listed,
-                "ScalarVariable",
-                name=f"{name}[{index}]",
-                valueReference=str(len(listed)),
-                causality=causality,
-                variability="continuous",
-            )
-            real = SubElement(variable, "Real", unit=unit)
-            if causality == "output":
-                SubElement(outputs, "Unknown", index=str(len(listed)))
-            else:
-                real.set("start", "0")
-    return complete(root, {})
+    return {"modelDescription.xml": edited(), LIBRARY: _library()}
 
 
 def edited(**attributes: str) -> bytes:
-    """The description as text, with other attributes of its CoSimulation element."""
-    root = fromstring(to_bytes(description()))
+    """Description of ``controller.c``, with other attributes of its CoSimulation element."""
+    root = parse(description(CONTROLLER, canHandleVariableCommunicationStepSize="true"))
+    root.attrib.update(modelName=NAME, guid="{hostile}")
     for interface in root.iterfind("CoSimulation"):
-        interface.attrib.update(attributes)
-    return to_bytes(root)
-
-
-def python_fmu(folder: Path) -> Path:
-    """The FMU of ``slave.py``, which has its faults as parameters."""
-    return build_fmus.python_fmu(SOURCES / "slave.py", [], "slave", folder / "HostileSlave.fmu")
+        interface.attrib.update({"modelIdentifier": NAME, **attributes})
+    return to_bytes(complete(root, {}))
 
 
 def _library() -> bytes:

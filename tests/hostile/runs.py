@@ -1,8 +1,7 @@
 """Short cases for hostile controllers, run as an evaluation runs them."""
 
-from __future__ import annotations
-
 import functools
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -19,10 +18,16 @@ from orchestrator.execution.job import Job
 from orchestrator.fmi.archive import open_archive
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
+from .commands import ROOT
+
 PROTOCOL = protocols.load("paper")
 
 STRUCK, SPARED = Fraction("0.05"), Fraction("0.5")
 """Durations [s] of the case that a fault strikes and of the one after it."""
+
+
+HANG_LIMIT = 1.2
+"""Wall time [s] for a case that hangs; all others have plenty."""
 
 
 @functools.cache
@@ -64,3 +69,11 @@ def job(bench: Bench, function: str, *tasks: bytes, limit: float = 60.0) -> Job:
         limits=bench.limits,
         sandbox=bench.sandbox,
     )
+
+
+def copied_packages(folder: Path) -> Path:
+    """A copy of the project's packages in ``folder``."""
+    for package in ("orchestrator", "controller_fmu", "plant_fmu"):
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "build_fmus.py", folder)
+    return folder

@@ -1,7 +1,5 @@
 """What workers of tests do: functions of two loaded slaves and a task."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

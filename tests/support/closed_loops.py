@@ -1,7 +1,5 @@
 """Closed loops for tests, simulated in worker processes: a test process never loads an FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path

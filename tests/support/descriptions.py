@@ -1,7 +1,5 @@
 """Model descriptions of controllers, made by hand: what binding, units and sample times look at, without any file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Manipulators for tests: tables of parameters, random members of the uncertainty, the plant's memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 
@@ -14,16 +12,11 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 T_S = 0.25e-3
 
 HALF_WIDTHS = {
+    **dict.fromkeys(("k_low", "k_high", "psi", "d"), 0.2),
+    **dict.fromkeys(("mu_k", "beta", "alpha"), 0.5),
     "m": 0.1,
-    "k_low": 0.2,
-    "k_high": 0.2,
-    "psi": 0.2,
-    "d": 0.2,
     "f_d": 0.8,
     "f_c": 0.8,
-    "mu_k": 0.5,
-    "beta": 0.5,
-    "alpha": 0.5,
     "gamma": 0.1,
 }
 """The uncertainty of Table 1, relative to nominal."""

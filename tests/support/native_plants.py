@@ -1,7 +1,5 @@
 """The native plant in the test's own process: it is plain C, which nothing else here can disturb."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from ctypes import c_double

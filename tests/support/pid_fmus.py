@@ -3,8 +3,6 @@
 Python FMUs share the interpreter they are loaded into: no test process ever loads one itself.
 """
 
-from __future__ import annotations
-
 import gc
 import multiprocessing
 import tempfile

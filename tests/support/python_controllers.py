@@ -1,7 +1,5 @@
 """Small controllers in Python, made into FMUs by pythonfmu: u_m = u_m0 + K (q_m_ref - q_m), and whatever else."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

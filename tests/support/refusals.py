@@ -1,7 +1,5 @@
 """Errors that are raised on purpose."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

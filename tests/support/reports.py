@@ -1,8 +1,5 @@
 """Runs for tests of reports, made by hand: no simulation, and no FMU."""
 
-from __future__ import annotations
-
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,7 +19,6 @@ from orchestrator.benchmark.results import (
     SampleTimeRecord,
 )
 from orchestrator.benchmark.scorecard import score
-from orchestrator.codec import to_json
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.recording import About, Recording
 from orchestrator.reporting.run import Run, load_run, save_run
@@ -124,9 +120,3 @@ def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = R
     """The run of an evaluation, written to ``folder`` and read back."""
     save_run(results, recordings, folder)
     return load_run(folder)
-
-
-def edited(results: Results) -> dict[str, Any]:
-    """The contents of ``results.json`` as plain values that a test may change."""
-    contents: dict[str, Any] = json.loads(to_json(results))
-    return contents

@@ -1,7 +1,5 @@
 """Trajectories and case results for tests, made by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """FMUs of C models of tests: their variables, a description from these, and the stubs in ``tests/stubs``."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Iterable, Sequence

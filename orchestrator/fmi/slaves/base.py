@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from ...errors import FmuError
 from .. import trace
 from ..archive import Archive
-from ..port import Port
+from ..port import Port, unconnected
 from ..variables import Variable
 from . import log
 from .modules import PrivateModules
@@ -29,6 +29,9 @@ class Slave(ABC):
 
     A subclass says how its standard instantiates, initializes and steps.
     """
+
+    fmpy_class: Any
+    """What holds the library."""
 
     stepping: int
     """How the compiled loop steps it, see :mod:`orchestrator.fmi.port`."""
@@ -52,9 +55,14 @@ class Slave(ABC):
         finally:
             os.chdir(folder)  # FMPy leaves a failed load inside the FMU's folder
 
-    @abstractmethod
     def _load(self) -> Any:
         """The FMPy object that holds the library."""
+        return self.fmpy_class(
+            guid=self.archive.description.guid,
+            modelIdentifier=self.archive.interface.modelIdentifier,
+            unzipDirectory=str(self.archive.folder),
+            libraryPath=str(self.archive.library),
+        )
 
     @abstractmethod
     def _instantiate(self, stop_time: float) -> None:
@@ -69,17 +77,19 @@ class Slave(ABC):
     def _initialize(self, within: Values) -> None:
         """From the instantiated state to the first step, setting ``within`` on the way."""
 
-    @abstractmethod
     def set(self, values: Values) -> None:
         """Set variables."""
+        if values:
+            references = [variable.reference for variable in values]
+            self._do(self._fmu.setReal, references, [element for own in values.values() for element in own])
 
-    @abstractmethod
     def get(self, variables: Sequence[Variable]) -> list[float]:
         """Values of variables, the elements of arrays one after the other."""
+        return list(self._do(self._fmu.getReal, [variable.reference for variable in variables]))
 
-    @abstractmethod
     def terminate(self) -> None:
         """End the simulation of the instance."""
+        self._do(self._fmu.terminate)
 
     @abstractmethod
     def _reset(self, stop_time: float) -> None:
@@ -116,22 +126,26 @@ class Slave(ABC):
 
     def _usual_reasons(self) -> str:
         """Why FMUs give no instance: all they can say is NULL, and what they log."""
-        description = self.archive.description
-        interface = description.coSimulation or description.modelExchange
         reasons = (
             "Usual reasons are a missing licence, a GUID that is not the binary's, or a missing file: simulations "
             "run in an empty folder, so files belong in the FMU's resources."
         )
-        if str(interface.needsExecutionTool).lower() in ("true", "1"):
-            tool = description.generationTool or "its exporter's tool"
+        if str(self.archive.interface.needsExecutionTool).lower() in ("true", "1"):
+            tool = self.archive.description.generationTool or "its exporter's tool"
             reasons += f" The FMU declares that it needs a tool to run: is {tool} or its runtime installed here?"
         return reasons
 
     def initialize(self, before: Values, within: Values) -> None:
         """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""
         self.set(before)
+        # pythonfmu drops a reference too many where a slave raises in exitInitializationMode; a later collection of
+        # garbage may end the process, so one that has met a refusal does without.
+        collecting = gc.isenabled()
+        gc.disable()
         with self._modules.in_place():
             self._initialize(within)
+        if collecting:
+            gc.enable()
 
     @contextmanager
     def own_modules(self) -> Iterator[None]:
@@ -143,9 +157,13 @@ class Slave(ABC):
         """Native access for the compiled loop; signals and values are the same until scaled otherwise."""
         size_in, size_out = (sum(variable.size for variable in side) for side in (inputs, outputs))
         single = tuple(any(variable.type == "Float32" for variable in side) for side in (inputs, outputs))
-        set_values, get_values = (self._accessor(kind, narrow) for kind, narrow in zip("sg", single, strict=True))
+        names = (self.calls["set"], self.calls["get"])
+        set_values, get_values = (
+            name.replace("64", "32") if narrow else name for name, narrow in zip(names, single, strict=True)
+        )
         trace.current.expect(self.side, (set_values, self.calls["step"], get_values))
-        return Port(
+        written, read = ([variable.reference for variable in side] for side in (inputs, outputs))
+        return unconnected(written, size_in, read, size_out)._replace(
             stepping=self.stepping,
             with_sizes=self.with_sizes,
             instance=self.instance,
@@ -153,24 +171,10 @@ class Slave(ABC):
             do_step=self._step_address(),
             get_values=self.address(get_values),
             functions=self._functions(),
-            clock=np.array([np.inf, 1.0, 0.0, 0.0]),
-            info=np.zeros(4),
-            inputs=np.array([variable.reference for variable in inputs], dtype=np.uint32),
-            input_values=np.zeros(size_in),
-            outputs=np.array([variable.reference for variable in outputs], dtype=np.uint32),
-            output_values=np.zeros(size_out),
             single=(single[0], single[1]),
-            input_singles=np.zeros(size_in, dtype=np.float32),
-            output_singles=np.zeros(size_out, dtype=np.float32),
-            offset=np.zeros(2),
-            scale=np.ones(2),
-            output_scale=np.ones(2),
             side=self.side,
             trace=trace.current.words,
         )
-
-    def _accessor(self, kind: str, narrow: bool) -> str:
-        return self.calls["set" if kind == "s" else "get"].replace("64", "32" if narrow else "64")
 
     def _step_address(self) -> int:
         return self.address(self.calls["step"])
@@ -204,8 +208,3 @@ class Slave(ABC):
         """Call a method of the FMPy object."""
         with self._reported(function.__name__):
             return function(*arguments)
-
-
-def library_path(folder: Path, platform: str, identifier: str, extension: str) -> str:
-    """The shared library of an extracted FMU."""
-    return str(folder / "binaries" / platform / f"{identifier}{extension}")

@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Sequence
-from typing import Any
-
-from fmpy import calloc, free
-from fmpy.fmi2 import (
-    FMU2Slave,
-    fmi2CallbackAllocateMemoryTYPE,
-    fmi2CallbackFreeMemoryTYPE,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-)
-from fmpy.logging import addLoggerProxy
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions
 
 from .. import port
-from ..variables import Variable
 from . import log
 from .base import Slave, Values
 
-
-def _on_message(_environment: int, instance: bytes, status: int, _category: bytes, message: bytes) -> None:
-    log.note(instance, status, message)
-
-
-CALLBACKS = fmi2CallbackFunctions()
-"""One for all instances: the C proxy that formats an FMU's message before it calls back exists once."""
-CALLBACKS.logger = fmi2CallbackLoggerTYPE(_on_message)
-CALLBACKS.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-CALLBACKS.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-addLoggerProxy(ctypes.byref(CALLBACKS))
+CALLBACKS = log.callbacks(fmi2CallbackFunctions)
 
 
 class Fmi2(Slave):
@@ -56,26 +33,9 @@ class Fmi2(Slave):
         self.set(within)
         self._do(self._fmu.exitInitializationMode)
 
-    def set(self, values: Values) -> None:
-        if values:
-            references = [variable.reference for variable in values]
-            self._do(self._fmu.setReal, references, [element for own in values.values() for element in own])
-
-    def get(self, variables: Sequence[Variable]) -> list[float]:
-        return list(self._do(self._fmu.getReal, [variable.reference for variable in variables]))
-
-    def terminate(self) -> None:
-        self._do(self._fmu.terminate)
-
 
 class Fmi2CoSimulation(Fmi2):
     """An FMI 2.0 co-simulation slave."""
 
+    fmpy_class = FMU2Slave
     stepping = port.CO_SIMULATION
-
-    def _load(self) -> Any:
-        return FMU2Slave(
-            guid=self.archive.description.guid,
-            modelIdentifier=self.archive.description.coSimulation.modelIdentifier,
-            unzipDirectory=str(self.archive.folder),
-        )

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-from fmpy import platform_tuple, sharedLibraryExtension
 from fmpy.fmi3 import FMU3Slave
 
 from .. import port
 from ..variables import Variable
 from . import log
-from .base import Slave, Values, library_path
+from .base import Slave, Values
 
 
 class Fmi3(Slave):
@@ -19,14 +17,6 @@ class Fmi3(Slave):
 
     with_sizes = True
     calls = {"set": "fmi3SetFloat64", "step": "fmi3DoStep", "get": "fmi3GetFloat64"}
-
-    def _arguments(self, identifier: str) -> dict[str, Any]:
-        return {
-            "guid": self.archive.description.guid,
-            "modelIdentifier": identifier,
-            "unzipDirectory": str(self.archive.folder),
-            "libraryPath": library_path(self.archive.folder, platform_tuple, identifier, sharedLibraryExtension),
-        }
 
     def _on_message(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
         log.note(self.archive.file.stem.encode(), status, message)
@@ -58,14 +48,9 @@ class Fmi3(Slave):
             found.extend(self._do(getter, [variable.reference], variable.size))
         return found
 
-    def terminate(self) -> None:
-        self._do(self._fmu.terminate)
-
 
 class Fmi3CoSimulation(Fmi3):
     """An FMI 3.0 co-simulation slave, used without event mode and without early return."""
 
+    fmpy_class = FMU3Slave
     stepping = port.CO_SIMULATION_3
-
-    def _load(self) -> Any:
-        return FMU3Slave(**self._arguments(self.archive.description.coSimulation.modelIdentifier))

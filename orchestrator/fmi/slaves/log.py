@@ -7,6 +7,10 @@ import functools
 import os
 import sys
 from collections import deque
+from typing import Any
+
+from fmpy import calloc, free
+from fmpy.logging import addLoggerProxy
 
 from ...text import printable
 
@@ -42,6 +46,20 @@ def note(instance: bytes, status: int, message: bytes) -> None:
         _lines.append(line)
         if _echo is not None:
             os.write(_echo, line.encode() + b"\n")
+
+
+def callbacks(kind: type[ctypes.Structure]) -> ctypes.Structure:
+    """FMPy's callbacks of FMI 1 or 2 that keep messages; for all instances one, since the C proxy that formats an FMU's
+    message before it calls back exists once."""
+
+    def on_message(_owner: int, instance: bytes, status: int, _category: bytes, message: bytes) -> None:
+        note(instance, status, message)
+
+    functions = {"logger": on_message, "allocateMemory": calloc, "freeMemory": free}
+    types: dict[str, Any] = dict(kind._fields_)  # type: ignore[arg-type]
+    made = kind(**{name: types[name](function) for name, function in functions.items()})
+    addLoggerProxy(ctypes.byref(made))
+    return made
 
 
 @functools.cache

@@ -76,6 +76,8 @@ class _ModelExchange(Slave):
 
     _solver: Solver | None = None
     """Kept alive while compiled code has its address."""
+    _derivatives: str
+    """The FMPy method that gets the derivatives of the states."""
 
     def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
         port = super().port(inputs, outputs)
@@ -87,7 +89,7 @@ class _ModelExchange(Slave):
             "nz": indicators,
             "get_x": self._fmu.getContinuousStates,
             "set_x": self._fmu.setContinuousStates,
-            "get_dx": self._derivatives(),
+            "get_dx": getattr(self._fmu, self._derivatives),
             "get_z": self._fmu.getEventIndicators,
             "get_nominals": self._fmu.getNominalsOfContinuousStates,
             "set_time": self._fmu.setTime,
@@ -101,66 +103,38 @@ class _ModelExchange(Slave):
     def _sizes(self) -> tuple[int, int]:
         """Number of continuous states and of event indicators of the instance."""
 
-    @abstractmethod
-    def _derivatives(self) -> Callable[..., Any]:
-        """The FMPy method that gets the derivatives of the states."""
-
     def _step_address(self) -> int:
         return 0
 
-    def _addresses(self, prefix: str, names: tuple[str, ...], completed: bool) -> np.ndarray:
-        addresses = [self.address(f"{prefix}{name}") for name in names]
-        return np.array([*addresses, self.address(f"{prefix}CompletedIntegratorStep") if completed else 0])
+    def _functions(self) -> np.ndarray:
+        update = self.calls["step"]
+        names = ["SetTime", "EnterEventMode", update[4:], "EnterContinuousTimeMode", "CompletedIntegratorStep"]
+        addresses = [self.address(update[:4] + name) for name in names]
+        if not self.archive.interface.needsCompletedIntegratorStep:
+            addresses[ports.COMPLETED] = 0
+        return np.array(addresses)
 
 
 class Fmi2ModelExchange(_ModelExchange, Fmi2):
     """An FMI 2.0 Model Exchange FMU."""
 
+    fmpy_class = FMU2Model
     stepping = ports.EVENTS
     calls = {**Fmi2.calls, "step": "fmi2NewDiscreteStates"}
-
-    def _load(self) -> Any:
-        return FMU2Model(
-            guid=self.archive.description.guid,
-            modelIdentifier=self.archive.description.modelExchange.modelIdentifier,
-            unzipDirectory=str(self.archive.folder),
-        )
+    _derivatives = "getDerivatives"
 
     def _sizes(self) -> tuple[int, int]:
         description = self.archive.description
         return description.numberOfContinuousStates, description.numberOfEventIndicators
 
-    def _derivatives(self) -> Callable[..., Any]:
-        method: Callable[..., Any] = self._fmu.getDerivatives
-        return method
-
-    def _functions(self) -> np.ndarray:
-        return self._addresses(
-            "fmi2",
-            ("SetTime", "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode"),
-            self.archive.description.modelExchange.needsCompletedIntegratorStep,
-        )
-
 
 class Fmi3ModelExchange(_ModelExchange, Fmi3):
     """An FMI 3.0 Model Exchange FMU."""
 
+    fmpy_class = FMU3Model
     stepping = ports.EVENTS_3
     calls = {**Fmi3.calls, "step": "fmi3UpdateDiscreteStates"}
-
-    def _load(self) -> Any:
-        return FMU3Model(**self._arguments(self.archive.description.modelExchange.modelIdentifier))
+    _derivatives = "getContinuousStateDerivatives"
 
     def _sizes(self) -> tuple[int, int]:
         return self._fmu.getNumberOfContinuousStates(), self._fmu.getNumberOfEventIndicators()
-
-    def _derivatives(self) -> Callable[..., Any]:
-        method: Callable[..., Any] = self._fmu.getContinuousStateDerivatives
-        return method
-
-    def _functions(self) -> np.ndarray:
-        return self._addresses(
-            "fmi3",
-            ("SetTime", "EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode"),
-            self.archive.description.modelExchange.needsCompletedIntegratorStep,
-        )

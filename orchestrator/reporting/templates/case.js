@@ -73,14 +73,9 @@ function drawError(recording, found, from, to, top) {
   const parts = causes.filter((cause) => cause.most !== null).map((cause) => `${figures(cause.most)} mm due to ${cause.name}`);
   const missed = causes.filter((cause) => cause.most === null).map((cause) => cause.name);
   return overTime("error-chart", {
+    ...TCP_ERROR, spans, from, to, top,
     lines: [{ name: "TCP error", t: found.t, y: found.error, colour: colour("one") }],
-    unit: "mm",
-    label: "TCP position error",
     targets: pulsed(recording) ? errorTargets(recording) : [],
-    spans,
-    from,
-    to,
-    top,
     text:
       `TCP error of ${poseText(recording)}: at most ${parts.join(", ") || `${figures(largest)} mm`}; the largest at ${figures(at)} s.` +
       `${missed.length ? ` The case ended at ${figures(recording.time)} s, before ${missed.join(" and ")}.` : ""} Wheel with Ctrl, slider or buttons zoom.`,
@@ -94,12 +89,7 @@ function drawTorque(recording, found, from, to) {
   const reached = limits.flatMap((limit, index) => [limit, -limit].map((value) => level(value, `limit ${index + 1}`, ["one", "two"][index])));
   return overTime("torque-chart", {
     lines: torques.map((y, index) => ({ name: `u_m${index + 1}`, t, y, colour: colour(["one", "two"][index]), width: 1 })),
-    unit: "Nm",
-    label: "Motor torque",
-    levels: reached,
-    bound: Math.max(...limits) * 1.08,
-    from,
-    to,
+    unit: "Nm", label: "Motor torque", levels: reached, bound: Math.max(...limits) * 1.08, from, to,
     text: `Torques sent to the drives: at most ${figures(most[0])} Nm of ${limits[0]} Nm on axis 1 and ${figures(most[1])} Nm of ${limits[1]} Nm on axis 2, gravity included.`,
   });
 }
@@ -125,28 +115,26 @@ function drawPath(recording, found) {
   const place = $("#path-chart");
   place.style.height = `${Math.min(480, place.clientWidth + 38)}px`; // the square of the path, and what stands around it
   const side = Math.min(place.clientWidth - 84, place.clientHeight - 122);
+  const path = (name, points, hue, lineStyle) => ({ type: "line", name, data: points, showSymbol: false, itemStyle: { color: colour(hue) }, lineStyle });
+  const zoom = { type: "inside", filterMode: "none", zoomOnMouseWheel: "ctrl" };
   const grid = { left: Math.max(66, (place.clientWidth - side) / 2), top: 66, width: side, height: side };
   const plane = { min: -reach, max: reach, axisLabel: { formatter: figures, color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false } };
-  chart(
-    "path-chart",
-    {
-      legend: legend({ icon: "roundRect" }),
-      toolbox: toolbox(false),
-      tooltip: tooltip({ trigger: "item", valueFormatter: (value) => (Array.isArray(value) ? value.map(figures).join(", ") : value) + " mm" }),
-      grid,
-      xAxis: axis("x offset [mm]", plane),
-      yAxis: axis("z offset [mm]", { ...plane, nameGap: 46 }),
-      dataZoom: [{ type: "inside", xAxisIndex: 0, filterMode: "none", zoomOnMouseWheel: "ctrl" }, { type: "inside", yAxisIndex: 0, filterMode: "none", zoomOnMouseWheel: "ctrl" }],
-      series: [
-        ...paths.map(([name, points, hue]) => ({ type: "line", name, data: points, showSymbol: false, itemStyle: { color: colour(hue) }, lineStyle: { width: 1.2 } })),
-        { type: "line", name: `${figures(large)} mm`, data: circle(large), showSymbol: false, itemStyle: { color: colour("limit") }, lineStyle: { type: "dashed" } },
-        { type: "line", name: `${figures(small)} mm`, data: circle(small), showSymbol: false, itemStyle: { color: colour("three") }, lineStyle: { type: "dashed" } },
-      ],
-    },
-    pulsed(recording)
-      ? `Path of the TCP from the beginning of the force (Figure 8): wanted always inside the large circle, and ${figures(criterion("B6").target)} s after the force inside the small one; ${pathVerdict(recording, peak(found, first, Infinity)[0], peak(found, due, Infinity)[0])}`
-      : "Path of the TCP."
-  );
+  chart("path-chart", {
+    legend: legend({ icon: "roundRect" }),
+    toolbox: toolbox(false),
+    tooltip: tooltip({ trigger: "item", valueFormatter: (value) => (Array.isArray(value) ? value.map(figures).join(", ") : value) + " mm" }),
+    grid,
+    xAxis: axis("x offset [mm]", plane),
+    yAxis: axis("z offset [mm]", { ...plane, nameGap: 46 }),
+    dataZoom: [{ ...zoom, xAxisIndex: 0 }, { ...zoom, yAxisIndex: 0 }],
+    series: [
+      ...paths.map(([name, points, hue]) => path(name, points, hue, { width: 1.2 })),
+      path(`${figures(large)} mm`, circle(large), "limit", { type: "dashed" }),
+      path(`${figures(small)} mm`, circle(small), "three", { type: "dashed" }),
+    ],
+  }, pulsed(recording)
+    ? `Path of the TCP from the beginning of the force (Figure 8): wanted always inside the large circle, and ${figures(criterion("B6").target)} s after the force inside the small one; ${pathVerdict(recording, peak(found, first, Infinity)[0], peak(found, due, Infinity)[0])}`
+    : "Path of the TCP.");
 }
 
 /** What became of a case whose largest errors [mm] are `forced` from the force on and `settled` from when it is to rest. */

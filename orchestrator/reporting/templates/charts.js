@@ -42,25 +42,13 @@ function axis(name, more = {}) {
   };
 }
 
-const tooltip = (more = {}) => ({
-  backgroundColor: colour("card"),
-  borderColor: colour("line"),
-  textStyle: { color: colour("ink") },
-  confine: true,
-  ...more,
-});
+const tooltip = (more = {}) => (
+  { backgroundColor: colour("card"), borderColor: colour("line"), textStyle: { color: colour("ink") }, confine: true, ...more });
 
+/** A legend whose symbols are as high as the text, which is cut to them. */
 const legend = (more = {}) => ({
-  type: "scroll",
-  top: 32,
-  left: 12,
-  right: 12,
-  itemWidth: 16,
-  itemHeight: 15, // as high as the text, which is cut to it
-  textStyle: { color: colour("ink") },
-  inactiveColor: colour("line"),
-  pageTextStyle: { color: colour("soft") },
-  ...more,
+  type: "scroll", top: 32, left: 12, right: 12, itemWidth: 16, itemHeight: 15,
+  textStyle: { color: colour("ink") }, inactiveColor: colour("line"), pageTextStyle: { color: colour("soft") }, ...more,
 });
 
 /** Tools of a chart. Filtering by the vertical axis would break lines where they leave the chart. */
@@ -106,14 +94,8 @@ function targetLine(id, { value, name, from, to }) {
     showSymbol: false,
     lineStyle: { color: colour("limit"), type: "dashed", width: 1.5 },
     endLabel: {
-      show: true,
-      formatter: (point) => (fits(point.value) ? words : ""),
-      color: colour("limit"),
-      ...halo(),
-      align: "right",
-      verticalAlign: "bottom",
-      distance: 0,
-      padding: [0, 4, 3, 0],
+      show: true, formatter: (point) => (fits(point.value) ? words : ""), color: colour("limit"), ...halo(),
+      align: "right", verticalAlign: "bottom", distance: 0, padding: [0, 4, 3, 0],
     },
     z: 6,
   };
@@ -134,42 +116,50 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
     // Shorter by a little: a span that ends where the times in sight begin would show its name without an area.
     data: spans.map((span) => [{ xAxis: span.from, name: span.name }, { xAxis: span.to - 1e-6 }]),
   };
-  return chart(
-    id,
-    {
-      legend: { ...(names || legend({ icon: "roundRect", data: [...new Set(lines.map((line) => line.name))] })), show: lines.length > 1 },
-      toolbox: toolbox(true),
-      tooltip: tooltip({
-        trigger: "axis",
-        axisPointer: { type: "cross", label: { precision: 4 } },
-        valueFormatter: (value) => (value === undefined || value === null ? "-" : `${Number(value).toPrecision(4)} ${unit}`),
-      }),
-      grid: { left: 62, right: 24, top: lines.length > 1 ? 66 : 40, bottom: 84 },
-      // The ends of the times in sight are seldom round: labels there would stand unevenly beside the others.
-      xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisLabel: { color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false, formatter: (value) => String(Number(value.toFixed(3))) }, axisPointer: { label: { precision: 4 } } }),
-      yAxis: axis(`${label} [${unit}]`, { nameGap: 44, ...ends }),
-      dataZoom: [
-        { type: "inside", zoomOnMouseWheel: "ctrl", moveOnMouseWheel: false, startValue: from, endValue: to },
-        { type: "slider", bottom: 10, height: 22, startValue: from, endValue: to, brushSelect: false, labelPrecision: 2, textStyle: { color: colour("soft") } },
-      ],
-      series: [
-        ...lines.map((line, index) => ({
-          type: "line",
-          name: line.name,
-          data: Array.from(line.t, (t, row) => [t, line.y[row]]),
-          showSymbol: false,
-          itemStyle: { color: line.colour },
-          ...(line.quiet ? { tooltip: { show: false } } : {}),
-          lineStyle: { width: line.width || 1.4, opacity: line.opacity || 1, type: line.dash || "solid" },
-          z: line.z || 2,
-          emphasis: { disabled: true },
-          ...(index === 0 ? { markLine: { silent: true, symbol: "none", data: levels }, markArea: shaded } : {}),
-        })),
-        ...targets.map((target) => targetLine(id, target)),
-      ],
-    },
-    text
-  );
+  return chart(id, {
+    legend: { ...(names || legend({ icon: "roundRect", data: [...new Set(lines.map((line) => line.name))] })), show: lines.length > 1 },
+    toolbox: toolbox(true),
+    tooltip: tooltip({
+      trigger: "axis",
+      axisPointer: { type: "cross", label: { precision: 4 } },
+      valueFormatter: (value) => (value === undefined || value === null ? "-" : `${Number(value).toPrecision(4)} ${unit}`),
+    }),
+    grid: { left: 62, right: 24, top: lines.length > 1 ? 66 : 40, bottom: 84 },
+    // The ends of the times in sight are seldom round: labels there would stand unevenly beside the others.
+    xAxis: axis("Time [s]", { min: "dataMin", max: "dataMax", axisLabel: { color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false, formatter: (value) => String(Number(value.toFixed(3))) }, axisPointer: { label: { precision: 4 } } }),
+    yAxis: axis(`${label} [${unit}]`, { nameGap: 44, ...ends }),
+    dataZoom: [
+      { type: "inside", zoomOnMouseWheel: "ctrl", moveOnMouseWheel: false, startValue: from, endValue: to },
+      { type: "slider", bottom: 10, height: 22, startValue: from, endValue: to, brushSelect: false, labelPrecision: 2, textStyle: { color: colour("soft") } },
+    ],
+    series: [
+      ...lines.map((line, index) => ({
+        type: "line",
+        name: line.name,
+        data: Array.from(line.t, (t, row) => [t, line.y[row]]),
+        showSymbol: false,
+        itemStyle: { color: line.colour },
+        ...(line.quiet ? { tooltip: { show: false } } : {}),
+        lineStyle: { width: line.width || 1.4, opacity: line.opacity || 1, type: line.dash || "solid" },
+        z: line.z || 2,
+        emphasis: { disabled: true },
+        ...(index === 0 ? { markLine: { silent: true, symbol: "none", data: levels }, markArea: shaded } : {}),
+      })),
+      ...targets.map((target) => targetLine(id, target)),
+    ],
+  }, text);
+}
+
+/** How a chart of the TCP error is labelled. */
+const TCP_ERROR = { unit: "mm", label: "TCP position error" };
+
+/** Times [s] and TCP error [mm] of a thinned recording, unpacked once. */
+function curve(recording) {
+  if (!recording.unpacked) {
+    const [t, error] = recording.curve.map(unpack);
+    recording.unpacked = { t, error: error.map((metre) => 1e3 * metre) };
+  }
+  return recording.unpacked;
 }
 
 const criterion = (name) => data.criteria.find((entry) => entry.name === name);

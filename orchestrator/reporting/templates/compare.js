@@ -24,56 +24,39 @@ function runLegend(id) {
   return legend({ icon: "roundRect", data: runs.map((run) => run.label), formatter: (name) => (name.length > most ? `${name.slice(0, most - 1)}…` : name) });
 }
 
-function options(id, entries, draw, chosen = 0) {
-  const select = $(`#${id}`);
-  if (select.options.length) return select;
-  entries.forEach(([value, text]) => select.append(element("option", { value }, text)));
-  select.selectedIndex = chosen;
-  select.addEventListener("change", draw);
-  return select;
-}
-
 function drawBars() {
   const ratio = (run, criterion) => (run.criteria[criterion.name].value === null ? null : run.criteria[criterion.name].value / criterion.target);
   const common = {
     toolbox: toolbox(false),
     tooltip: tooltip({ trigger: "axis", axisPointer: { type: "shadow" }, valueFormatter: figures }),
   };
-  chart(
-    "bars-chart",
-    {
-      ...common,
-      aria: { decal: { show: runs.length > HUES.length, decals: runs.map((_, index) => ({ color: colour("card"), ...turned(FILLS, index) })) } },
-      legend: runLegend("bars-chart"),
-      grid: { left: 62, right: 56, top: 66, bottom: 40 },
-      xAxis: axis("", { type: "category", data: data.criteria.map((criterion) => criterion.name) }),
-      yAxis: axis("Value / target", { nameGap: 40, max: reaching(1) }),
-      series: runs.map((run, index) => ({
-        type: "bar", name: run.label, itemStyle: { color: hue(index) }, data: data.criteria.map((criterion) => ratio(run, criterion)),
-        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [level(1, "target", "limit", "end")] } }),
-      })),
-    },
-    `B1 to B7 relative to their targets. ${runs.map((run) => `${run.label}: ${data.criteria.map((criterion) => figures(ratio(run, criterion))).join(", ")}`).join(". ")}.`
-  );
+  chart("bars-chart", {
+    ...common,
+    aria: { decal: { show: runs.length > HUES.length, decals: runs.map((_, index) => ({ color: colour("card"), ...turned(FILLS, index) })) } },
+    legend: runLegend("bars-chart"),
+    grid: { left: 62, right: 56, top: 66, bottom: 40 },
+    xAxis: axis("", { type: "category", data: data.criteria.map((criterion) => criterion.name) }),
+    yAxis: axis("Value / target", { nameGap: 40, max: reaching(1) }),
+    series: runs.map((run, index) => ({
+      type: "bar", name: run.label, itemStyle: { color: hue(index) }, data: data.criteria.map((criterion) => ratio(run, criterion)),
+      ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [level(1, "target", "limit", "end")] } }),
+    })),
+  }, `B1 to B7 relative to their targets. ${runs.map((run) => `${run.label}: ${data.criteria.map((criterion) => figures(ratio(run, criterion))).join(", ")}`).join(". ")}.`);
   const wide = Math.min(260, $("#stack-chart").clientWidth / 3);
   const heights = runs.map((run) => Math.max(36, 18 * Math.ceil((8 * run.label.length) / wide)));
   $("#stack-chart").style.height = `${144 + runs.length * Math.max(...heights)}px`;
-  chart(
-    "stack-chart",
-    {
-      ...common,
-      legend: legend({ icon: "roundRect" }),
-      grid: { left: 12, right: 40, top: 80, bottom: 40, containLabel: true },
-      xAxis: axis("V", { max: reaching(data.rules.cost.target) }),
-      yAxis: axis("", { type: "category", data: runs.map((run) => run.label).reverse(), axisLabel: { color: colour("ink"), width: wide, lineHeight: 16, overflow: "break", interval: 0 } }),
-      series: data.criteria.map((criterion, index) => ({
-        type: "bar", stack: "V", name: criterion.name, itemStyle: { color: colour(`b${index + 1}`), borderColor: colour("card"), borderWidth: 0.5 },
-        data: runs.map((run) => run.criteria[criterion.name].share).reverse(),
-        ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: data.rules.cost.target, ...marked("target", "limit", "end") }] } }),
-      })),
-    },
-    "V of every run, made up of the shares of B1 to B7."
-  );
+  chart("stack-chart", {
+    ...common,
+    legend: legend({ icon: "roundRect" }),
+    grid: { left: 12, right: 40, top: 80, bottom: 40, containLabel: true },
+    xAxis: axis("V", { max: reaching(data.rules.cost.target) }),
+    yAxis: axis("", { type: "category", data: runs.map((run) => run.label).reverse(), axisLabel: { color: colour("ink"), width: wide, lineHeight: 16, overflow: "break", interval: 0 } }),
+    series: data.criteria.map((criterion, index) => ({
+      type: "bar", stack: "V", name: criterion.name, itemStyle: { color: colour(`b${index + 1}`), borderColor: colour("card"), borderWidth: 0.5 },
+      data: runs.map((run) => run.criteria[criterion.name].share).reverse(),
+      ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: data.rules.cost.target, ...marked("target", "limit", "end") }] } }),
+    })),
+  }, "V of every run, made up of the shares of B1 to B7.");
 }
 
 /** The end of an axis that shows `value` even where all bars are shorter. */
@@ -92,22 +75,16 @@ function drawDifference() {
   };
   const known = data.configurations.map(difference).filter((entry) => entry !== null);
   const largest = Math.max(0, ...known.map(Math.abs));
-  const { svg, world } = stage("The arm in the pose of the chosen configuration");
-  const arm = armDrawing(colour("accent"));
-  world.append(arm.group);
-  $("#arm").replaceChildren(svg);
-  heatMap($("#heat"), {
-    configurations: data.configurations,
+  workspaceMap({
     value: difference,
     range: [-(largest || 1), largest || 1],
     colours: PUOR,
     name: `Difference of ${name || "V_k"}`,
     ends: [`${figures(-largest)}: ${a.label} is better`, `${figures(largest)}: ${b.label} is better`],
     told: largest ? "" : known.length ? "no difference" : "no values",
-    chosen: (configuration) => {
-      arm.pose(configuration.q_a1, configuration.q_a2);
+    about: (configuration) => {
       const told = [a, b].map((run) => `${run.label} ${figures(value(run.configurations.find((entry) => entry.index === configuration.index) || { relative: {} }))}`);
-      $("#arm-text").textContent = `Configuration ${configuration.index}: q_a1 ${degrees(configuration.q_a1)}, q_a2 ${degrees(configuration.q_a2)}; ${name || "V_k"}: ${told.join(", ")}.`;
+      return `${name || "V_k"}: ${told.join(", ")}.`;
     },
   });
 }
@@ -122,31 +99,24 @@ function drawOverlay() {
   const shown = runs.map((run, index) => [run, index]).filter(([run]) => run.worst[name]);
   const line = ([run, index], t, y) => ({ name: run.label, t, y, colour: hue(index), dash: turned(DASHES, index) });
   const lines = shown.map((entry) => {
-    const [t, error] = entry[0].worst[name].curve.map(unpack);
-    return line(entry, t, error.map((metre) => 1e3 * metre));
+    const { t, error } = curve(entry[0].worst[name]);
+    return line(entry, t, error);
   });
   const about = shown.map(([run]) => run.worst[name]).reduce((best, entry) => (entry.time > best.time ? entry : best));
   const { window: [begin, end], chirp } = about;
   const [from, to] = { B5: [begin - 0.2, end + 1], B6: [end, end + 5], B7: [0, chirp[1] + 0.5] }[name];
   const settled = lines.map((line) => peak({ t: line.t, error: line.y }, end + criterion("B6").target, Infinity)[0]);
   const charts = [overTime("overlay-chart", {
-    lines,
-    unit: "mm",
-    label: "TCP position error",
+    ...TCP_ERROR, lines, from, to,
     targets: errorTargets(about),
     spans: [{ name: "force", from: begin, to: end }],
-    from,
-    to,
     top: name === "B6" ? settlingTop(Math.max(...settled)) : undefined,
     legend: runLegend("overlay-chart"),
     text: `TCP error of each run's own worst case of ${name}: ${shown.map(([run]) => `${run.label} in ${run.worst[name].id}`).join(", ")}.`,
   })];
   for (const axis of [1, 2]) {
     const limit = data.rules.torque_limit[axis - 1];
-    const torques = shown.map((entry) => {
-      const columns = entry[0].worst[name].torque.map(unpack);
-      return line(entry, columns[0], columns[axis]);
-    });
+    const torques = shown.map((entry) => line(entry, ...[0, axis].map((column) => unpack(entry[0].worst[name].torque[column]))));
     const most = torques.map(({ name, y }) => `${name} ${figures(y.reduce((best, value) => Math.max(best, Math.abs(value)), 0))} Nm`);
     charts.push(overTime(`overlay-torque-${axis}`, {
       lines: torques, unit: "Nm", label: "Motor torque", from, to, bound: 1.08 * limit, legend: runLegend(`overlay-torque-${axis}`),

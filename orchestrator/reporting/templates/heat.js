@@ -20,6 +20,20 @@ function readable(channels) {
   return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.179 ? "#000" : "#fff";
 }
 
+/** The map, and beside it the arm among `dots` in the pose that is pointed at, with what `about` says of it. */
+function workspaceMap({ about, dots = [], ...map }) {
+  const { svg, world } = stage("The arm in the pose of the chosen configuration");
+  const arm = armDrawing(colour("accent"));
+  world.append(...dots, arm.group);
+  $("#arm").replaceChildren(svg);
+  const chosen = (configuration) => {
+    const { index, q_a1, q_a2 } = configuration;
+    arm.pose(q_a1, q_a2);
+    $("#arm-text").textContent = `Configuration ${index}: q_a1 ${degrees(q_a1)}, q_a2 ${degrees(q_a2)}; ${about(configuration)}`;
+  };
+  heatMap($("#heat"), { configurations: data.configurations, chosen, ...map });
+}
+
 /**
  * Draw the map into `place`. `value(configuration)` may be null; `chosen(configuration)` is called on pointer and focus.
  * `range` is [smallest, largest], `name` what is shown. `ends` are the words at the ends of the colour bar; where `told`

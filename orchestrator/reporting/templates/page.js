@@ -10,23 +10,28 @@ function unpack(text) {
 }
 
 /** An element with attributes and children; text is never taken for markup. */
-function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  return filled(made, attributes, children);
-}
+const element = (name, ...more) => filled(document.createElement(name), ...more);
 
 /** The same for SVG. */
-function drawn(name, attributes = {}, ...children) {
-  return filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
-}
+const drawn = (name, ...more) => filled(document.createElementNS("http://www.w3.org/2000/svg", name), ...more);
 
-function filled(made, attributes, children) {
+function filled(made, attributes = {}, ...children) {
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
     else made.setAttribute(key, value);
   }
   made.append(...children);
   return made;
+}
+
+/** The select `id`, filled once with pairs of value and text; `draw` is called when another one is chosen. */
+function options(id, entries, draw, chosen = 0) {
+  const select = $(`#${id}`);
+  if (select.options.length) return select;
+  select.append(...entries.map(([value, text]) => element("option", { value }, text)));
+  select.selectedIndex = chosen;
+  select.addEventListener("change", draw);
+  return select;
 }
 
 /** The command that repeats the case `id`, with a button that copies it. */
@@ -69,9 +74,7 @@ function colour(name) {
 const views = new Map();
 
 /** Let `draw` be called whenever the panel `id` is shown or light and dark change. */
-function view(id, draw) {
-  views.set(id, draw);
-}
+const view = (id, draw) => views.set(id, draw);
 
 /** Show the panel `id`; its name becomes part of the address, so that a link can point at it. */
 function show(id) {
@@ -98,11 +101,12 @@ function startPage() {
     tab.addEventListener("click", () => show(tab.getAttribute("aria-controls")));
     tab.addEventListener("keydown", (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      const next = event.key === "Home" ? 0 : event.key === "End" ? tabs.length - 1 : index + step;
-      if (Number.isNaN(next)) return;
+      const number = event.key === "Home" ? 0 : event.key === "End" ? tabs.length - 1 : index + step;
+      if (Number.isNaN(number)) return;
       event.preventDefault();
-      tabs[(next + tabs.length) % tabs.length].focus();
-      tabs[(next + tabs.length) % tabs.length].click();
+      const next = tabs[(number + tabs.length) % tabs.length];
+      next.focus();
+      next.click();
     });
   });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");

@@ -1,20 +1,11 @@
 // Many uncertain systems in one pose: Figures 11 and 12.
 
-/** Times [s] and TCP error [mm] of a system, unpacked once. */
-function spreadSignals(recording) {
-  if (!recording.unpacked) {
-    const [t, error] = recording.curve.map(unpack);
-    recording.unpacked = { t, error: error.map((value) => 1e3 * value) };
-  }
-  return recording.unpacked;
-}
-
 /** The lines of all systems: those assumed and the worst of all stand out, the others share a colour and a name. */
 function spreadLines(all, peakOf) {
   const worst = all.reduce((best, recording) => (peakOf(recording) > peakOf(best) ? recording : best));
   const assumed = (recording) => !recording.system.startsWith("random");
   const others = all.filter((recording) => !assumed(recording) && recording !== worst);
-  const line = (recording, look) => ({ t: spreadSignals(recording).t, y: spreadSignals(recording).error, ...look });
+  const line = (recording, look) => ({ t: curve(recording).t, y: curve(recording).error, ...look });
   const outstanding = all.filter((recording) => !others.includes(recording)).map((recording) =>
     line(recording, {
       name: recording.system + (recording === worst ? " (worst)" : ""),
@@ -27,8 +18,8 @@ function drawSpread() {
   const all = data.spread || [];
   if (!all.length) return;
   const pose = all[0].q_a.map(degrees).join(" / ");
-  const dueToForce = (recording) => peak(spreadSignals(recording), recording.window[0], Infinity)[0];
-  const dueToChirp = (recording) => peak(spreadSignals(recording), recording.chirp[0], recording.window[0])[0];
+  const dueToForce = (recording) => peak(curve(recording), recording.window[0], Infinity)[0];
+  const dueToChirp = (recording) => peak(curve(recording), recording.chirp[0], recording.window[0])[0];
   const told = (peaks, target, cause) => {
     const values = peaks.filter((value) => value !== null);
     const missed = values.length < peaks.length ? [`${peaks.length - values.length} ended before ${cause}`] : [];
@@ -40,21 +31,18 @@ function drawSpread() {
   const [begin] = longest.window;
   const force = criterion("B5").target * 1e3;
   const chirp = criterion("B7").target * 1e3;
+  const look = { ...TCP_ERROR, targets: errorTargets(longest) };
   overTime("spread-force", {
+    ...look,
     lines: spreadLines(all, dueToForce),
-    unit: "mm",
-    label: "TCP position error",
-    targets: errorTargets(longest),
     spans: [{ name: "force", from: begin, to: longest.window[1] }],
     from: begin - 0.2,
     to: longest.time,
     text: `${all.length} uncertain systems with their disturbances at ${pose} (Figure 11): ${told(all.map(dueToForce), force, "the force")}.`,
   });
   overTime("spread-chirp", {
+    ...look,
     lines: spreadLines(all, dueToChirp),
-    unit: "mm",
-    label: "TCP position error",
-    targets: errorTargets(longest),
     from: 0,
     to: begin - 0.5,
     text: `The same systems under the motor torque disturbance (Figure 12): ${told(all.map(dueToChirp), chirp, "it")}. Blue: the system assumed to be the worst; orange, where it is another one: the worst of all.`,

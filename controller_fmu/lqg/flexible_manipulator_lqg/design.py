@@ -14,13 +14,12 @@ The nominal values of Table 1 are the design's model of the manipulator; the con
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+
+from .interface import Weights
 
 ARC_MINUTE = math.pi / (180 * 60)
 
@@ -50,35 +49,6 @@ STATES = 12
 LAW_SIZE = STATES + 4
 DIVERGED = 1e100
 """Above this the iteration for a Riccati equation will not converge any more."""
-
-
-class Weights(NamedTuple):
-    """What a designer chooses; pairs hold one value an axis. Found by ``tune.py``."""
-
-    stiffness: tuple[float, float]
-    """Gear stiffness of the model relative to k_low at zero load [1]."""
-    hardening: float
-    """Exponent with which it follows the local slope, k = stiffness k_low (k_loc / k_low)^hardening [1]."""
-    friction: tuple[float, float]
-    """Effective viscous motor friction of the model [N.m.s/rad]."""
-    drift: tuple[float, float]
-    """Random walk of the motor torque disturbance, standard deviation of a step [N.m]: the integral action."""
-    motor_noise: tuple[float, float]
-    """White motor torque, standard deviation of a sample [N.m]."""
-    arm_noise: float
-    """White torque on each link, standard deviation of a sample [N.m]."""
-    push: float
-    """Torque of an outer force on the links, standard deviation [N.m], with the correlation time below."""
-    push_time: float
-    """Correlation time of that torque [s]."""
-    angle_noise: float
-    """Measurement noise, standard deviation [rad]."""
-    velocity: float
-    """Time [s] that turns TCP velocity into an error: the cost is error^2 + (velocity x time)^2 [mm2]."""
-    motor_angle: float
-    """Cost of the motor angle's deviation [mm/rad]."""
-    effort: tuple[float, float]
-    """Cost of torque [mm/N.m]."""
 
 
 class Pose(NamedTuple):
@@ -150,45 +120,25 @@ def tool_jacobian(q_a: tuple[float, float]) -> np.ndarray:
     )
 
 
-def flexible_joints(
-    links: np.ndarray,
-    motors: Sequence[float],
-    ratios: Sequence[float],
-    stiffness: Sequence[float],
-    damping: Sequence[float],
-    friction: Sequence[float],
-    torque_gain: Sequence[float] = (1.0, 1.0),
-) -> tuple[np.ndarray, np.ndarray]:
-    """The linear model dx/dt = A x + B w of two links on elastic gears; shapes (8, 8) and (8, 4).
+def linearize(weights: Weights, at: Pose) -> tuple[np.ndarray, np.ndarray]:
+    """The design's model dx/dt = A x + B w about the pose ``at``: two links on elastic gears; shapes (8, 8), (8, 4).
 
     x = link angles, motor angles [rad], link speeds, motor speeds [rad/s]; w = torques on the motors, torques on the
-    links [N.m]. ``links`` is the inertia matrix [kg.m2], the rest one value an axis. Gravity's slope, 1 % of the
-    gears', is left out.
+    links [N.m]. Gravity's slope, 1 % of the gears', is left out.
     """
-    to_gear = np.hstack([np.eye(2), -np.diag(1.0 / np.array(ratios))])
+    stiffness = [weights.stiffness[i] * K_LOW[i] * (at.slope[i] / K_LOW[i]) ** weights.hardening for i in (0, 1)]
+    to_gear = np.hstack([np.eye(2), -np.diag(1.0 / np.array(GEAR_RATIO))])
     inverse = np.zeros((4, 4))
-    inverse[:2, :2] = np.linalg.inv(links)
-    inverse[2:, 2:] = np.diag(1.0 / np.array(motors))
+    inverse[:2, :2] = np.linalg.inv(link_inertia(at.q_a[1]))
+    inverse[2:, 2:] = np.diag(1.0 / np.array(MOTOR_INERTIA))
     A = np.zeros((8, 8))
     A[:4, 4:] = np.eye(4)
     A[4:, :4] = -inverse @ to_gear.T @ np.diag(stiffness) @ to_gear
-    A[4:, 4:] = -inverse @ (to_gear.T @ np.diag(damping) @ to_gear + np.diag([0.0, 0.0, *friction]))
+    A[4:, 4:] = -inverse @ (to_gear.T @ np.diag(GEAR_DAMPING) @ to_gear + np.diag([0.0, 0.0, *weights.friction]))
     B = np.zeros((8, 4))
-    B[4:, :2] = inverse[:, 2:] * np.array(torque_gain)
+    B[4:, :2] = inverse[:, 2:]
     B[4:, 2:] = inverse[:, :2]
     return A, B
-
-
-def linearize(weights: Weights, at: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """The design's model about the pose ``at``, see :func:`flexible_joints`."""
-    return flexible_joints(
-        links=link_inertia(at.q_a[1]),
-        motors=MOTOR_INERTIA,
-        ratios=GEAR_RATIO,
-        stiffness=[weights.stiffness[i] * K_LOW[i] * (at.slope[i] / K_LOW[i]) ** weights.hardening for i in (0, 1)],
-        damping=GEAR_DAMPING,
-        friction=weights.friction,
-    )
 
 
 def discretize(A: np.ndarray, B: np.ndarray, T_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -281,10 +231,3 @@ def controller(weights: Weights, at: Pose, T_s: float) -> Recursion:
 def law(recursion: Recursion) -> np.ndarray:
     """The recursion as one matrix: (z+, torque about u_m0, estimated TCP error) = law (z, u, e), shape (16, 16)."""
     return np.vstack([recursion.step, -recursion.gain @ recursion.step, recursion.tool @ recursion.step])
-
-
-def read_weights(file: Path) -> Weights:
-    """The weights in a data file of the tuning script."""
-    entries = json.loads(file.read_text(encoding="utf-8"))["weights"]
-    fields: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in entries.items()}
-    return Weights(**fields)

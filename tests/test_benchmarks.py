@@ -1,6 +1,4 @@
-"""Many simulations in one go leave nothing behind: no memory, no descriptors, no files, no processes."""
-
-from __future__ import annotations
+"""Smaller runs of scripts in ``benchmarks``: simulations leave nothing behind, mutations end in no traceback."""
 
 import sys
 import tempfile
@@ -8,6 +6,7 @@ import tempfile
 import pytest
 
 from benchmarks.execution import endure
+from benchmarks.fuzz import fuzz
 from orchestrator.api.campaign import Bench
 from orchestrator.fmi.archive import open_archive
 
@@ -18,11 +17,18 @@ def test_many_simulations_leave_nothing_behind(plant_file, pid_file, tmp_path, m
     """Scaled down; 10,000 are run by ``benchmarks/execution.py --endurance 10000``, with figures in docs/running.md."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # others use the usual one, too
     bench = Bench(open_archive(plant_file), open_archive(pid_file), timeout=6000.0)
-    found = endure(bench, 300, workers=2)
+    found = endure(bench, 200, workers=2)
     first, last = found[1], found[-1]
-    assert last.simulations == 300
+    assert last.simulations == 200
     assert last.parent < first.parent + 10.0  # MB
     assert last.workers < first.workers + 20.0
     assert last.descriptors <= first.descriptors + 8  # as many workers may be alive in the one moment as in the other
     assert last.files <= first.files
     assert last.processes <= first.processes + 2
+
+
+def test_mutations_are_refused_or_make_sense():
+    outcomes, problems = fuzz(seed=1, messages=1000, results=40, recordings=40)
+    assert problems == []
+    for counted in outcomes.values():
+        assert counted["refused"] > 0 and counted["accepted"] > 0

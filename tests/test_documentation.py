@@ -1,0 +1,104 @@
+"""The documentation says what is, and its code runs as it stands there, with a smaller protocol than ``quick``."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from fmpy import read_model_description
+
+import orchestrator
+
+ROOT = Path(__file__).resolve().parents[1]
+ONE_POSE = 'extends = "quick"\nname = "one pose"\n[grid]\nq_a1_points = 1\nq_a2_points = 1\n'
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def run_code(text: str, name: str) -> dict[str, object]:
+    """Run the blocks of code of a page; what they defined."""
+    scope: dict[str, object] = {}
+    for block in re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        exec(compile(block, name, "exec"), scope)
+    return scope
+
+
+@pytest.fixture
+def folder(pid_c_file: Path, native_plant_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, with a controller, the plant, and the protocol."""
+    (tmp_path / "build" / "fmus").mkdir(parents=True)
+    shutil.copy(native_plant_file, tmp_path / "build" / "fmus")
+    shutil.copy(pid_c_file, tmp_path / "my_controller.fmu")
+    (tmp_path / "quick.toml").write_text(ONE_POSE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def smaller(code: str) -> str:
+    return code.replace('"quick"', '"quick.toml"')
+
+
+@pytest.mark.slow
+def test_code_of_the_page_on_python(folder: Path) -> None:
+    scope = run_code(smaller(text("docs/python.md")), "docs/python.md")
+    assert (folder / "report.html").stat().st_size > 100_000
+    assert (folder / "figures" / "figure_09_force.pdf").is_file() and (folder / "case.png").is_file()
+    assert len(scope["table"]) == 6  # type: ignore[arg-type]
+
+
+def test_code_of_the_page_on_the_plant(folder: Path) -> None:
+    scope = run_code(text("docs/plant.md"), "docs/plant.md")
+    assert 1e-5 < np.ptp(scope["pushed"]["X[1]"]) < 1.0  # type: ignore[index]
+
+
+@pytest.mark.slow
+def test_notebook(folder: Path) -> None:
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    notebook = nbformat.read(ROOT / "examples" / "first_steps.ipynb", as_version=4)
+    for cell in notebook.cells:
+        cell.source = smaller(cell.source)
+    nbclient.NotebookClient(notebook, kernel_name="python3").execute()
+    shown = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", ())]
+    assert any("<table" in data.get("text/html", "") and "V" in data["text/html"] for data in shown)
+    assert any("image/png" in data or "image/svg+xml" in str(data) for data in shown)
+
+
+def documented(heading: str) -> dict[str, tuple[str, str, str, tuple[float, ...]]]:
+    """Causality, variability, unit and starts by variable, from the table below ``heading``."""
+    rows = {}
+    for line in text("docs/interface.md").split(f"## {heading}\n")[1].split("\n## ")[0].splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        for number, name in enumerate(re.findall(r"`([^`]+)`", cells[0])):
+            starts = tuple(float(word) for word in cells[4].split(", ") if word)
+            rows[name] = (*cells[1:4], starts[min(number, len(starts) - 1) :][:1])
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("heading", "file"), [("The plant FMU's variables", "plant_file"), ("The default PID's variables", "pid_file")]
+)
+def test_the_interface_page_lists_every_variable_as_it_is(heading, file, request):
+    described = {
+        v.name: (v.causality, v.variability, v.unit, (pytest.approx(float(v.start), rel=1e-5),) if v.start else ())
+        for v in read_model_description(str(request.getfixturevalue(file))).modelVariables
+    }
+    assert documented(heading) == described
+
+
+def test_the_package_page_has_no_link_or_picture_that_leads_nowhere_on_an_index():
+    (page,) = re.findall(r'^readme = "(.+?)"', text("pyproject.toml"), re.MULTILINE)
+    links = re.findall(r"\]\(([^)]*)\)", text(page))
+    assert links and [link for link in links if not link.startswith("https://")] == []
+
+
+def test_the_citation_has_this_version_and_the_paper_as_on_its_page():
+    citation = yaml.safe_load(text("CITATION.cff"))
+    assert citation["version"] == orchestrator.__version__
+    paper = citation["preferred-citation"]
+    *others, last = [f"{each['given-names'][0]}. {each['family-names']}" for each in paper["authors"]]
+    where = f"{paper['conference']['name']} {paper['year']}, {paper['conference']['city']}"
+    assert f'{", ".join(others)} and {last}, "{paper["title"]}", {where}' in " ".join(text("docs/paper.md").split())
