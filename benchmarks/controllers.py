@@ -84,7 +84,7 @@ def scorecard(protocol: Protocol, cases: Sequence[Case], name: str, folder: Path
     controller = open_archive(build_fmus.build(name, folder))
     bench = Bench(plant, controller, timeout=TIMEOUT)
     runs = run_cases(protocol, cases, bench, functools.partial(pool.run, workers=jobs))
-    return score(rules(protocol), [run.result for run in runs], len(cases))
+    return score(rules(protocol), [run.result for _, run in runs], len(cases))
 
 
 def step_costs(names: Sequence[str], folder: Path) -> dict[str, tuple[float, float]]:

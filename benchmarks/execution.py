@@ -93,7 +93,7 @@ def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) 
             assert isinstance(outcome, Done), outcome
             case = cases[outcome.index]
             result = named(case, outcome.value.judgement)
-            stored_runs.keep(results, keys[case.id], campaign.CaseRun(case, result, outcome.wall_time), bench)
+            stored_runs.keep(results, keys[outcome.index], campaign.CaseRun(case, result, outcome.wall_time), bench)
             found.append(outcome.value)
         parent = time.process_time() - begin
     simulations = sum(value.simulation for value in found)
@@ -125,7 +125,7 @@ def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> 
     def speed(execute: Callable[..., Any]) -> float:
         begin = time.perf_counter()
         found = list(run_cases(protocol, cases, bench, execute))
-        assert all(run.result.judged for run in found)
+        assert all(run.result.judged for _, run in found)
         return len(found) / (time.perf_counter() - begin)
 
     single = speed(functools.partial(pool.run, workers=1))

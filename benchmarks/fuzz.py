@@ -48,7 +48,8 @@ from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
 from orchestrator.reporting.run import load_run, save_run  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
-CASE = cases(protocols.load("quick"), NOMINAL, 0)[0]
+PROTOCOL = protocols.load("quick")
+CASE = cases(PROTOCOL, NOMINAL, 0)[0]
 SAMPLES = 5
 
 NONSENSE: tuple[Any, ...] = (
@@ -121,7 +122,7 @@ def check_sense(value: Any) -> None:
 
 def check_judgement(found: Judgement) -> None:
     check_sense(plain(found))
-    assert found.measurements.names in (expected(CASE.test), frozenset())
+    assert found.measurements.names in (expected(PROTOCOL, CASE), frozenset())
     assert 0.0 <= found.time <= float(CASE.scenario.duration)
 
 
@@ -145,12 +146,12 @@ def _trajectory() -> Trajectory:
 
 
 def _judgement() -> Judgement:
-    figures = dict.fromkeys(expected(CASE.test), 0.1)
+    figures = dict.fromkeys(expected(PROTOCOL, CASE), 0.1)
     return Judgement(status=Status.DONE, time=1.0, message="why", measurements=Measurements(**figures), warnings=3)
 
 
 VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
-    "judgement": (_judgement(), lambda value: work.judgement(CASE, value), check_judgement),
+    "judgement": (_judgement(), lambda value: work.judgement(PROTOCOL, CASE, value), check_judgement),
     "timing": (work.TimingRecord(1, "x"), lambda value: work.timing(0, value), lambda found: check_sense(plain(found))),
     "trajectory": (_trajectory(), lambda value: work.trajectory(SAMPLES, OBSERVED, value), check_trajectory),
     "recording": (RECORDINGS[0], work.recording, check_recording),

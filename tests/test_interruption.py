@@ -32,10 +32,11 @@ from orchestrator import Benchmark
 from orchestrator.api import campaign
 from orchestrator.api import stored as stored_runs
 from orchestrator.api.campaign import CaseRun
+from orchestrator.api.running import Runner
 from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
-from orchestrator.execution import pool, store
+from orchestrator.execution import store
 from orchestrator.execution.job import Died, Done, Outcome, Refused
 from orchestrator.execution.messages import ErrorRecord
 from orchestrator.fmi.trace import CONTROLLER, Place
@@ -59,7 +60,7 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     if kind == "error":
         return Refused(index, ErrorRecord("fmu", f"no. {number}"), 1.0)
     case = QUICK.cases[number]
-    names = sorted(expected(case.test)) if kind == "done" else ()
+    names = sorted(expected(QUICK.rules, case)) if kind == "done" else ()
     figures = {name: name == "settled" or number / 7.0 for name in names}
     judgement = Judgement(status=Status(kind), time=1.0, measurements=Measurements(**figures))
     return Done(index, judgement, 1.0)
@@ -81,7 +82,7 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
         """The runs, or None where the evaluation ended after ``stop_after`` outcomes."""
         groups: list[tuple[int, int, int]] = []
 
-        def execute(jobs, workers):
+        def execute(jobs):
             left, names = stop_after, [case.id for case in QUICK.cases]
             waiting = [name for name in names if name not in stored]
             order = [
@@ -97,10 +98,10 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
                 yield job, outcome(index, number, kinds, lost)
 
         keys = stored_runs.keys(QUICK.rules, QUICK.cases, own)
-        stored = {run.case.id for run in stored_runs.load(results, keys, QUICK.cases, own, not keep_going)}
-        with pytest.MonkeyPatch.context() as patch, suppress(KeyboardInterrupt):
-            patch.setattr(pool, "run", execute)
-            return QUICK._run(QUICK.cases, own, results, None, keep_going, False, None)
+        there = stored_runs.load(results, keys, QUICK.rules, QUICK.cases, own, not keep_going)
+        stored = {run.case.id for run in there.values()}
+        with suppress(KeyboardInterrupt):
+            return Runner(QUICK.rules, own, execute, results, keep_going).run(QUICK.cases)
         return None
 
     with store.opened(None) as one, store.opened(None) as two:
@@ -112,7 +113,7 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
             found = evaluated(two, -1, set())
         assert found == whole
         keys = stored_runs.keys(QUICK.rules, QUICK.cases, own)
-        kept = {run.case for run in stored_runs.load(two, keys, QUICK.cases, own, True)}
+        kept = {run.case for run in stored_runs.load(two, keys, QUICK.rules, QUICK.cases, own, True).values()}
         assert kept == {run.case for run in whole if run.result.status is not Status.SKIPPED}
 
 

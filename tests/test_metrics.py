@@ -120,4 +120,4 @@ def test_what_ended_early_is_not_measured(status):
 
 @pytest.mark.parametrize("case", [NOISE, DISTURBANCE, GAIN], ids=lambda case: case.test.name)
 def test_figures_are_those_that_are_expected(case):
-    assert measured(case, error_x=1e-5).names == metrics.expected(case.test)
+    assert measured(case, error_x=1e-5).names == metrics.expected(PAPER, case)

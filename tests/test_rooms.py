@@ -15,11 +15,11 @@ FLOORS = (
     ("fmi",),
     ("loop",),
     ("benchmark", "conformance"),
-    ("execution",),
+    ("execution", "search"),
     ("reporting",),
     ("api",),
     ("cli",),
-    ("__init__", "__main__", "evaluate", "simulate", "check", "compare", "report"),
+    ("__init__", "__main__", "evaluate", "simulate", "robustness", "check", "compare", "report"),
     ("tuning",),
 )
 """Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the

@@ -43,8 +43,8 @@ def opened(tmp_path):
 def keys(bench, protocol=QUICK, cases=CASES) -> set[str]:
     """The keys of ``cases``, all different."""
     found = stored_runs.keys(protocol, cases, bench)
-    assert len(set(found.values())) == len(cases)
-    return set(found.values())
+    assert len(set(found)) == len(cases)
+    return set(found)
 
 
 BENCHES = {
@@ -98,14 +98,14 @@ def test_other_code_has_another_key(change, own, monkeypatch, tmp_path):
 
 def test_protocols_share_the_cases_that_are_equal(own):
     """A case of "paper" is not run again because "quick" has it, too."""
-    (quick, quick_cases), (paper, paper_cases) = (
-        ({key: id for id, key in stored_runs.keys(of, cases, own).items()}, {case.id: case for case in cases})
+    quick, paper = (
+        dict(zip(stored_runs.keys(of, cases, own), cases, strict=True))
         for of, cases in ((QUICK, CASES), (PAPER, cases_of(PAPER, NOMINAL, 0)))
     )
     shared = quick.keys() & paper.keys()
     assert len(shared) >= 6
     for key in shared:
-        one, other = quick_cases[quick[key]], paper_cases[paper[key]]
+        one, other = quick[key], paper[key]
         assert (one.scenario, one.test.criteria) == (other.scenario, other.test.criteria)
 
 
@@ -114,19 +114,24 @@ positive = st.floats(0.0, 1e300)
 
 def run_of(case, status=Status.DONE, figure=0.1, **changes) -> CaseRun:
     """A run of ``case`` that came to ``status``."""
-    figures = {name: name == "settled" or figure for name in expected(case.test)} if status is Status.DONE else {}
+    figures = {name: name == "settled" or figure for name in expected(QUICK, case)} if status is Status.DONE else {}
     fields = {"time": 2.0, "message": "", "warnings": 0, **changes}
     return CaseRun(case, named(case, Judgement(status=status, measurements=Measurements(**figures), **fields)), 1.25)
 
 
 def load(opened, bench, failures=True) -> list[CaseRun]:
     """What is stored of the cases."""
-    return stored_runs.load(opened, stored_runs.keys(QUICK, CASES, bench), CASES, bench, failures)
+    return list(stored_runs.load(opened, stored_runs.keys(QUICK, CASES, bench), QUICK, CASES, bench, failures).values())
+
+
+def key_of(bench) -> dict[str, str]:
+    """The keys by the names of the cases."""
+    return dict(zip((case.id for case in CASES), stored_runs.keys(QUICK, CASES, bench), strict=True))
 
 
 def put(opened, bench, *runs) -> None:
     """Store runs."""
-    names = stored_runs.keys(QUICK, CASES, bench)
+    names = key_of(bench)
     for run in runs:
         stored_runs.keep(opened, names[run.case.id], run, bench)
 
@@ -151,7 +156,7 @@ def test_a_second_record_takes_the_first_ones_place_and_what_is_not_final_is_not
     put(opened, own, *map(run_of, CASES[:2]), run_of(CASES[0], warnings=3))
     put(opened, own, replace(run_of(CASES[2], Status.CRASHED), final=False), run_of(CASES[3], Status.SKIPPED))
     assert load(opened, own) == [run_of(CASES[0], warnings=3), run_of(CASES[1])]
-    opened.forget([stored_runs.keys(QUICK, CASES, own)[CASES[0].id]])
+    opened.forget([key_of(own)[CASES[0].id]])
     assert load(opened, own) == [run_of(CASES[1])]
 
 
@@ -170,7 +175,7 @@ def test_records_that_make_no_sense_are_none(opened, own, tmp_path):
     put(opened, own, run_of(CASES[0]))
     put(opened, own, replace(run_of(CASES[1]), result=named(CASES[1], Judgement(status=Status.DONE, time=2.0))))
     put(opened, own, run_of(CASES[2], time=1e6))  # its case cannot have it, nor that without a figure
-    names = list(stored_runs.keys(QUICK, CASES, own).values())[3:]
+    names = list(key_of(own).values())[3:]
     wrong = [b"", b"{}", b"[1]", b"null", b"\xff", b'{"judgement": {"status": "fine"}}', "text", 1]
     with closing(sqlite3.connect(tmp_path / store.FILE)) as other, other:
         other.executemany("INSERT INTO records VALUES (?, '', ?)", zip(names, wrong, strict=False))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from hostile.fmus import Fault
-from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, bench, run, short_cases
+from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, bench, run, runs_of, short_cases
 
 from orchestrator import Benchmark, Controller
 from orchestrator.api import campaign
@@ -41,7 +41,7 @@ def test_a_broken_controller_answers_after_three_crashes(plant_file, faulty):
     assert statuses(runs) == [CRASHED] * 3 + [SKIPPED] * 3
     assert "crashed: the process was ended by SIGABRT" in runs[3].result.message
     assert statuses(run(own, cases)) == [CRASHED] * 6
-    earlier = list(campaign.run_cases(PROTOCOL, cases[3:], own, lambda jobs: iter(()), runs[:3]))
+    earlier = runs_of(campaign.run_cases(PROTOCOL, cases[3:], own, lambda jobs: iter(()), runs[:3]))
     assert statuses(earlier) == [SKIPPED] * 3  # strikes of an earlier run count
 
 
@@ -66,7 +66,7 @@ def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
 def ran(own, *outcomes):
     """The runs of four cases that end so."""
     cases = short_cases((STRUCK,) * 4)
-    return list(campaign.run_cases(PROTOCOL, cases, own, lambda jobs: ((0, outcome) for outcome in outcomes)))
+    return runs_of(campaign.run_cases(PROTOCOL, cases, own, lambda jobs: ((0, outcome) for outcome in outcomes)))
 
 
 @pytest.mark.parametrize(("what", "status"), [("status:3", DONE), ("abort", CRASHED)])
@@ -98,9 +98,9 @@ def test_a_failure_in_the_first_sample_is_told_at_once(fault, status, call, plan
     failure = campaign.rehearse(cases[0], own).failure
     assert failure is not None and (failure.result.status, failure.result.time) == (status, 0.0)
     assert f"in the call '{call}' of the controller" in failure.result.message
-    found = list(campaign.run_cases(PROTOCOL, cases, own, never, at_once=failure))
+    found = runs_of(campaign.run_cases(PROTOCOL, cases, own, never, at_once=failure))
     assert found[0] == failure and statuses(found[1:]) == [SKIPPED] * 3
-    again = list(campaign.run_cases(PROTOCOL, cases[1:], own, never, [failure], at_once=failure))
+    again = runs_of(campaign.run_cases(PROTOCOL, cases[1:], own, never, [failure], at_once=failure))
     assert again == found[1:]  # a run that was interrupted after the first result
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import fnmatch
 import functools
-import logging
 import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -23,6 +22,7 @@ from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, RunTiming
+from ..benchmark.scorecard import kind
 from ..benchmark.variation import Variation, vary
 from ..conformance.finding import Finding
 from ..errors import InputError
@@ -30,15 +30,17 @@ from ..execution import cluster, pool, store
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
 from ..reporting.files import prepare_folder
-from . import campaign, checking, document, stored
-from .campaign import Bench, CaseRun
+from ..reporting.repeat import Setting
+from ..search.findings import Robustness
+from . import campaign, checking, document
+from .campaign import Bench
 from .controller import Controller
 from .evaluation import Evaluation
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
+from .robustness import OnProgress, find_worst_case
+from .running import Runner
 from .simulation import Simulation
-
-logger = logging.getLogger(__name__)
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Is told each result as it comes, how many there are, and how many there will be."""
@@ -211,9 +213,10 @@ class Benchmark:
         if target is not None:
             prepare_folder(target)
         start, begin = datetime.now(timezone.utc), time.perf_counter()
-        with store.opened(target) as known:
+        with self._runner(bench, target, keep_going) as runner:
             rehearsal = campaign.rehearse(cases[0], bench)
-            runs = self._run(cases, bench, known, rehearsal.failure, keep_going, force, on_result)
+            told = None if on_result is None else lambda run, done, total: on_result(run.result, done, total)
+            runs = runner.run(cases, rehearsal.failure, force, told)
             timing = RunTiming(
                 start.isoformat(timespec="seconds"),
                 time.perf_counter() - begin,
@@ -243,6 +246,73 @@ class Benchmark:
                     evaluation.save(target)
         return evaluation
 
+    def robustness(
+        self,
+        controller: Controller | None = None,
+        *,
+        budget: int = 2000,
+        minutes: float = math.inf,
+        protocol: str | Path = "strict",
+        only: Sequence[str] = (),
+        from_list: bool = True,
+        folder: str | Path | None = None,
+        on_progress: OnProgress | None = None,
+    ) -> Robustness:
+        """Search for the worst case: is there an arm within the tolerances for which the controller fails, and which?
+
+        What is found is a proof, since its command repeats it; that nothing is found proves nothing.
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID.
+        budget : int
+            Simulations to aim for; the last stages may need some more.
+        minutes : float
+            Time after which no more is searched, though what was found is still confirmed.
+        protocol : str or path
+            A protocol that draws nothing; its cases are the list that the search begins with.
+        only : sequence of str
+            What to search for, of ``"B5"``, ``"B6"``, ``"B7"`` and the tests of A1 and A2 such as ``"delay_2"``; by
+            default everything.
+        from_list : bool
+            Whether to begin with it, or with the nominal system alone.
+        folder : path, optional
+            Where finished simulations are stored as they come and found again.
+        on_progress : callable, optional
+            ``on_progress(stage, simulations, worst)`` is called after each stage and round.
+
+        Returns
+        -------
+        Robustness
+
+        Raises
+        ------
+        InputError
+            If controller, protocol or folder cannot be used.
+        FmuError
+            If the controller refuses its first sample.
+        EnvironmentFault
+            If this machine or the cluster fails; what is finished is kept in ``folder``.
+        """
+        bench, own = self._bench(controller := controller or Controller()), replace(self, protocol=protocol)
+        T_s = controller_sample_time(bench.controller, own.rules.sample_time, controller.given_sample_time).value
+        cases = case_list.cases(own.rules, own.nominal, own.seed, T_s)
+        setting = Setting(
+            document.controller_record(bench, controller),
+            document.plant_record(self.manipulator, self.plant_parameters),
+            str(protocol),
+            self.seed,
+            None if T_s == own.rules.sample_time else float(T_s),
+        )
+        target = Path(folder) if folder is not None else None
+        if target is not None:
+            prepare_folder(target)
+        with own._runner(bench, target) as runner:
+            campaign.rehearse(cases[0], bench)
+            listed = cases if from_list else ()
+            return find_worst_case(runner, listed, own.nominal, setting, T_s, budget, minutes, only, on_progress)
+
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
     ) -> Simulation:
@@ -260,15 +330,10 @@ class Benchmark:
         scenario = replace(wanted.scenario, sample_time=sample_time.value)
         wanted = replace(wanted, scenario=scenario)
         trajectory = campaign.simulate(bench, scenario)
-        result = None
-        if self._is_of_protocol(wanted):
-            result = named(wanted, judge(self.rules, wanted, trajectory))
-        return Simulation(wanted, bench.controller.name, trajectory, result)
-
-    def _is_of_protocol(self, case: Case) -> bool:
-        """Whether the case is as the protocol has it, but for the controller's sample time."""
-        plain = case_list.case(self.rules, case.configuration, case.system, case.test, self.seed)
-        return replace(plain.scenario, sample_time=case.scenario.sample_time) == case.scenario
+        result = named(wanted, judge(self.rules, wanted, trajectory))
+        plain = case_list.case(self.rules, wanted.configuration, wanted.system, wanted.test, self.seed).scenario
+        varied = replace(plain, sample_time=scenario.sample_time) != scenario
+        return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
 
     @property
     def _workers(self) -> int:
@@ -278,45 +343,16 @@ class Benchmark:
         limits = Limits(memory=int(self.memory_limit))
         return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
-    def _run(
-        self,
-        cases: Sequence[Case],
-        bench: Bench,
-        known: store.Store,
-        at_once: CaseRun | None,
-        keep_going: bool,
-        force: bool,
-        on_result: OnResult | None,
-    ) -> list[CaseRun]:
-        """Runs of all ``cases`` in their order: those in the store, and the others, stored as they come."""
-        keys = stored.keys(self.rules, cases, bench)
-        if force:
-            known.forget(keys.values())
-        found = {run.case.id: run for run in stored.load(known, keys, cases, bench, not keep_going)}
-        if found:
-            logger.info(
-                "%d of %d cases are there from an earlier run", len(found), len(cases), extra={"what": "stored"}
-            )
-        waiting = [case for case in cases if case.id not in found]
+    @contextmanager
+    def _runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
+        """What runs cases, with the store in ``folder``."""
         execute = (
             functools.partial(cluster.run, address=self.scheduler)
             if self.scheduler
             else functools.partial(pool.run, workers=self._workers)
         )
-        for number, run in enumerate(found.values(), start=1):
-            _tell(on_result, run, number, len(cases))
-        stream = campaign.run_cases(self.rules, waiting, bench, execute, list(found.values()), keep_going, at_once)
-        with closing(stream):
-            for run in stream:
-                stored.keep(known, keys[run.case.id], run, bench)
-                found[run.case.id] = run
-                _tell(on_result, run, len(found), len(cases))
-        return [found[case.id] for case in cases]
-
-
-def _tell(on_result: OnResult | None, run: CaseRun, done: int, total: int) -> None:
-    if on_result is not None:
-        on_result(run.result, done, total)
+        with store.opened(folder) as known:
+            yield Runner(self.rules, bench, execute, known, keep_going)
 
 
 def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...]:

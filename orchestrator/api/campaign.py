@@ -127,36 +127,37 @@ def run_cases(
     failures: Sequence[CaseRun] = (),
     keep_going: bool = False,
     at_once: CaseRun | None = None,
-) -> Generator[CaseRun, None, None]:
-    """Runs of ``cases`` as they come, in no particular order; each depends on its case and the FMUs alone.
+) -> Generator[tuple[int, CaseRun], None, None]:
+    """Runs of ``cases`` as they come, each with the number of its case, in no particular order; a run depends on its
+    case and the FMUs alone.
 
     After STRIKES failures of one kind, those of earlier ``failures`` included, the remaining cases are skipped unless
     ``keep_going``. A failure ``at_once``, which the rehearsal has found, is enough alone.
     """
     strikes = Counter((run.result.status, run.kind) for run in failures)
-    groups = [cases[first : first + GROUP_SIZE] for first in range(0, len(cases), GROUP_SIZE)]
-    jobs = [judging(protocol, group, bench) for group in groups]
-    waiting = dict.fromkeys(case.id for case in cases)
+    jobs = [judging(protocol, cases[first : first + GROUP_SIZE], bench) for first in range(0, len(cases), GROUP_SIZE)]
+    waiting = dict.fromkeys(range(len(cases)))
     reason = _reason(strikes, at_once, keep_going)
-    if at_once is not None and at_once.case.id in waiting and not keep_going:
-        del waiting[at_once.case.id]
-        yield at_once
+    if at_once is not None and at_once.case in cases and not keep_going:
+        number = cases.index(at_once.case)
+        del waiting[number]
+        yield number, at_once
     if not reason:
         with contextlib.closing(execute(jobs)) as outcomes:
-            for number, outcome in outcomes:
-                case = groups[number][outcome.index]
-                if case.id not in waiting:
+            for job, outcome in outcomes:
+                number = job * GROUP_SIZE + outcome.index
+                if number not in waiting:
                     continue  # a cluster may run a job twice
-                del waiting[case.id]
-                run = case_run(case, outcome)
-                yield run
+                del waiting[number]
+                run = case_run(cases[number], outcome)
+                yield number, run
                 strikes[run.result.status, run.kind] += 1
                 reason = _reason(strikes, at_once, keep_going)
                 if reason:
                     break
-    for case in cases:
-        if case.id in waiting:
-            yield CaseRun(case, named(case, Judgement(status=Status.SKIPPED, time=0.0, message=reason)))
+    for number in waiting:
+        skipped = Judgement(status=Status.SKIPPED, time=0.0, message=reason)
+        yield number, CaseRun(cases[number], named(cases[number], skipped))
 
 
 def simulate(bench: Bench, scenario: Scenario) -> Trajectory:
@@ -188,7 +189,7 @@ def judging(protocol: Protocol, group: Sequence[Case], bench: Bench) -> Job:
         work.judge_case.__name__,
         [work.CaseTask(protocol, bench.setup, case) for case in group],
         [case.scenario for case in group],
-        lambda index, value: work.judgement(group[index], value),
+        lambda index, value: work.judgement(protocol, group[index], value),
         START_TIME,
     )
 

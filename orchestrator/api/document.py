@@ -63,7 +63,7 @@ def results(
         configurations=card.configurations,
         cases=cases,
         seed=seed,
-        controller=_controller(bench, controller),
+        controller=controller_record(bench, controller),
         plant=plant,
         rules=spec,
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
@@ -91,7 +91,8 @@ def environment() -> dict[str, str]:
     }
 
 
-def _controller(bench: Bench, controller: Controller) -> ControllerRecord:
+def controller_record(bench: Bench, controller: Controller) -> ControllerRecord:
+    """The controller as it is used."""
     binding = controller_binding(bench.controller, bench.setup)
     connectors = {
         connector.name: BoundRecord(tuple(v.name for v in bound.variables), bound.spelled, bound.notes)

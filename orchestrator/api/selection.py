@@ -65,7 +65,7 @@ def shown(
         return Shown(replace(case, scenario=scenario), (role,))
 
     end = protocol.disturbance.t_2 + AFTERWARDS
-    names = [*protocol.sets[cases.DRAWN], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]
+    names = [*protocol.sets[test.systems], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]
     spread = [in_pose(name, SPREAD, end) for name in list(dict.fromkeys(names))[:size]]
     return [*chosen, in_pose("nominal", EXAMPLE), *spread]
 

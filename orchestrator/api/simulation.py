@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import asdict
 
 from ..benchmark.case import Case
-from ..benchmark.results import CaseResult
+from ..benchmark.results import CaseResult, Kind
 from ..codec import Malformed, Struct, pack, unpack
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
@@ -26,7 +27,9 @@ class _Saved(Struct, frozen=True):
     case: Case
     controller: str
     trajectory: Trajectory
-    result: CaseResult | None
+    result: CaseResult
+    varied: bool
+    kind: Kind
 
 
 @dataclass(frozen=True)
@@ -41,14 +44,20 @@ class Simulation:
         File name of the controller.
     trajectory : Trajectory
         The signals; see there for more than this class shows.
-    result : CaseResult or None
-        Criteria and verdict; None if the scenario was varied, so that it is not a case of the protocol any more.
+    result : CaseResult
+        Criteria and what the end is judged by.
+    varied : bool
+        Whether the scenario was varied, so that it is not a case of the protocol any more.
+    kind : str
+        What it came to: ``"quiet"``, ``"ring-down"``, ``"limit cycle"``, ``"unstable"`` or ``"no verdict"``.
     """
 
     case: Case
     controller: str
     trajectory: Trajectory
-    result: CaseResult | None = None
+    result: CaseResult
+    varied: bool
+    kind: Kind
 
     @property
     def time(self) -> np.ndarray:
@@ -119,7 +128,7 @@ class Simulation:
         """Write the simulation into ``file``; :meth:`load` reads it. The signals alone: see :meth:`columns`."""
         from ..reporting.files import write_bytes
 
-        write_bytes(Path(file), pack(_Saved(self.case, self.controller, self.trajectory, self.result)))
+        write_bytes(Path(file), pack(_Saved(**vars(self))))
         return Path(file)
 
     @classmethod
@@ -131,7 +140,7 @@ class Simulation:
             raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
         except Malformed as problem:
             raise InputError(f"{file} does not hold a simulation: {problem}.", "damaged", file) from None
-        return cls(saved.case, saved.controller, saved.trajectory, saved.result)
+        return cls(**asdict(saved))
 
     def _repr_html_(self) -> str:
         from ..reporting.fragments import simulation_fragment

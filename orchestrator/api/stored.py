@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ..benchmark.case import Case
 from ..benchmark.metrics import named
@@ -31,9 +31,9 @@ class StoredRun(Struct, frozen=True):
     conditions: str
 
 
-def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[str, str]:
-    """By case, the key of its result: a hash of the FMUs' bytes, their parameters, the scenario, how it is judged, and
-    the code that simulates and judges it. It does not depend on which other cases the protocol has."""
+def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> list[str]:
+    """For each case, the key of its result: a hash of the FMUs' bytes, their parameters, the scenario, how it is
+    judged, and the code that simulates and judges it. It does not depend on which other cases the protocol has."""
     common = [
         protocol.benchmark,
         computing_code(),
@@ -50,19 +50,21 @@ def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> dict[str, s
         digest.update(repr((case.scenario, case.test.criteria, case.test.requirements)).encode())
         return digest.hexdigest()
 
-    return {case.id: key(case) for case in cases}
+    return [key(case) for case in cases]
 
 
-def load(store: Store, keys: Mapping[str, str], cases: Sequence[Case], bench: Bench, failures: bool) -> list[CaseRun]:
-    """The stored runs of ``cases``: those that last, and ``failures`` under the same conditions."""
-    records = store.get(list(keys.values()))
-    found = []
-    for case in cases:
+def load(
+    store: Store, keys: Sequence[str], protocol: Protocol, cases: Sequence[Case], bench: Bench, failures: bool
+) -> dict[int, CaseRun]:
+    """The stored runs of ``cases`` by number: those that last, and ``failures`` under the same conditions."""
+    records = store.get(keys)
+    found = {}
+    for number, (key, case) in enumerate(zip(keys, cases, strict=True)):
         with contextlib.suppress(KeyError, Malformed):  # a record that makes no sense is none
-            stored = from_json(records[keys[case.id]], StoredRun)
-            check_judgement(case, stored.judgement)
+            stored = from_json(records[key], StoredRun)
+            check_judgement(protocol, case, stored.judgement)
             if stored.judgement.status in LASTING or (failures and stored.conditions == bench.conditions):
-                found.append(CaseRun(case, named(case, stored.judgement), stored.wall_time, kind=stored.kind))
+                found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, kind=stored.kind)
     return found
 
 

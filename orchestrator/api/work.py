@@ -103,18 +103,18 @@ def probe_timing(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(TimingRecord())
 
 
-def judgement(case: Case, value: bytes) -> Judgement:
+def judgement(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
     found = unpack(value, Judgement)
     if found.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
         raise Malformed(f"the status {found.status.value}, which only the supervision gives")
-    check_judgement(case, found)
+    check_judgement(protocol, case, found)
     return found
 
 
-def check_judgement(case: Case, found: Judgement) -> None:
+def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
-    names, wanted = found.measurements.names, expected(case.test)
+    names, wanted = found.measurements.names, expected(protocol, case)
     possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset())}
     if names not in possible.get(found.status, (frozenset(),)):
         raise Malformed(f"the status {found.status.value} with the figures {', '.join(sorted(names)) or 'none'}")

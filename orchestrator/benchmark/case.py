@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
-from ..codec import Finite, Struct
+from ..codec import Finite, Natural, Struct
 from ..loop.scenario import Scenario
 
 
@@ -42,8 +42,11 @@ class System:
 class Test(Struct):
     """One experiment on a system. ``gain`` and ``delay`` [s] are added on ``axis`` (1 or 2; 0 for none).
 
-    ``systems`` names a set of systems of the protocol. ``criteria`` (B1..B7) and ``requirements`` (A1..A3) name what
-    is measured in it.
+    ``systems`` names a set of systems of the protocol, ``poses`` the indices of configurations; none means all. The
+    disturbance is drawn by each system if the test ``draws``, else the protocol's fixed one with the direction of the
+    force [degrees] and the ``sweep`` of the chirp changed if they are given. ``noise`` numbers the realization of the
+    measurement noise; ``repeats`` names the test that this one repeats with another. ``criteria`` (B1..B7) and
+    ``requirements`` (A1..A3) name what is measured in it.
     """
 
     __test__ = False  # pytest takes classes of this name for its own
@@ -57,6 +60,12 @@ class Test(Struct):
     delay: Fraction = Fraction(0)
     criteria: tuple[str, ...] = ()
     requirements: tuple[str, ...] = ()
+    draws: bool = False
+    direction_deg: Finite | None = None
+    sweep: Literal["as fixed", "up", "down"] = "as fixed"
+    noise: Natural = 0
+    repeats: str = ""
+    poses: tuple[Natural, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,6 @@ from .protocol import Protocol
 DRAWS, NOISE = 0, 1
 """Last seed word of the two random streams of a configuration and system."""
 
-DRAWN = "performance"
-"""The set of systems that draw their disturbance; the others have the fixed one."""
-
 
 def grid(protocol: Protocol) -> tuple[Configuration, ...]:
     """The configurations of a protocol."""
@@ -33,7 +30,8 @@ def grid(protocol: Protocol) -> tuple[Configuration, ...]:
 
     q_a1 = axis(protocol.workspace.q_a1_deg, protocol.grid.q_a1_points)
     q_a2 = axis(protocol.workspace.q_a2_deg, protocol.grid.q_a2_points)
-    return tuple(Configuration(k, *angles) for k, angles in enumerate(product(q_a1, q_a2)))
+    listed = [(math.radians(first), math.radians(second)) for first, second in protocol.grid.also_deg]
+    return tuple(Configuration(k, *angles) for k, angles in enumerate([*product(q_a1, q_a2), *listed]))
 
 
 def cases(
@@ -51,6 +49,7 @@ def cases(
         case(protocol, pose, system(protocol, nominal, seed, pose.index, name, test), test, seed)
         for pose in grid(protocol)
         for test in protocol.tests
+        if not test.poses or pose.index in test.poses
         for name in protocol.sets[test.systems]
     )
     if sample_time is None:
@@ -94,7 +93,7 @@ def case_named(protocol: Protocol, nominal: Mapping[str, float], seed: int, id: 
 def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: int, name: str, test: Test) -> System:
     """The system ``name`` of configuration ``index``; ``random_1``, ``random_2``, ... are drawn.
 
-    Systems in performance tests draw their disturbance; those in stability tests have the fixed one.
+    Whether its disturbance is drawn, too, or listed, the ``test`` says.
     """
     stream = stable_stream(_seed_words(seed, index, name, DRAWS))
     deviations: dict[str, tuple[float, float]]
@@ -111,8 +110,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):
             parameters[f"{symbol}[{axis}]"] *= 1.0 + protocol.uncertainty[symbol] * deviation
-    drawn = test.systems == DRAWN
-    return System(name, tuple(parameters.items()), _draw(protocol, stream) if drawn else protocol.fixed_disturbance)
+    return System(name, tuple(parameters.items()), _draw(protocol, stream) if test.draws else _listed(protocol, test))
 
 
 def case(protocol: Protocol, configuration: Configuration, system: System, test: Test, seed: int) -> Case:
@@ -131,7 +129,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         sensor=Sensor(
             noise=Noise(
                 sigma=math.sqrt(loop.noise_power / loop.sample_time),
-                seed=_seed_words(seed, configuration.index, system.name, NOISE),
+                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *filter(None, (test.noise,))),
             ),
             quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
         ),
@@ -160,6 +158,15 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
             ),
         )
     return Case(configuration, system, test, scenario)
+
+
+def _listed(protocol: Protocol, test: Test) -> Disturbance:
+    fixed = protocol.fixed_disturbance
+    phi_F = fixed.phi_F if test.direction_deg is None else math.radians(test.direction_deg)
+    low, high = protocol.disturbance.chirp_frequencies
+    sweeps = {"up": (low, high), "down": (high, low)}
+    f_start, f_stop = sweeps.get(test.sweep, (fixed.f_start, fixed.f_stop))
+    return Disturbance(phi_F=phi_F, t_3=fixed.t_3, f_start=f_start, f_stop=f_stop)
 
 
 def _draw(protocol: Protocol, stream: np.random.RandomState) -> Disturbance:

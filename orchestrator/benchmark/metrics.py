@@ -8,9 +8,15 @@ import msgspec
 import numpy as np
 
 from ..loop.trajectory import Status, Trajectory
-from .case import Case, Test
+from .case import Case
 from .protocol import Protocol
 from .results import CaseResult, Judgement, Measurements
+
+OSCILLATION = ("limit_cycle_x", "limit_cycle_z", "limit_cycle_ratio", "limit_cycle_frequency")
+"""The figures of :func:`oscillation`."""
+
+LARGEST_RATIO = 1e6
+"""Of a motion that was none a window before."""
 
 
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judgement:
@@ -42,26 +48,36 @@ def named(case: Case, judgement: Judgement) -> CaseResult:
     )
 
 
-def expected(test: Test) -> frozenset[str]:
-    """Names of the figures that a simulation of ``test`` has when it reaches its end."""
-    settled = {"settled"} if "B6" in test.criteria else set()
-    stability = {"limit_cycle_x", "limit_cycle_z", "rest_error"} if test.requirements else set()
-    return frozenset({*test.criteria, *settled, *stability})
+def expected(protocol: Protocol, case: Case) -> frozenset[str]:
+    """Names of the figures that a simulation of ``case`` has when it reaches its end: those that its test asks for, as
+    far as the scenario, which may have been varied, has what they are measured by."""
+    scenario, limits = case.scenario, protocol.stability
+    end = float(scenario.samples * scenario.sample_time)
+    pushed = 0.0 < scenario.pulse.stop < end
+    shaken = scenario.chirp.start < min(scenario.chirp.stop, scenario.pulse.start) and scenario.pulse.start < end
+    lacking = set() if pushed else {"B5", "B6"}
+    names = {name for name in case.test.criteria if name not in lacking and (name != "B7" or shaken)}
+    if "B6" in names:
+        names.add("settled")
+    if case.test.requirements:
+        names.add("rest_error")
+        names |= {"recovery"} if pushed else set()
+        names |= set(OSCILLATION) if 2.0 * limits.limit_cycle_window <= end else set()
+    return frozenset(names)
 
 
 def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measurements:
     """The figures of a simulation that ran to its end."""
-    found: dict[str, Any] = {}
-    for name in case.test.criteria:
-        if name == "B6":
-            found["B6"], found["settled"] = settling_time(trajectory, case.scenario.pulse.stop, protocol.settling.error)
-        else:
-            found[name] = CRITERIA[name](trajectory, case)
-    if case.test.requirements:
-        limits = protocol.stability
-        x, z = limit_cycle(trajectory, limits.limit_cycle_window)
-        rest = float(np.max(trajectory.tcp_error[_last(trajectory, limits.rest_window)]))
-        found.update(limit_cycle_x=x, limit_cycle_z=z, rest_error=rest)
+    wanted, limits, release = expected(protocol, case), protocol.stability, case.scenario.pulse.stop
+    found: dict[str, Any] = {name: CRITERIA[name](trajectory, case) for name in CRITERIA if name in wanted}
+    if "B6" in wanted:
+        found["B6"], found["settled"] = settling_time(trajectory, release, protocol.settling.error)
+    if "rest_error" in wanted:
+        found["rest_error"] = float(np.max(trajectory.tcp_error[_last(trajectory, limits.rest_window)]))
+    if "recovery" in wanted:
+        found["recovery"], _ = settling_time(trajectory, release, limits.recovery_error)
+    if OSCILLATION[0] in wanted:
+        found.update(zip(OSCILLATION, oscillation(trajectory, limits.limit_cycle_window), strict=True))
     return Measurements(**found)
 
 
@@ -97,10 +113,19 @@ def settling_time(trajectory: Trajectory, release: float, error: float) -> tuple
     return float(trajectory.time[late[-1]]) - release, bool(late[-1] < trajectory.time.size - 1)
 
 
-def limit_cycle(trajectory: Trajectory, window: float) -> tuple[float, float]:
-    """Half the peak-to-peak of the TCP's x and z [m] over the last ``window`` [s]; no detrending."""
-    x, z = (0.5 * np.ptp(trajectory.X[_last(trajectory, window)], axis=0)).tolist()
-    return x, z
+def oscillation(trajectory: Trajectory, window: float) -> tuple[float, float, float, float]:
+    """Half the peak-to-peak of the TCP's x and z [m] over the last ``window`` [s], without detrending; and of the
+    larger of the two its ratio to that of the window before, and its strongest frequency [Hz]."""
+    last = _last(trajectory, window)
+    before = _last(trajectory, 2.0 * window) & ~last
+    amplitudes = 0.5 * np.ptp(trajectory.X[last], axis=0)
+    larger = int(np.argmax(amplitudes))
+    amplitude, earlier = float(amplitudes[larger]), 0.5 * float(np.ptp(trajectory.X[before, larger]))
+    ratio = amplitude / max(earlier, amplitude / LARGEST_RATIO) if amplitude > 0.0 else 0.0
+    curve = trajectory.X[last, larger]
+    strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
+    frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
+    return float(amplitudes[0]), float(amplitudes[1]), ratio, frequency
 
 
 def _last(trajectory: Trajectory, window: float) -> np.ndarray:

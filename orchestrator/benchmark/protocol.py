@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
+from ..codec import Finite, Malformed, NonNegative, Positive, Struct, convert
 from ..errors import InputError
 from .case import Disturbance, Test
 
@@ -35,10 +35,17 @@ class Workspace(Struct):
 
 
 class Grid(Struct):
-    """Number of equidistant angles per axis, the ends of the workspace included."""
+    """Number of equidistant angles per axis, the ends of the workspace included; ``also_deg`` lists further poses
+    (q_a1, q_a2) [degrees]."""
 
     q_a1_points: Annotated[int, msgspec.Meta(ge=1, le=1000)]
     q_a2_points: Annotated[int, msgspec.Meta(ge=1, le=1000)]
+    also_deg: tuple[Range, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of poses."""
+        return self.q_a1_points * self.q_a2_points + len(self.also_deg)
 
 
 class Imperfections(Struct):
@@ -68,10 +75,16 @@ class Disturbances(Struct):
 
 class Stability(Struct):
     """When a simulation counts as stable: limits [m] of the limit cycle and of the TCP error, each over the last
-    seconds."""
+    seconds.
+
+    A motion that has fallen, from one window to the next, below the share ``ring_down`` is no limit cycle. The
+    controller has recovered from the force when the TCP error stays below ``recovery_error`` [m].
+    """
 
     limit_cycle: Positive
     limit_cycle_window: Positive
+    ring_down: Positive
+    recovery_error: Positive
     rest_error: Positive
     rest_window: Positive
 
@@ -124,8 +137,7 @@ class Protocol(Struct):
     @property
     def case_count(self) -> int:
         """Number of cases of the whole protocol."""
-        poses: Natural = self.grid.q_a1_points * self.grid.q_a2_points
-        return poses * sum(len(self.sets[test.systems]) for test in self.tests)
+        return sum((len(test.poses) or self.grid.size) * len(self.sets[test.systems]) for test in self.tests)
 
     def test(self, name: str) -> Test:
         """The test called ``name``; raises :class:`InputError` with the names there are."""
@@ -152,6 +164,10 @@ def load(name: str | Path) -> Protocol:
         protocol = convert(raw, Protocol)
         for test in protocol.tests:
             protocol.sets[test.systems]
+            if test.poses and max(test.poses) >= protocol.grid.size:
+                raise Malformed(f"the test {test.name} has a pose {max(test.poses)}; there are {protocol.grid.size}")
+            if test.repeats and test.repeats not in {other.name for other in protocol.tests}:
+                raise Malformed(f"the test {test.name} repeats {test.repeats}, which is no test")
     except Malformed as problem:
         raise InputError(f"{name} does not describe a protocol: {problem}.", "bad-protocol", name) from None
     except KeyError as problem:

@@ -21,7 +21,9 @@ class Measurements(Struct, omit_defaults=True):
     """The figures of one simulation: those of B1..B7 that the test asks for, and in tests with a requirement the rest.
 
     ``limit_cycle_x`` and ``limit_cycle_z`` are half the peak-to-peak of the TCP's coordinates at the end,
-    ``rest_error`` is the largest TCP error in the last second [m]. ``settled`` is False if B6 ran to the end of the
+    ``rest_error`` is the largest TCP error in the last second [m]. Of the larger cycle, ``limit_cycle_ratio`` is that
+    to the amplitude one window before, and ``limit_cycle_frequency`` the strongest frequency [Hz]. ``recovery`` is the
+    time from the end of the force until the TCP error stays small [s]. ``settled`` is False if B6 ran to the end of the
     simulation.
     """
 
@@ -35,7 +37,10 @@ class Measurements(Struct, omit_defaults=True):
     settled: bool | None = None
     limit_cycle_x: NonNegative | None = None
     limit_cycle_z: NonNegative | None = None
+    limit_cycle_ratio: NonNegative | None = None
+    limit_cycle_frequency: NonNegative | None = None
     rest_error: NonNegative | None = None
+    recovery: NonNegative | None = None
 
     @property
     def names(self) -> frozenset[str]:
@@ -77,6 +82,11 @@ class CaseResult(Judgement, kw_only=True):
     test: str
 
 
+Kind = Literal["quiet", "ring-down", "limit cycle", "unstable", "no verdict"]
+"""What a simulation came to at its end. A ring-down is a motion as large as a limit cycle that dies away; an unstable
+one left the workspace, or did not come to rest."""
+
+
 class WorstCase(Struct):
     """The case with the largest value of a criterion; no value is the worst there is."""
 
@@ -112,14 +122,20 @@ class Verdict(Struct, kw_only=True):
     """Whether a requirement holds, and the worst case with the amplitude of its limit cycle [m].
 
     ``passed`` is None if no case has been tried. The worst is a case without an amplitude (left, crashed), else the
-    largest limit cycle of those that fail, else of all. ``rest_error`` is given if that case fails by it alone: its
-    TCP error at the end [m], which is too large for rest.
+    largest limit cycle of those that fail, else of all; ``kind``, ``ratio`` and ``frequency`` [Hz] are that case's.
+    ``rest_error`` is given if it fails by it alone: its TCP error at the end [m], which is too large for rest. With
+    other noise the same test failed ``seeds_failed`` times of ``seeds_tried``.
     """
 
     passed: bool | None
     limit_cycle: NonNegative | None = None
     rest_error: NonNegative | None = None
     worst_case: str | None = None
+    kind: Kind = "no verdict"
+    ratio: NonNegative | None = None
+    frequency: NonNegative | None = None
+    seeds_failed: Natural = 0
+    seeds_tried: Natural = 0
 
 
 class Requirement(Verdict, kw_only=True):
@@ -149,6 +165,8 @@ class TestRules(Struct):
     delay: NonNegative
     criteria: tuple[str, ...]
     requirements: tuple[str, ...]
+    repeats: str = ""
+    draws: bool = False
 
 
 class CostRules(Struct):
@@ -321,4 +339,6 @@ def _test_rules(test: Test) -> TestRules:
         delay=float(test.delay),
         criteria=test.criteria,
         requirements=test.requirements,
+        repeats=test.repeats,
+        draws=test.draws,
     )

@@ -7,17 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from msgspec.structs import asdict
+
+from ..loop.trajectory import Status
+from .protocol import Stability
 from .results import (
     CaseResult,
     ConfigurationScore,
     CriterionScore,
     CriterionSpec,
+    Judgement,
+    Kind,
     Requirement,
     Rules,
     Scorecard,
     Verdict,
     WorstCase,
 )
+
+HOLDING = ("quiet", "ring-down")
+"""Kinds of a case in which a requirement holds."""
 
 
 def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = None) -> Scorecard:
@@ -101,21 +110,47 @@ def _configuration(rules: Rules, results: Sequence[CaseResult]) -> Configuration
     return ConfigurationScore(index=pose.index, q_a1=pose.q_a1, q_a2=pose.q_a2, cost=_sum(shares), relative=relative)
 
 
+def kind(result: Judgement, limits: Stability, amplitude: float | None = None) -> Kind:
+    """What the simulation of ``result`` came to, with the limit cycle's ``amplitude`` [m] in place of its own."""
+    figures = result.measurements
+    found = figures.limit_cycle if amplitude is None else amplitude
+    if result.status is Status.UNSTABLE:
+        return "unstable"
+    if result.status is not Status.DONE or found is None:
+        return "no verdict"
+    if found < limits.limit_cycle:
+        return "quiet"
+    ratio = figures.limit_cycle_ratio
+    return "ring-down" if ratio is not None and ratio < limits.ring_down else "limit cycle"
+
+
 def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]]) -> Verdict:
     """Over pairs of a case and its limit-cycle amplitude [m], None if it has no such amplitude."""
-    limit = rules.stability.limit_cycle
-    tried = [(value is None, not _holds(result, value, limit), value or 0.0, result) for result, value in candidates]
+    limits, pairs = rules.stability, list(candidates)
+    kinds = {result.id: kind(result, limits, value) for result, value in pairs}
+    tried = [(value is None, kinds[result.id] not in HOLDING, value or 0.0, result) for result, value in pairs]
     if not tried:
         return Verdict(passed=None)
     without, fails, amplitude, worst = max(tried, key=lambda candidate: candidate[:3])
-    if without:
-        return Verdict(passed=False, worst_case=worst.id)
-    unrest = worst.measurements.rest_error if fails and amplitude < limit else None
-    return Verdict(passed=not fails, limit_cycle=amplitude, rest_error=unrest, worst_case=worst.id)
+    alike = [result for result, _ in pairs if _experiment(rules, result) == _experiment(rules, worst)]
+    figures = worst.measurements
+    return Verdict(
+        passed=not fails,
+        limit_cycle=None if without else amplitude,
+        rest_error=figures.rest_error if fails and not without and amplitude < limits.limit_cycle else None,
+        worst_case=worst.id,
+        kind=kinds[worst.id],
+        ratio=figures.limit_cycle_ratio,
+        frequency=figures.limit_cycle_frequency,
+        seeds_failed=sum(kinds[result.id] not in HOLDING for result in alike),
+        seeds_tried=len(alike),
+    )
 
 
-def _holds(result: CaseResult, amplitude: float | None, limit: float) -> bool:
-    return result.status == "done" and amplitude is not None and amplitude < limit
+def _experiment(rules: Rules, result: CaseResult) -> tuple[int, str, str]:
+    """What is the same where only the noise differs."""
+    test = rules.test(result.test)
+    return result.configuration.index, result.system, test.repeats or test.name
 
 
 def _required(name: str, rules: Rules, results: Sequence[CaseResult]) -> dict[int, list[CaseResult]]:
@@ -130,13 +165,7 @@ def _required(name: str, rules: Rules, results: Sequence[CaseResult]) -> dict[in
 
 def _overall(rules: Rules, axes: dict[str, Verdict], candidates: Iterable[CaseResult]) -> Requirement:
     verdict = _verdict(rules, ((result, result.measurements.limit_cycle) for result in candidates))
-    return Requirement(
-        passed=verdict.passed,
-        limit_cycle=verdict.limit_cycle,
-        rest_error=verdict.rest_error,
-        worst_case=verdict.worst_case,
-        axes=axes,
-    )
+    return Requirement(**asdict(verdict), axes=axes)
 
 
 def _per_axis(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:

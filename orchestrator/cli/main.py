@@ -11,6 +11,7 @@ from .guard import EXIT_BAD_INPUT, EXIT_OK, run
 COMMANDS = {
     "evaluate": "run a protocol, print the scorecard, write results and report",
     "simulate": "one case in full: signals, plot, figures",
+    "robustness": "the worst case: search, margins, robustness radius",
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",
     "report": "the report of a finished evaluation again, or figures of it",
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help"):
-        print(USAGE.format(commands="\n".join(f"  {name:10}{text}" for name, text in COMMANDS.items())))
+        print(USAGE.format(commands="\n".join(f"  {name:12}{text}" for name, text in COMMANDS.items())))
         return EXIT_OK if words else EXIT_BAD_INPUT
     if words[0] == "--version":
         print(f"flexible-manipulator-benchmark {__version__}")

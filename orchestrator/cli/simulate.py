@@ -60,19 +60,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(simulation: Simulation, units: dict[str, str]) -> None:
-    result, ending = simulation.result, simulation.ending
-    status, message = (result.status, result.message) if result is not None else (ending.status, ending.message)
+    result = simulation.result
     print(printable(simulation.title))
-    print(f"{status.value} at {ending.time:g} s" + (f": {printable(message)}" if message else ""))
+    message = f": {printable(result.message)}" if result.message else ""
+    print(f"{result.status.value} at {simulation.ending.time:g} s{message}")
     print(f"largest TCP error {simulation.tcp_error.max() * 1e3:.4g} mm")
-    if result is None:
-        return
     for name, unit in units.items():
         value = getattr(result.measurements, name)
         if value is not None:
             print(f"{name} = {value:.6g} {unit}")
-    if result.measurements.limit_cycle is not None:
-        print(f"limit cycle {result.measurements.limit_cycle * 1e6:.3g} µm")
+    figures = result.measurements
+    if figures.limit_cycle is not None:
+        print(
+            f"limit cycle {figures.limit_cycle * 1e6:.3g} µm at {figures.limit_cycle_frequency:.3g} Hz, "
+            f"{figures.limit_cycle_ratio:.3g} times that of the window before"
+        )
+    if figures.recovery is not None:
+        print(f"the TCP error stays small {figures.recovery:.4g} s after the force")
+    if simulation.case.test.requirements:
+        print(f"verdict: {simulation.kind}")
 
 
 def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
@@ -93,7 +99,7 @@ def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> l
 def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulation) -> str:
     protocol = f"-{bench.rules.name}" if bench.rules.name != "paper" else ""
     seed = f"-seed{bench.seed}" if bench.seed else ""
-    varied = "" if simulation.result is not None else "-varied"
+    varied = "-varied" if simulation.varied else ""
     pose = simulation.case.configuration
     angles = f"-{math.degrees(pose.q_a1):g}_{math.degrees(pose.q_a2):g}" if pose.index < 0 else ""
     return f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}"

@@ -13,6 +13,9 @@ from typing import IO, Any
 
 from ..errors import EnvironmentFault, InputError
 
+ROBUSTNESS = "robustness.json"
+"""What a search for the worst case writes."""
+
 RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
 """What an evaluation writes into its run's folder."""
 

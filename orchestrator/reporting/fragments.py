@@ -9,7 +9,7 @@ from ..loop.trajectory import Ending
 from . import pages
 from .wording import SHOWN, figure, number, remarks, requirement_rows
 
-UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m") | {"B5": "m", "B6": "s", "B7": "m"}
+UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m") | {"B5": "m", "B6": "s", "B7": "m", "recovery": "s"}
 UNITS |= dict.fromkeys(("limit_cycle", "rest_error"), "m")
 """Units of :class:`~orchestrator.benchmark.results.Measurements`."""
 
@@ -29,9 +29,9 @@ def results_fragment(results: Results) -> str:
     )
 
 
-def simulation_fragment(title: str, ending: Ending, result: CaseResult | None, figure_svg: str) -> str:
-    """How a simulation ended, what was measured if it is a case of the protocol, and its plot."""
-    found = [] if result is None else [(name, getattr(result.measurements, name), unit) for name, unit in UNITS.items()]
+def simulation_fragment(title: str, ending: Ending, result: CaseResult, figure_svg: str) -> str:
+    """How a simulation ended, what was measured, and its plot."""
+    found = [(name, getattr(result.measurements, name), unit) for name, unit in UNITS.items()]
     return pages.filled(
         "simulation_fragment.html",
         title=title,

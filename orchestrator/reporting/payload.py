@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..benchmark.results import Results
+from ..benchmark.scorecard import kind
 from ..codec import plain
 from .recording import SPREAD, Recording, thin
 from .repeat import recording_command
@@ -109,7 +110,7 @@ def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> lis
 
 
 def _stability(results: Results) -> list[dict[str, Any]]:
-    """Every case with a requirement: its test, status and limit cycle [m]."""
+    """Every case with a requirement: its test, status, limit cycle [m] and what it came to."""
     return [
         {
             "id": case.id,
@@ -118,6 +119,8 @@ def _stability(results: Results) -> list[dict[str, Any]]:
             "test": case.test,
             "status": case.status.value,
             "limit_cycle": case.measurements.limit_cycle,
+            "ratio": case.measurements.limit_cycle_ratio,
+            "kind": kind(case, results.rules.stability),
         }
         for case in results.cases
         if results.rules.test(case.test).requirements

@@ -7,22 +7,44 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import NamedTuple
 
-from ..benchmark.results import Results
+from msgspec.structs import replace
+
+from ..benchmark.results import ControllerRecord, PlantRecord, Results
+from ..search.member import Member
 from .recording import About
+
+
+class Setting(NamedTuple):
+    """What a case is simulated with: ``protocol`` is a name or a file, ``sample_time`` [s] None for the benchmark's."""
+
+    controller: ControllerRecord
+    plant: PlantRecord
+    protocol: str
+    seed: int
+    sample_time: float | None
+
+
+def setting(results: Results) -> Setting:
+    """The setting of a run."""
+    own = None if results.sample_time.as_in_benchmark else results.sample_time.seconds
+    return Setting(results.controller, results.plant, results.protocol_file or results.protocol, results.seed, own)
 
 
 def simulate_command(results: Results, id: str) -> str:
     """The whole command that simulates the case ``id`` again, with the run's controller, protocol, seed and values."""
-    return _command(results, "--case", id)
+    return _command(setting(results), "--case", id)
 
 
 def recording_command(results: Results, about: About) -> str:
     """The same for a case that was recorded, which need not be one of the protocol's poses."""
     if about.configuration >= 0:
         return simulate_command(results, about.id)
-    pose = (repr(degrees(angle)) for angle in about.q_a)
-    return _command(results, "--configuration", *pose, "--system", about.system, "--test", about.test)
+    pose = (_exact(degrees(angle)) for angle in about.q_a)
+    return _command(setting(results), "--configuration", *pose, "--system", about.system, "--test", about.test)
 
 
 def degrees(angle: float) -> float:
@@ -32,17 +54,37 @@ def degrees(angle: float) -> float:
     return next((each for each in around if math.radians(each) == angle), value)
 
 
-def _command(results: Results, *case: str) -> str:
-    controller, plant = results.controller, results.plant
+def member_command(setting: Setting, member: Member, parameters: Mapping[str, float]) -> str:
+    """The same for a member of the uncertainty description, whose plant has these ``parameters``."""
+    words = ["--configuration", *map(_exact, member.q_a), "--system", member.system, "--test", member.test]
+    if member.phi_F is not None:
+        words += ["--phi-F", _exact(member.phi_F)]
+    if member.sweep is not None:
+        words += ["--chirp-frequencies", *map(_exact, member.sweep)]
+    if member.gain is not None:
+        words += ["--gain", *map(_exact, member.gain)]
+    if member.delay is not None:
+        words += ["--delay", *(str(Decimal(each.numerator) / each.denominator) for each in member.delay)]
+    plant = replace(setting.plant, parameters={**setting.plant.parameters, **parameters})
+    return _command(setting._replace(plant=plant, seed=member.seed), *words)
+
+
+def _exact(value: float) -> str:
+    """All digits of a number, without an exponent: a command line takes ``-1e-5`` for an option."""
+    return format(Decimal(repr(value)), "f")
+
+
+def _command(setting: Setting, *case: str) -> str:
+    controller, plant = setting.controller, setting.plant
     words = ["python", "-m", "orchestrator.simulate", *filter(None, (controller.path,)), *case]
-    if results.protocol != "paper":
-        words += ["--protocol", results.protocol_file or results.protocol]
+    if setting.protocol != "paper":
+        words += ["--protocol", setting.protocol]
     if plant.path:
         words += ["--plant", plant.path]
-    if results.seed:
-        words += ["--seed", str(results.seed)]
-    if not results.sample_time.as_in_benchmark:
-        words += ["--sample-time", repr(results.sample_time.seconds)]
+    if setting.seed:
+        words += ["--seed", str(setting.seed)]
+    if setting.sample_time is not None:
+        words += ["--sample-time", repr(setting.sample_time)]
     words += [word for name, value in controller.parameters.items() for word in ("--set", f"{name}={value!r}")]
     words += [word for name, value in controller.mapping.items() for word in ("--map", f"{name}={value}")]
     words += [word for name, value in plant.parameters.items() for word in ("--plant-set", f"{name}={value!r}")]

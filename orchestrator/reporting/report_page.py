@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from ..benchmark.results import Results
+from ..benchmark.scorecard import HOLDING
 from . import pages
 from .payload import criteria, report_payload
 from .recording import SPREAD
@@ -36,6 +37,7 @@ def report_html(run: Run) -> str:
         criteria=criteria(results),
         requirements=requirement_rows(results),
         limit=results.rules.stability.limit_cycle,
+        holding=HOLDING,
         facts=facts(results),
         remarks=remarks(results),
         shown=shown,

@@ -30,6 +30,9 @@ def case_table(results: Results) -> dict[str, list[Any]]:
         **{f"{name} [{criterion.unit}]": measured(name) for name, criterion in results.criteria.items()},
         "settled": measured("settled"),
         **{f"{name} [m]": measured(name) for name in ("limit_cycle_x", "limit_cycle_z", "rest_error")},
+        "limit_cycle_ratio": measured("limit_cycle_ratio"),
+        "limit_cycle_frequency [Hz]": measured("limit_cycle_frequency"),
+        "recovery [s]": measured("recovery"),
         "warnings": [case.warnings for case in cases],
         "message": [case.message for case in cases],
     }

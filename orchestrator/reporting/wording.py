@@ -54,7 +54,9 @@ class RequirementRow:
             return "no value"
         if judged.rest_error is not None:
             return f"no rest: {number(judged.rest_error * 1e3)} mm"
-        return f"{number(judged.limit_cycle * 1e6)} µm"
+        seeds = f", {judged.seeds_failed} of {judged.seeds_tried} seeds" if judged.seeds_tried > 1 else ""
+        rings = " (ring-down)" if judged.kind == "ring-down" else ""
+        return f"{number(judged.limit_cycle * 1e6)} µm{rings}{seeds}"
 
 
 def number(value: float | None, factor: float = 1.0) -> str:

@@ -2,7 +2,7 @@
 
 import functools
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -53,8 +53,12 @@ def bench(plant: Path, controller: Path, limit: float = 10.0, **changes: Any) ->
 def run(bench: Bench, chosen: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseRun]:
     """The runs in the order of the cases ``chosen``."""
     execute = functools.partial(pool.run, workers=workers)
-    found = {run.case.id: run for run in campaign.run_cases(PROTOCOL, chosen, bench, execute, (), keep_going)}
-    return [found[case.id] for case in chosen]
+    return runs_of(campaign.run_cases(PROTOCOL, chosen, bench, execute, (), keep_going))
+
+
+def runs_of(stream: Iterable[tuple[int, CaseRun]]) -> list[CaseRun]:
+    """The runs of a campaign in the order of their cases."""
+    return [run for _, run in sorted(stream, key=lambda entry: entry[0])]
 
 
 def job(bench: Bench, function: str, *tasks: bytes, limit: float = 60.0) -> Job:

@@ -55,7 +55,10 @@ def result(
     """A case of the protocol ``paper``: with ``criteria`` and limit ``cycle`` [m], or unmeasured if both are None."""
     measured = Measurements(**(criteria or {}))
     if cycle is not None:
-        measured = Measurements(**(criteria or {}), limit_cycle_x=cycle[0], limit_cycle_z=cycle[1], rest_error=0.0)
+        lasting = {"limit_cycle_ratio": 1.0, "limit_cycle_frequency": 3.0, "recovery": 1.0}
+        measured = Measurements(
+            **(criteria or {}), **lasting, limit_cycle_x=cycle[0], limit_cycle_z=cycle[1], rest_error=0.0
+        )
     ended = criteria is None and cycle is None
     return CaseResult(
         id=f"c{index:02d}.{system}.{test}",

@@ -1,0 +1,103 @@
+"""The worst case of a controller, as far as a search finds it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+from ..benchmark.case import Case
+from ..benchmark.results import CaseResult, rules
+from ..errors import InputError
+from ..loop.trajectory import Status
+from ..reporting.repeat import Setting, member_command
+from ..search import hunt as stages
+from ..search.archive import Archive
+from ..search.findings import SCHEMA, Robustness
+from ..search.hunt import Hunt
+from ..search.member import Member, case_of, of_case, parameters
+from ..search.target import targets
+from .running import Runner
+
+OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
+"""Is told the stage of a search, the simulations so far, and the worst value of each target."""
+
+
+def find_worst_case(
+    runner: Runner,
+    listed: Sequence[Case],
+    nominal: Mapping[str, float],
+    setting: Setting,
+    sample_time: Fraction,
+    budget: int,
+    minutes: float,
+    only: Sequence[str],
+    on_progress: OnProgress | None,
+) -> Robustness:
+    """Search with ``runner`` for what ``only`` names, or everything, from the cases ``listed`` or, if there are none,
+    from the nominal system.
+
+    Raises :class:`InputError` for a protocol whose tests draw, or if there is no such thing to search for.
+    """
+    begin, protocol = time.perf_counter(), runner.protocol
+    if any(test.draws for test in protocol.tests):
+        raise InputError(
+            f"The protocol {protocol.name} draws disturbances: a search lists them.", "draws", protocol.name
+        )
+
+    known = targets(protocol)
+    wanted = [target for target in known if not only or target.name in only]
+    for name in only:
+        if name not in {target.name for target in known}:
+            names = [target.name for target in known]
+            message = f"There is nothing called {name} to search for. Choose from {', '.join(names)}."
+            raise InputError(message, "no-target", protocol.name, name, names)
+
+    def case(member: Member) -> Case:
+        found = case_of(member, protocol, nominal)
+        return replace(found, scenario=replace(found.scenario, sample_time=sample_time))
+
+    def ask(members: Sequence[Member]) -> list[CaseResult]:
+        return [run.result for run in runner.run([case(member) for member in members])]
+
+    def told(stage: str, simulations: int, worst: Mapping[str, float | None]) -> bool:
+        if on_progress is not None:
+            on_progress(stage, simulations, worst)
+        return time.perf_counter() - begin < 60.0 * minutes
+
+    def command(member: Member) -> str:
+        return member_command(setting, member, parameters(member, protocol, nominal))
+
+    hunt = Hunt(Archive(protocol, ask), rules(protocol), [of_case(each) for each in listed], wanted, command, told)
+    stages.search(hunt, budget, setting.seed)
+    stages.spread(hunt)
+    requirements = stages.requirements(hunt)
+    effects = stages.effects(hunt)
+    criteria, configurations = stages.criteria(hunt), stages.configurations(hunt)
+    found, own = stages.costs(hunt)
+    margins = stages.margins(hunt)
+    radius = stages.radius(hunt)
+    results = hunt.archive.found.values()
+    return Robustness(
+        schema=SCHEMA,
+        benchmark=protocol.benchmark,
+        protocol=protocol.name,
+        seed=setting.seed,
+        budget=budget,
+        simulations=len(results),
+        failures=sum(result.status in (Status.TIMEOUT, Status.CRASHED, Status.ERROR) for result in results),
+        complete=hunt.complete,
+        cost=found,
+        protocol_cost=own,
+        criteria=criteria,
+        requirements=requirements,
+        margins=margins,
+        radius=radius,
+        configurations=configurations,
+        effects=effects,
+        path=tuple(hunt.path),
+        controller=setting.controller,
+        plant=setting.plant,
+        wall_time=time.perf_counter() - begin,
+    )

@@ -1,0 +1,145 @@
+"""Search for the worst case of a controller: the arm within the tolerances that it holds least, margins and radius."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from ..codec import to_json
+from ..reporting.files import ROBUSTNESS, prepare_folder, write_text
+from ..reporting.wording import SHOWN, number
+from ..search.findings import Margin, RequirementFound, Robustness
+from . import options
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .tables import safe, table, terminal
+from .values import MOST, Parser, natural
+from .values import number as value
+
+EXAMPLES = """examples:
+  python -m orchestrator.robustness my_controller.fmu                   some 2,000 simulations
+  python -m orchestrator.robustness my_controller.fmu --budget 20000    a long search
+  python -m orchestrator.robustness my_controller.fmu --only B6 --no-list --budget 300
+
+A failure that is found is a proof, which its command repeats; none found is none. The same command goes on with an
+interrupted search.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    bench, controller = options.benchmark(given), options.controller(given)
+    folder = given.output_dir or Path("runs") / f"{controller.name}-robustness"
+    prepare_folder(folder)
+    found = bench.robustness(
+        controller,
+        budget=given.budget,
+        minutes=given.minutes,
+        protocol=given.protocol,
+        only=given.only,
+        from_list=not given.no_list,
+        folder=folder,
+        on_progress=_progress,
+    )
+    text = to_json(found)
+    write_text(folder / ROBUSTNESS, text + "\n")
+    if given.json:
+        print(text)
+    else:
+        show(found, terminal())
+    print(f"written to {folder}: {ROBUSTNESS}", file=sys.stderr)
+    return EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE
+
+
+def _progress(stage: str, simulations: int, worst: Mapping[str, float | None]) -> None:
+    known = (f"{name} {number(height, 1e3)} mm" for name, height in worst.items() if name in ("B5", "B7"))
+    settling = (f"{name} {number(height)} s" for name, height in worst.items() if name == "B6")
+    print(f"{simulations:6d} simulations  {stage:24}{'  '.join([*settling, *known])}", file=sys.stderr)
+
+
+def show(found: Robustness, console: Console) -> None:
+    """Print what was found, and the commands that repeat it."""
+    console.print(
+        f"[bold]{safe(found.benchmark)}[/bold]  worst case of [bold]{safe(found.controller.file)}[/bold], "
+        f"{found.simulations} simulations from the protocol {safe(found.protocol)}, seed {found.seed}\n"
+    )
+    grid = table("Largest values found")
+    for heading in ("", "mean", "of the list", "largest"):
+        grid.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for name, entry in found.criteria.items():
+        factor, unit = SHOWN[entry.unit]
+        figures = (number(each, factor) for each in (entry.value, entry.protocol, entry.worst_case.value))
+        grid.add_row(f"{name} \\[{unit}]", *figures)
+    grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
+    console.print(grid)
+    for name, requirement in found.requirements.items():
+        console.print(f"{name}  {_verdict(requirement)}")
+    for name, margin in found.margins.items():
+        console.print(f"{name:12}{_margin(name, margin)}")
+    if (radius := found.radius) is not None:
+        for name, reach in (("V", radius.cost), ("A1-A3", radius.stability)):
+            word = f"{reach:g} times" if reach is not None else f"more than {radius.limit:g} times"
+            console.print(f"{name} within bounds up to {word} the tolerances of Table 1")
+    commands = {name: entry.worst_case.command for name, entry in found.criteria.items() if entry.worst_case.command}
+    commands |= {name: each.command for name, each in found.requirements.items() if not each.passed}
+    commands |= {f"margin {name}": margin.command for name, margin in found.margins.items() if margin.command}
+    console.print("\nto repeat these:")
+    for name, command in commands.items():
+        console.print(f"{name}\n  {safe(command)}", soft_wrap=True, highlight=False)
+    if found.failures:
+        console.print(f"[red]{found.failures} simulations hung, crashed or failed.[/red]")
+    if not found.complete:
+        console.print("[yellow]Time ran out: the search is not complete.[/yellow]")
+
+
+def _verdict(found: RequirementFound) -> str:
+    if found.passed:
+        return f"no failure found; nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
+    seeds = f"with {found.seeds_failed} of {found.seeds_tried} seeds"
+    cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
+    return f"[red]fails[/red]: {found.kind}{cycle}, {seeds}"
+
+
+def _margin(name: str, margin: Margin) -> str:
+    factor, unit = (1e3, " ms") if name.startswith("delay") else (1.0, " times")
+    if margin.value is None:
+        return f"none found up to {number(margin.limit, factor)}{unit}"
+    seeds = f"{margin.seeds_failed} of {margin.seeds_tried} seeds"
+    return f"{number(margin.value, factor)}{unit} ({seeds})"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser("robustness", "Search for the worst case of a controller.", EXAMPLES + "\n" + EXIT_CODES)
+    options.add_controller(parser)
+    options.add_protocol(parser)
+    parser.set_defaults(protocol="strict")
+    parser.add_argument(
+        "--budget", type=natural(1), default=2000, metavar="N", help="simulations to aim for (default: 2000)"
+    )
+    parser.add_argument(
+        "--minutes",
+        type=value(most=MOST, positive=True),
+        default=math.inf,
+        metavar="M",
+        help="time after which nothing new is searched (default: none)",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="what to search for: B5, B6, B7, or a test such as delay_2; may be given again (default: all)",
+    )
+    parser.add_argument("--no-list", action="store_true", help="begin with the nominal system, not with the list")
+    options.add_jobs(parser)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    parser.add_argument(
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-robustness)"
+    )
+    parser.add_argument("--json", action="store_true", help="print robustness.json instead of tables")
+    return parser

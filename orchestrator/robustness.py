@@ -1,0 +1,6 @@
+"""``python -m orchestrator.robustness``: see :mod:`orchestrator.cli.robustness`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("robustness"))

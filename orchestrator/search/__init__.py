@@ -1,0 +1,1 @@
+"""The search for the worst case: which member of the uncertainty description a controller fails with."""

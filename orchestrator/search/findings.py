@@ -1,0 +1,118 @@
+"""The answer of a search for the worst case, typed to the last field: what ``robustness.json`` holds.
+
+All values are in SI units; None stands for what does not exist or was not found. Each ``command`` repeats its case to
+the last bit.
+"""
+
+from __future__ import annotations
+
+from ..benchmark.results import ControllerRecord, Kind, PlantRecord
+from ..codec import Finite, Natural, NonNegative, Struct
+
+SCHEMA = "flexible-manipulator-robustness/1"
+
+
+class Found(Struct):
+    """The largest value of a criterion found, and the command that repeats it; None for a loop that is unstable."""
+
+    value: NonNegative | None
+    command: str
+
+
+class CriterionFound(Struct):
+    """A criterion: the mean over the configurations of the largest values found, as in eq. (14) and Table 2, beside
+    that of the protocol's list alone; and the largest of all."""
+
+    value: NonNegative | None
+    protocol: NonNegative | None
+    unit: str
+    worst_case: Found
+
+
+class RequirementFound(Struct):
+    """A requirement: the worst case found, which fails with ``seeds_failed`` of ``seeds_tried`` realizations of the
+    noise. A failure found is a proof; none found is none."""
+
+    passed: bool
+    kind: Kind
+    limit_cycle: NonNegative | None
+    ratio: NonNegative | None
+    frequency: NonNegative | None
+    seeds_failed: Natural
+    seeds_tried: Natural
+    command: str
+
+
+class Margin(Struct):
+    """The smallest change of one axis found to make the loop fail: a factor of the loop gain, or a delay [s] beside the
+    benchmark's; None if none does up to ``limit``."""
+
+    value: NonNegative | None
+    limit: NonNegative
+    seeds_failed: Natural = 0
+    seeds_tried: Natural = 0
+    command: str = ""
+
+
+class Radius(Struct):
+    """The factor on all half-widths of Table 1 at which V passes its target (``cost``) and at which a requirement fails
+    (``stability``); None if they do not up to ``limit``."""
+
+    cost: NonNegative | None
+    stability: NonNegative | None
+    limit: NonNegative
+
+
+class Step(Struct):
+    """What was known after so many simulations: the worst value of each target."""
+
+    stage: str
+    simulations: Natural
+    worst: dict[str, Finite | None]
+
+
+class Effect(Struct):
+    """By how much the largest value found of a criterion changes if one uncertain parameter goes to its other end."""
+
+    parameter: str
+    criterion: str
+    change: Finite | None
+
+
+class ConfigurationFound(Struct):
+    """V_k of eq. (14) of one configuration: of the list, and with all that was found there."""
+
+    index: int
+    q_a1: Finite
+    q_a2: Finite
+    protocol: NonNegative | None
+    found: NonNegative | None
+
+
+class Robustness(Struct, kw_only=True):
+    """The worst case of a controller as far as it was found.
+
+    ``cost`` is V of eq. (15) from the largest values found: a lower bound of the true one. ``simulations`` counts all,
+    ``failures`` those that hung or crashed. ``complete`` is False if time ran out.
+    """
+
+    schema: str
+    benchmark: str
+    protocol: str
+    seed: int
+    budget: Natural
+    simulations: Natural
+    failures: Natural
+    complete: bool
+    cost: NonNegative | None
+    protocol_cost: NonNegative | None
+    criteria: dict[str, CriterionFound]
+    requirements: dict[str, RequirementFound]
+    margins: dict[str, Margin]
+    radius: Radius | None
+    configurations: tuple[ConfigurationFound, ...]
+    effects: tuple[Effect, ...]
+    path: tuple[Step, ...]
+    controller: ControllerRecord
+    plant: PlantRecord
+    wall_time: NonNegative

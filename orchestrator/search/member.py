@@ -1,0 +1,111 @@
+"""A member of the uncertainty description with its disturbance: what a search for the worst case moves in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from ..benchmark import cases
+from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
+from ..benchmark.variation import Variation, vary
+
+Pair = tuple[float, float]
+
+NOMINAL = "nominal"
+"""The system that parameters are changed of."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """One point of the search; everything that its simulation depends on beside the controller.
+
+    Parameters
+    ----------
+    q_a : tuple of float
+        Link angles [degrees], so that a command says them exactly.
+    test : str
+        A test of the protocol.
+    deviations : tuple of (str, float)
+        By FMI name, the deviation in half-widths of Table 1: -1 and 1 are the ends of a parameter's range.
+    system : str
+        The system of the protocol that the deviations start from; it also names the noise.
+    phi_F : float, optional
+        Direction of the force [rad]; by default the test's.
+    sweep : tuple of float, optional
+        Frequencies [Hz] at which the chirp begins and ends; by default the test's.
+    gain, delay : optional
+        Loop gain, and delay from controller to motor [s], of both axes, instead of the test's.
+    seed : int
+        Base seed of the measurement noise.
+    """
+
+    q_a: Pair
+    test: str
+    deviations: tuple[tuple[str, float], ...] = ()
+    system: str = NOMINAL
+    phi_F: float | None = None
+    sweep: Pair | None = None
+    gain: Pair | None = None
+    delay: tuple[Fraction, Fraction] | None = None
+    seed: int = 0
+
+    @property
+    def possible(self) -> bool:
+        """Whether it lies within Table 1, in a loop as the protocol has it."""
+        return self.gain is None and self.delay is None and all(abs(value) <= 1.0 for _, value in self.deviations)
+
+    @property
+    def variation(self) -> Variation:
+        """What it changes in its test."""
+        return Variation(phi_F=self.phi_F, chirp_frequencies=self.sweep, gain=self.gain, delay=self.delay)
+
+
+def names(protocol: Protocol) -> tuple[str, ...]:
+    """FMI names of the uncertain parameters, one for each axis."""
+    return tuple(f"{symbol}[{axis}]" for symbol in protocol.uncertainty for axis in (1, 2))
+
+
+def of_case(case: Case) -> Member:
+    """The member that a case of a protocol is."""
+    pose = case.configuration
+    first, second = (round(math.degrees(angle), 9) for angle in (pose.q_a1, pose.q_a2))
+    return Member((first, second), case.test.name, system=case.system.name)
+
+
+def loose(member: Member, protocol: Protocol) -> Member:
+    """The same parameters as deviations of the nominal system, one by one, so that each can be changed.
+
+    Its noise is another, and that of the test that its own test repeats.
+    """
+    signs = protocol.systems[member.system]
+    own = dict(member.deviations)
+    deviations = tuple((name, own.get(name, float(signs.get(symbol_of(name), 0)))) for name in names(protocol))
+    test = protocol.test(member.test)
+    return replace(member, system=NOMINAL, deviations=deviations, test=test.repeats or test.name)
+
+
+def symbol_of(name: str) -> str:
+    """The symbol of Table 1 in an FMI name."""
+    return name.partition("[")[0]
+
+
+def parameters(member: Member, protocol: Protocol, nominal: Mapping[str, float]) -> dict[str, float]:
+    """The plant's parameters that differ from the nominal ones, by FMI name [SI]."""
+    return {
+        name: nominal[name] * (1.0 + protocol.uncertainty[symbol_of(name)] * deviation)
+        for name, deviation in member.deviations
+        if deviation
+    }
+
+
+def case_of(member: Member, protocol: Protocol, nominal: Mapping[str, float]) -> Case:
+    """The case of a member, equal to the last bit to what ``simulate`` makes of the same values."""
+    test = protocol.test(member.test)
+    pose = cases.configuration(protocol, *map(math.radians, member.q_a))
+    values = {**nominal, **parameters(member, protocol, nominal)}
+    system = cases.system(protocol, values, member.seed, pose.index, member.system, test)
+    found = cases.case(protocol, pose, system, test, member.seed)
+    return replace(found, scenario=vary(found.scenario, protocol, member.variation))

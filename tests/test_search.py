@@ -1,0 +1,236 @@
+"""The search for the worst case: it finds what was hidden, repeats itself, and its commands repeat what it found."""
+
+import math
+import shlex
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace as changed
+from support.refusals import refusal
+
+from orchestrator import Benchmark, Controller
+from orchestrator.benchmark.metrics import expected, named
+from orchestrator.benchmark.protocol import load
+from orchestrator.benchmark.results import Judgement, Measurements
+from orchestrator.cli import simulate
+from orchestrator.cli.variation import variation
+from orchestrator.codec import to_json
+from orchestrator.loop.trajectory import Status
+from orchestrator.search.archive import Archive
+from orchestrator.search.ascent import climb, explore
+from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
+from orchestrator.search.race import race
+from orchestrator.search.target import FAILED, height, targets
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+STRICT = load("strict")
+B6, DELAY = (next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "delay_2"))
+CORNER = {name: -1.0 if place % 3 else 1.0 for place, name in enumerate(names(STRICT))}
+START = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(STRICT)))
+
+
+def answers(of):
+    """Results whose figures are all 0 but those that ``of(member)`` gives."""
+
+    def ask(members):
+        found = []
+        for member in members:
+            case = case_of(member, STRICT, NOMINAL)
+            figures = {name: True if name == "settled" else 0.0 for name in expected(STRICT, case)} | of(member)
+            found.append(named(case, Judgement(status=Status.DONE, time=26.0, measurements=Measurements(**figures))))
+        return found
+
+    return ask
+
+
+def matches(member):
+    return sum(value == CORNER[name] for name, value in member.deviations)
+
+
+def hidden(member):
+    """B6 grows with every sign that is that of the corner."""
+    return {"B6": float(matches(member))} if STRICT.test(member.test).criteria else {}
+
+
+# The search
+
+
+def test_a_hidden_corner_is_found_from_the_nominal_system():
+    archive = Archive(STRICT, answers(hidden))
+    explore(archive, B6, replace(START, test=B6.test))
+    climb(archive, [B6], 300 - len(archive.found), 0, lambda stage: True)
+    assert archive.height(B6) == len(CORNER) and len(archive.found) <= 300
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        lambda member: all(dict(member.deviations)[name] == CORNER[name] for name in list(CORNER)[:5]),
+        lambda member: math.dist(member.q_a, (60.0, 20.0)) < 15.0,
+    ],
+    ids=["one combination", "one pose"],
+)
+def test_a_controller_that_fails_only_there_is_found(planted):
+    """From a system that is nowhere near, with nothing but the time to recover to follow."""
+
+    def of(member):
+        near = matches(member) - math.dist(member.q_a, (60.0, 20.0)) / 20.0
+        figures = {"recovery": max(0.0, near)}
+        return figures | ({"limit_cycle_x": 1e-4, "limit_cycle_ratio": 1.0} if planted(member) else {})
+
+    archive = Archive(STRICT, answers(of))
+    archive.results([loose(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT)])
+    climb(archive, [DELAY], 600, 0, lambda stage: True)
+    found = archive.worst(DELAY)
+    assert found is not None and planted(found) and height(DELAY, archive.found[found], STRICT.stability) > 0.5 * FAILED
+
+
+def test_the_same_members_are_tried_again_and_in_another_order_of_targets():
+    def tried(seed, wanted):
+        archive = Archive(
+            STRICT, answers(lambda member: {"B6": float(matches(member))} if "dist" in member.test else {})
+        )
+        for target in wanted:
+            explore(archive, target, replace(START, test=target.test))
+        climb(archive, wanted, 200, seed, lambda stage: True)
+        return list(archive.found)
+
+    assert tried(0, [B6, DELAY]) == tried(0, [B6, DELAY]) != tried(1, [B6, DELAY])
+    assert set(tried(0, [B6, DELAY])) == set(tried(0, [DELAY, B6]))
+
+
+@given(st.lists(st.integers(0, 40), min_size=1, max_size=30), st.integers(1, 40))
+def test_a_race_finds_the_smallest_failing_step(thresholds, steps):
+    """A member fails from its threshold on; the scale has ``steps`` steps."""
+    members = [Member((float(place), 0.0), "gain_1") for place in range(len(thresholds))]
+    scale = [float(step) for step in range(steps)]
+    tries = []
+
+    def fail(changed):
+        tries.extend(changed)
+        return [member.gain[0] >= thresholds[int(member.q_a[0])] for member in changed]
+
+    found = race(members, scale, lambda member, step: replace(member, gain=(step, 1.0)), fail)
+    if min(thresholds) >= steps:
+        assert found is None and len(tries) == len(members)
+    else:
+        step, member = found
+        assert step == min(thresholds) == thresholds[int(member.q_a[0])] == member.gain[0]
+
+
+# Members and their commands
+
+
+@st.composite
+def members(draw):
+    angles = st.floats(-90.0, 180.0), st.floats(-180.0, 80.0)
+    whole = st.sampled_from([(0.0, -90.0), (18.0, -50.0)])
+    ends = st.sampled_from([-1.0, 0.0, 0.3, 1.0])
+    disturbed = draw(st.booleans())
+    return Member(
+        q_a=draw(st.one_of(whole, st.tuples(*angles))),
+        test=draw(st.sampled_from(["disturbance_0", "disturbance_45"] if disturbed else ["gain_1", "delay_2"])),
+        deviations=tuple((name, draw(ends)) for name in names(STRICT)),
+        phi_F=draw(st.none() | st.floats(-7.0, 7.0)),
+        sweep=draw(st.none() | st.sampled_from([(0.0, 15.0), (15.0, 0.0)])),
+        gain=draw(st.none() | st.tuples(st.floats(0.1, 20.0), st.just(1.0))),
+        delay=draw(
+            st.none() | st.tuples(st.just(Fraction(1, 4000)), st.integers(4, 160).map(lambda k: Fraction(k, 16000)))
+        ),
+        seed=draw(st.integers(0, 8)),
+    )
+
+
+@given(members())
+def test_the_command_of_a_member_makes_its_very_case(member):
+    from support.reports import CONTROLLER, PLANT
+
+    from orchestrator.reporting.repeat import Setting, member_command
+
+    setting = Setting(CONTROLLER, PLANT, "strict", 0, None)
+    words = shlex.split(member_command(setting, member, parameters(member, STRICT, NOMINAL)))
+    given_options = simulate._parser().parse_args(words[3:])
+    bench = simulate.options.benchmark(given_options)
+    case = bench.varied(simulate._case(bench, given_options), variation(given_options))
+    assert case.scenario == case_of(member, STRICT, NOMINAL).scenario
+
+
+def test_members_of_the_list_are_its_very_cases():
+    bench = Benchmark("strict")
+    assert all(case_of(of_case(case), STRICT, bench.nominal) == case for case in bench.cases)
+    assert len(bench.cases) == STRICT.case_count == 920
+
+
+# The whole
+
+
+TINY = """
+extends = "strict"
+name = "tiny"
+grid = { q_a1_points = 1, q_a2_points = 1, also_deg = [[0.0, -90.0]] }
+sets = { all = ["compliant", "sticky"] }
+[disturbance]
+t_1 = 1.0
+t_2 = 1.1
+t_4 = 0.9
+[stability]
+limit_cycle_window = 0.4
+rest_window = 0.2
+rest_error = 1.0
+[[tests]]
+name = "disturbance"
+systems = "all"
+duration = 2.0
+criteria = ["B3", "B4", "B5", "B6", "B7"]
+requirements = ["A3"]
+[[tests]]
+name = "noise"
+systems = "all"
+duration = 0.2
+disturbed = false
+criteria = ["B1", "B2"]
+[[tests]]
+name = "delay_2"
+systems = "all"
+duration = 2.0
+axis = 2
+delay = "1.5e-3"
+requirements = ["A2", "A3"]
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path) -> Path:
+    file = tmp_path / "tiny.toml"
+    file.write_text(TINY, encoding="utf-8")
+    return file
+
+
+@pytest.mark.slow
+def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(tiny, pid_c_file, tmp_path):
+    def found(workers, folder):
+        stages = []
+        answer = Benchmark(workers=workers).robustness(
+            Controller(pid_c_file),
+            budget=60,
+            protocol=tiny,
+            folder=folder,
+            on_progress=lambda stage, simulations, worst: stages.append((stage, simulations)),
+        )
+        return to_json(changed(answer, wall_time=0.0)), stages, answer
+
+    first, stages, answer = found(2, tmp_path / "a")
+    assert (first, stages) == found(1, None)[:2] == found(2, tmp_path / "a")[:2]
+    assert stages[0] == ("list", 12) and answer.complete and answer.failures == 0
+    assert answer.cost is not None and answer.protocol_cost is not None and answer.cost >= answer.protocol_cost
+    assert all(entry.worst_case.value >= entry.value >= entry.protocol for entry in answer.criteria.values())
+
+
+def test_what_cannot_be_searched_is_refused(pid_c_file):
+    controller = Controller(pid_c_file)
+    assert refusal(Benchmark().robustness, controller, protocol="paper").what == "draws"
+    assert refusal(Benchmark().robustness, controller, only=["B9"]).what == "no-target"
