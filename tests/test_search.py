@@ -234,3 +234,9 @@ def test_what_cannot_be_searched_is_refused(pid_c_file):
     controller = Controller(pid_c_file)
     assert refusal(Benchmark().robustness, controller, protocol="paper").what == "draws"
     assert refusal(Benchmark().robustness, controller, only=["B9"]).what == "no-target"
+
+
+def test_when_time_runs_out_what_is_there_is_told_without_margins(tiny, pid_c_file):
+    answer = Benchmark().robustness(Controller(pid_c_file), budget=60, protocol=tiny, minutes=1e-6)
+    assert not answer.complete and not answer.margins and answer.radius is None
+    assert answer.criteria["B6"].worst_case.command and answer.requirements["A2"].command

@@ -269,7 +269,7 @@ class Benchmark:
         budget : int
             Simulations to aim for; the last stages may need some more.
         minutes : float
-            Time after which no more is searched, though what was found is still confirmed.
+            Time after which what was found is confirmed, and margins and radius are left out.
         protocol : str or path
             A protocol that draws nothing; its cases are the list that the search begins with.
         only : sequence of str

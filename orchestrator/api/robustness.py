@@ -76,8 +76,8 @@ def find_worst_case(
     effects = stages.effects(hunt)
     criteria, configurations = stages.criteria(hunt), stages.configurations(hunt)
     found, own = stages.costs(hunt)
-    margins = stages.margins(hunt)
-    radius = stages.radius(hunt)
+    margins = stages.margins(hunt) if hunt.complete else {}
+    radius = stages.radius(hunt) if hunt.complete else None
     results = hunt.archive.found.values()
     return Robustness(
         schema=SCHEMA,

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(case.id for case in bench.cases))
         return EXIT_OK
     controller = options.controller(given)
-    folder = given.output_dir or Path("runs") / _folder_name(bench, controller, given.only)
+    folder = given.output_dir or Path("runs") / folder_name(bench, controller, given.only)
     with progress(bench.rules) as on_result:
         evaluation = bench.evaluate(
             controller,
@@ -65,7 +65,7 @@ def _report(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> 
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
 
 
-def _folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -> str:
+def folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -> str:
     """A name for the results: of controller and protocol, and of whatever is not as usual."""
     name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
     plant = bench.manipulator.model if bench.manipulator.build == "file" else ""

@@ -15,6 +15,7 @@ from ..reporting.files import ROBUSTNESS, prepare_folder, write_text
 from ..reporting.wording import SHOWN, number
 from ..search.findings import Margin, RequirementFound, Robustness
 from . import options
+from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .tables import safe, table, terminal
 from .values import MOST, Parser, natural
@@ -34,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
-    folder = given.output_dir or Path("runs") / f"{controller.name}-robustness"
+    folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given.only)}-robustness"
     prepare_folder(folder)
     found = bench.robustness(
         controller,
@@ -139,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
     options.add_jobs(parser)
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument(
-        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-robustness)"
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-strict-robustness)"
     )
     parser.add_argument("--json", action="store_true", help="print robustness.json instead of tables")
     return parser

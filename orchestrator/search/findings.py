@@ -56,7 +56,7 @@ class Margin(Struct):
 
 class Radius(Struct):
     """The factor on all half-widths of Table 1 at which V passes its target (``cost``) and at which a requirement fails
-    (``stability``); None if they do not up to ``limit``."""
+    (``stability``); None if they do not up to ``limit``, of members that were tried."""
 
     cost: NonNegative | None
     stability: NonNegative | None
