@@ -159,7 +159,7 @@ class Benchmark:
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
-        return checking.findings(controller, lambda: self._bench(controller), self.rules)
+        return checking.findings(controller, lambda: self._bench(controller), self.rules, self.cases[0].scenario)
 
     def evaluate(
         self,
@@ -215,6 +215,7 @@ class Benchmark:
         start, begin = datetime.now(timezone.utc), time.perf_counter()
         with self._runner(bench, target, keep_going) as runner:
             rehearsal = campaign.rehearse(cases[0], bench)
+            computing_time = None if rehearsal.failure else campaign.computing_time(cases[0], bench)
             told = None if on_result is None else lambda run, done, total: on_result(run.result, done, total)
             runs = runner.run(cases, rehearsal.failure, force, told)
             timing = RunTiming(
@@ -223,6 +224,7 @@ class Benchmark:
                 self._workers,
                 sum(run.result.time for run in runs),
                 sum(run.wall_time for run in runs),
+                computing_time,
             )
             results = document.results(
                 self.rules,

@@ -14,13 +14,14 @@ from ..benchmark.case import Case
 from ..benchmark.metrics import named
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Judgement
-from ..codec import Struct, pack
+from ..codec import Struct, pack, unpack
 from ..errors import Crash
 from ..execution.job import Died, Done, Job, Limits, Outcome
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
 from ..fmi.archive import Archive
 from ..fmi.trace import CONTROLLER, PLANT, Place
+from ..loop.computing import ComputingTime
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Status, Trajectory
@@ -216,6 +217,17 @@ def rehearse(case: Case, bench: Bench) -> Rehearsal:
                 if outcome.place.sample == 0 and not outcome.outside:
                     return Rehearsal(failure=case_run(case, outcome))
     return Rehearsal(timing)
+
+
+def computing_time(case: Case, bench: Bench) -> ComputingTime | None:
+    """The controller's computing time over the beginning of ``case``; None if that fails."""
+    limit = max(FIRST_START_TIME, 0.5 * bench.timeout)
+    task = work.ScenarioTask(bench.setup, case.scenario)
+    job = bench.raw_job(
+        f"{work.__name__}:{work.time_steps.__name__}", [task], (limit,), lambda _, value: unpack(value, ComputingTime)
+    )
+    (outcome,) = run_isolated(job)
+    return outcome.value if isinstance(outcome, Done) else None
 
 
 def case_run(case: Case, outcome: Outcome) -> CaseRun:

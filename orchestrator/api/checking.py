@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from fractions import Fraction
+from dataclasses import replace
 
 from ..benchmark.protocol import Protocol
 from ..codec import unpack
@@ -13,13 +13,16 @@ from ..errors import InputError
 from ..execution.job import Died, Refused
 from ..execution.supervision import run_isolated
 from ..loop.sampling import controller_sample_time
+from ..loop.scenario import Scenario
 from ..loop.setup import controller_binding
 from .campaign import FULL_LENGTH, Bench
 from .controller import Controller
 
 
-def findings(controller: Controller, bench: Callable[[], Bench], protocol: Protocol) -> Iterator[Finding]:
-    """The findings on ``controller`` as they come; ``bench`` opens it."""
+def findings(
+    controller: Controller, bench: Callable[[], Bench], protocol: Protocol, scenario: Scenario
+) -> Iterator[Finding]:
+    """The findings on ``controller`` as they come; ``bench`` opens it, ``scenario`` is what its steps are timed in."""
     try:
         opened = bench()
         archive, setup = opened.controller, opened.setup
@@ -27,17 +30,19 @@ def findings(controller: Controller, bench: Callable[[], Bench], protocol: Proto
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
         sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
         yield from sampling_findings(sample_time, protocol.sample_time)
-        yield from _dynamic(opened, sample_time.value, protocol)
+        yield from _dynamic(opened, replace(scenario, sample_time=sample_time.value), protocol)
     except InputError as error:
         yield Finding(Severity.ERROR, "import", str(error), "", error.what, error.value, error.nearest)
 
 
-def _dynamic(bench: Bench, sample_time: Fraction, protocol: Protocol) -> Iterator[Finding]:
+def _dynamic(bench: Bench, scenario: Scenario, protocol: Protocol) -> Iterator[Finding]:
     from ..conformance import dynamic  # it loads the compiler
 
     first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
     tasks = [
-        dynamic.CheckTask(number, bench.setup, sample_time, (first, second), FULL_LENGTH, bench.timeout)
+        dynamic.CheckTask(
+            number, bench.setup, scenario.sample_time, (first, second), scenario, FULL_LENGTH, bench.timeout
+        )
         for number in range(len(dynamic.CHECKS))
     ]
     job = bench.raw_job(

@@ -103,6 +103,14 @@ def probe_timing(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(TimingRecord())
 
 
+def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`~orchestrator.loop.stopwatch.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
+    from ..loop.stopwatch import computing_time
+
+    wanted = unpack(task, ScenarioTask)
+    return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
+
+
 def judgement(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
     found = unpack(value, Judgement)

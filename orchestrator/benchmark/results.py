@@ -10,6 +10,7 @@ from typing import Literal
 import msgspec
 
 from ..codec import Finite, Natural, NonNegative, Struct
+from ..loop.computing import ComputingTime
 from ..loop.trajectory import Status
 from .case import Configuration, Test
 from .protocol import Protocol, Stability
@@ -255,13 +256,15 @@ class LoopDelay(Struct):
 
 class RunTiming(Struct):
     """When the evaluation began, and how long it took [s]: ``wall_time`` on ``workers`` processes; ``simulated_time``
-    and ``simulation_time`` are sums over the cases."""
+    and ``simulation_time`` are sums over the cases. ``computing_time`` is the controller's, per sample; None if it was not
+    measured."""
 
     start: str
     wall_time: NonNegative
     workers: int
     simulated_time: NonNegative
     simulation_time: NonNegative
+    computing_time: ComputingTime | None = None
 
 
 class Scorecard(Struct):

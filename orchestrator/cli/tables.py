@@ -13,7 +13,7 @@ from rich.table import Table
 
 from ..benchmark.results import CriterionScore, Results
 from ..reporting.repeat import simulate_command
-from ..reporting.wording import SHOWN, connectors, figure, loop_delay, number, remarks, requirement_rows
+from ..reporting.wording import SHOWN, computing_time, connectors, figure, loop_delay, number, remarks, requirement_rows
 from ..text import printable
 
 COLOURS = {"holds": "green", "fails": "red"}
@@ -49,6 +49,7 @@ def show_results(results: Results, console: Console) -> None:
         f"[bold]{safe(results.benchmark)}[/bold]  protocol {safe(results.protocol)}  "
         f"controller [bold]{safe(results.controller.file)}[/bold]\n"
         f"seed {results.seed}\n{safe(loop_delay(results.loop_delay))}\n"
+        f"computing time {computing_time(results)}\n"
         f"connectors {safe(connectors(results.controller))}\n"
     )
     console.print(_criteria(results, console.width))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -14,17 +13,16 @@ from ..codec import Struct, pack, unpack
 from ..errors import FmuError
 from ..fmi.connectors import PLANT, bind
 from ..fmi.lookup import find_parameters
-from ..fmi.port import exchange, exchange_often
+from ..fmi.port import exchange
 from ..fmi.slaves import Slave, load
 from ..fmi.trace import CONTROLLER
 from ..loop.controller import Steady, prepared
 from ..loop.master import steady_state
 from ..loop.probe import ERROR, LATE, Convention, probe, response
+from ..loop.scenario import Scenario
 from ..loop.setup import Setup
+from ..loop.stopwatch import computing_time
 from .finding import Finding, Severity
-
-BATCHES, TIMED_STEPS = 20, 100
-"""Steps that are timed; the fastest batch counts, since others may have to share the processor."""
 
 EXTRA_DELAY = (
     "An extra sample of delay costs stability margin; look for a unit delay or memory block at the output, or an "
@@ -46,12 +44,14 @@ TIMING = {
 
 class CheckTask(Struct):
     """A look of ``CHECKS``, by its number, and its conditions: the ``torque_step`` [N.m] of the benchmark's quantizer
-    per axis, the ``duration`` [s] of a full simulation, and the wall time it may take, ``timeout`` [s]."""
+    per axis, a ``scenario`` to time steps in, the ``duration`` [s] of a full simulation, and the wall time it may take,
+    ``timeout`` [s]."""
 
     number: int
     setup: Setup
     sample_time: Fraction
     torque_step: tuple[float, float]
+    scenario: Scenario
     duration: float
     timeout: float
 
@@ -135,18 +135,9 @@ def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Itera
 
 def cost(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """The time that one exchange takes: set, step, get."""
-    steady = _steady(plant)
-    step = float(task.sample_time)
-    stop_time = (BATCHES * TIMED_STEPS + 1) * step
-    with prepared(controller, task.setup, steady, task.sample_time, stop_time) as port:
-        port.input_values[:] = port.scale * (np.array(steady.q_m_ref) - port.offset)
-        exchange_often(port, 0, 1, step)  # compiles, or loads what is compiled
-        times = [time.perf_counter()]
-        for batch in range(BATCHES):
-            exchange_often(port, 1 + batch * TIMED_STEPS, TIMED_STEPS, step)
-            times.append(time.perf_counter())
-        spent = float(np.min(np.diff(times))) / TIMED_STEPS
-    text = f"{spent * 1e6:.2f} µs per step"
+    step, found = float(task.sample_time), computing_time(plant, controller, task.setup, task.scenario)
+    spent = found.median
+    text = f"{found.text} per step"
     full = spent * task.duration / step
     if spent <= step and full <= task.timeout:
         yield Finding(Severity.OK, "cost", text)

@@ -126,15 +126,6 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
     return GET, max(written, stepped, got)
 
 
-@compiled
-def exchange_often(port: Port, first: int, steps: int, step: float) -> int:
-    """``steps`` exchanges with the same inputs, from sample ``first`` on; returns the worst status. For timing."""
-    worst = 0
-    for k in range(first, first + steps):
-        worst = max(worst, exchange(port, port.inputs.size, k * step, step, True)[1])
-    return worst
-
-
 @inlined
 def _write(port: Port, count: int) -> int:
     port.trace[CALL] = 1 + SET

@@ -13,7 +13,7 @@ from .payload import criteria, report_payload
 from .recording import SPREAD
 from .repeat import simulate_command
 from .run import Run
-from .wording import assignments, connectors, loop_delay, number, remarks, requirement_rows
+from .wording import assignments, computing_time, connectors, loop_delay, number, remarks, requirement_rows
 
 SCALE_END = 1.15
 """End of the cost's scale, relative to the largest value on it."""
@@ -85,6 +85,7 @@ def facts(results: Results) -> list[tuple[str, str]]:
         ("Seed", str(results.seed)),
         ("Sample time", f"{sample_time.seconds * 1e3:g} ms" + ("" if sample_time.as_in_benchmark else " (own)")),
         ("Loop delay", loop_delay(results.loop_delay).removeprefix("loop delay ")),
+        ("Computing time", f"{computing_time(results)}, per sample"),
         ("Cases", f"{len(results.cases)}, {timing.simulated_time:.0f} simulated seconds"),
         ("Run", f"{timing.start}, {timing.wall_time:.0f} s on {processes}"),
         ("Plant", f"{plant.file} ({plant.build}), SHA-256 {plant.sha256}"),

@@ -80,6 +80,12 @@ def loop_delay(delay: LoopDelay) -> str:
     return f"{text}{within}; the controller {delay.convention}"
 
 
+def computing_time(results: Results) -> str:
+    """The controller's computing time against its sample time."""
+    found = results.timing.computing_time
+    return "not measured" if found is None else f"{found.text} of {results.sample_time.seconds * 1e6:g} µs"
+
+
 def connectors(controller: ControllerRecord) -> str:
     """The connectors that the controller has, and the optional ones that it does not have."""
     bound = [name for name, entry in controller.connectors.items() if entry is not None]

@@ -1,0 +1,22 @@
+"""The computing time of a controller as it is told; :mod:`.stopwatch` measures it."""
+
+from __future__ import annotations
+
+from ..codec import Natural, NonNegative, Struct
+
+
+class ComputingTime(Struct):
+    """Wall time [s] of one step of a controller, its inputs set and its outputs read: median, 99th percentile and the
+    largest of ``steps``. The largest tells as much about the machine as about the controller."""
+
+    steps: Natural
+    median: NonNegative
+    percentile_99: NonNegative
+    largest: NonNegative
+
+    @property
+    def text(self) -> str:
+        """The three in words."""
+        micro = (1e6 * value for value in (self.median, self.percentile_99, self.largest))
+        median, most, largest = (f"{value:.3g}" if value < 1e3 else f"{value:.0f}" for value in micro)
+        return f"{median} µs median, {most} µs 99 %, {largest} µs largest"
