@@ -114,7 +114,9 @@ LATER = [
 
 @pytest.mark.parametrize("fault", LATER, ids=str)
 def test_what_does_not_show_in_the_first_sample_is_left_to_the_cases(fault, plant_file, faulty):
-    assert campaign.rehearse(short_cases((STRUCK,))[0], bench(plant_file, faulty(fault))).failure is None
+    case, own = short_cases((STRUCK,))[0], bench(plant_file, faulty(fault))
+    assert campaign.rehearse(case, own).failure is None
+    assert campaign.computing_time(case, own) is None
 
 
 def test_the_rehearsal_gives_those_more_time_whose_cases_have_more(harmless, monkeypatch):

@@ -19,6 +19,7 @@ from orchestrator.benchmark.results import (
     SampleTimeRecord,
 )
 from orchestrator.benchmark.scorecard import score
+from orchestrator.loop.computing import ComputingTime
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.recording import About, Recording
 from orchestrator.reporting.run import Run, load_run, save_run
@@ -58,7 +59,9 @@ def results_of(cases: Iterable[CaseResult] | None = None, **changes: Any) -> Res
         "sample_time": SampleTimeRecord(0.25e-3, True),
         "loop_delay": LoopDelay(5e-4, 2.0, 2.5e-4, 1, "samples twice in the first step"),
         "environment": {"python": "3.11"},
-        "timing": RunTiming("2026-01-02T00:00:00+00:00", 100.0, 2, 8000.0, 50.0),
+        "timing": RunTiming(
+            "2026-01-02T00:00:00+00:00", 100.0, 2, 8000.0, 50.0, ComputingTime(2000, 0.3e-6, 0.4e-6, 12e-6)
+        ),
         **parts,
         **changes,
     }
