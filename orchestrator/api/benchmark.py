@@ -30,7 +30,9 @@ from ..execution import cluster, pool, store
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
 from ..reporting.files import prepare_folder
+from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
+from ..reporting.worst_case import save_search
 from ..search.findings import Robustness
 from . import campaign, checking, document
 from .campaign import Bench
@@ -40,6 +42,7 @@ from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
 from .robustness import OnProgress, find_worst_case
 from .running import Runner
+from .selection import shown
 from .simulation import Simulation
 
 OnResult = Callable[[CaseResult, int, int], None]
@@ -242,8 +245,8 @@ class Benchmark:
             if target is not None:
                 evaluation.save(target)  # before the recordings: whatever happens now, the results are there
             if recordings:
-                shown = record_shown(self.rules, self.nominal, self.seed, runs, results.scorecard, bench, self._workers)
-                evaluation = replace(evaluation, recordings=shown)
+                wanted = shown(self.rules, self.nominal, self.seed, runs, results.scorecard)
+                evaluation = replace(evaluation, recordings=record_shown(wanted, bench, self._workers))
                 if target is not None:
                     evaluation.save(target)
         return evaluation
@@ -258,6 +261,7 @@ class Benchmark:
         only: Sequence[str] = (),
         from_list: bool = True,
         folder: str | Path | None = None,
+        recordings: bool = True,
         on_progress: OnProgress | None = None,
     ) -> Robustness:
         """Search for the worst case: is there an arm within the tolerances for which the controller fails, and which?
@@ -280,7 +284,10 @@ class Benchmark:
         from_list : bool
             Whether to begin with it, or with the nominal system alone.
         folder : path, optional
-            Where finished simulations are stored as they come and found again.
+            Where finished simulations are stored as they come and found again; the answer is saved there, too.
+        recordings : bool
+            Whether the worst cases, and the nominal arm beside them, are simulated once more and recorded in ``folder``
+            for its report: up to twelve simulations beside the budget.
         on_progress : callable, optional
             ``on_progress(stage, simulations, worst)`` is called after each stage and round.
 
@@ -313,7 +320,14 @@ class Benchmark:
         with own._runner(bench, target) as runner:
             campaign.rehearse(cases[0], bench)
             listed = cases if from_list else ()
-            return find_worst_case(runner, listed, own.nominal, setting, T_s, budget, minutes, only, on_progress)
+            found, worst = find_worst_case(
+                runner, listed, own.nominal, setting, T_s, budget, minutes, only, on_progress
+            )
+            if target is not None:
+                save_search(found, target)  # before the recordings: whatever happens now, the answer is there
+                if recordings:
+                    save_recordings(record_shown(worst, bench, self._workers), target)
+        return found
 
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"

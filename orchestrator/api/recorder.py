@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 
-from ..benchmark.protocol import Protocol
-from ..benchmark.results import Scorecard
 from ..execution import pool
 from ..execution.job import Done
 from ..reporting.recording import Recording
 from . import work
-from .campaign import GROUP_SIZE, START_TIME, Bench, CaseRun
-from .selection import shown
+from .campaign import GROUP_SIZE, START_TIME, Bench
+from .selection import Shown
 
 LARGEST = 1 << 22
 """Bytes of the largest recording, whose signals are thinned out."""
 
 
-def record_shown(
-    protocol: Protocol,
-    nominal: Mapping[str, float],
-    seed: int,
-    runs: Sequence[CaseRun],
-    card: Scorecard,
-    bench: Bench,
-    workers: int,
-) -> tuple[Recording, ...]:
-    """Simulate what the report of ``runs`` shows, on ``workers`` processes.
+def record_shown(wanted: Sequence[Shown], bench: Bench, workers: int) -> tuple[Recording, ...]:
+    """Simulate what a report shows, on ``workers`` processes.
 
     What fails before its first sample, or takes its process with it, is left out: its status stands in the results.
     """
-    wanted = shown(protocol, nominal, seed, runs, card)
     count = max(workers, math.ceil(len(wanted) / GROUP_SIZE))
     groups = [group for first in range(count) if (group := wanted[first::count])]
     jobs = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -11,14 +11,16 @@ from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, rules
 from ..errors import InputError
 from ..loop.trajectory import Status
+from ..reporting.recording import BESIDE, FOUND
 from ..reporting.repeat import Setting, member_command
 from ..search import hunt as stages
 from ..search.archive import Archive
 from ..search.findings import SCHEMA, Robustness
 from ..search.hunt import Hunt
-from ..search.member import Member, case_of, of_case, parameters
+from ..search.member import NOMINAL, Member, case_of, of_case, parameters
 from ..search.target import targets
 from .running import Runner
+from .selection import Shown
 
 OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
 """Is told the stage of a search, the simulations so far, and the worst value of each target."""
@@ -34,9 +36,9 @@ def find_worst_case(
     minutes: float,
     only: Sequence[str],
     on_progress: OnProgress | None,
-) -> Robustness:
+) -> tuple[Robustness, list[Shown]]:
     """Search with ``runner`` for what ``only`` names, or everything, from the cases ``listed`` or, if there are none,
-    from the nominal system.
+    from the nominal system; and what a report shows of it: the worst cases, each followed by the nominal arm's.
 
     Raises :class:`InputError` for a protocol whose tests draw, or if there is no such thing to search for.
     """
@@ -79,7 +81,7 @@ def find_worst_case(
     margins = stages.margins(hunt) if hunt.complete else {}
     radius = stages.radius(hunt) if hunt.complete else None
     results = hunt.archive.found.values()
-    return Robustness(
+    answer = Robustness(
         schema=SCHEMA,
         benchmark=protocol.benchmark,
         protocol=protocol.name,
@@ -97,7 +99,18 @@ def find_worst_case(
         configurations=configurations,
         effects=effects,
         path=tuple(hunt.path),
+        rules=hunt.rules,
         controller=setting.controller,
         plant=setting.plant,
         wall_time=time.perf_counter() - begin,
     )
+    return answer, [each for member, roles in hunt.shown.items() for each in _beside_nominal(member, roles, case)]
+
+
+def _beside_nominal(member: Member, roles: Sequence[str], case: Callable[[Member], Case]) -> Iterator[Shown]:
+    worst = case(member)
+    if member.deviations:
+        worst = replace(worst, system=replace(worst.system, name=FOUND))
+    yield Shown(worst, tuple(roles))
+    nominal = replace(member, system=NOMINAL, deviations=())
+    yield Shown(case(nominal), tuple(f"{BESIDE} {role}" for role in roles))

@@ -256,8 +256,8 @@ class LoopDelay(Struct):
 
 class RunTiming(Struct):
     """When the evaluation began, and how long it took [s]: ``wall_time`` on ``workers`` processes; ``simulated_time``
-    and ``simulation_time`` are sums over the cases. ``computing_time`` is the controller's, per sample; None if it was not
-    measured."""
+    and ``simulation_time`` are sums over the cases. ``computing_time`` is the controller's, per sample; None if it was
+    not measured."""
 
     start: str
     wall_time: NonNegative

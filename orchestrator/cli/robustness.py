@@ -11,9 +11,11 @@ from pathlib import Path
 from rich.console import Console
 
 from ..codec import to_json
-from ..reporting.files import ROBUSTNESS, prepare_folder, write_text
+from ..reporting.files import REPORT, ROBUSTNESS, TRAJECTORIES, prepare_folder
 from ..reporting.wording import SHOWN, number
-from ..search.findings import Margin, RequirementFound, Robustness
+from ..reporting.worst_case import load_search, verdict_words
+from ..reporting.worst_page import write_worst_page
+from ..search.findings import Margin, Robustness
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
@@ -45,16 +47,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         only=given.only,
         from_list=not given.no_list,
         folder=folder,
+        recordings=not given.no_report,
         on_progress=_progress,
     )
-    text = to_json(found)
-    write_text(folder / ROBUSTNESS, text + "\n")
-    if given.json:
-        print(text)
+    written = [ROBUSTNESS]
+    if not given.no_report:
+        write_worst_page(load_search(folder), folder / REPORT)
+        written += [TRAJECTORIES, REPORT]
+    told(found, given.json)
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    return EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE
+
+
+def told(found: Robustness, as_json: bool) -> None:
+    """Print the answer of a search, as tables or as it stands in its file."""
+    if as_json:
+        print(to_json(found))
     else:
         show(found, terminal())
-    print(f"written to {folder}: {ROBUSTNESS}", file=sys.stderr)
-    return EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE
 
 
 def _progress(stage: str, simulations: int, worst: Mapping[str, float | None]) -> None:
@@ -79,7 +89,7 @@ def show(found: Robustness, console: Console) -> None:
     grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
     console.print(grid)
     for name, requirement in found.requirements.items():
-        console.print(f"{name}  {_verdict(requirement)}")
+        console.print(f"{name}  {verdict_words(requirement).replace('fails', '[red]fails[/red]', 1)}")
     for name, margin in found.margins.items():
         console.print(f"{name:12}{_margin(name, margin)}")
     if (radius := found.radius) is not None:
@@ -96,14 +106,6 @@ def show(found: Robustness, console: Console) -> None:
         console.print(f"[red]{found.failures} simulations hung, crashed or failed.[/red]")
     if not found.complete:
         console.print("[yellow]Time ran out: the search is not complete.[/yellow]")
-
-
-def _verdict(found: RequirementFound) -> str:
-    if found.passed:
-        return f"no failure found; nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
-    seeds = f"with {found.seeds_failed} of {found.seeds_tried} seeds"
-    cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
-    return f"[red]fails[/red]: {found.kind}{cycle}, {seeds}"
 
 
 def _margin(name: str, margin: Margin) -> str:
@@ -142,5 +144,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-strict-robustness)"
     )
+    parser.add_argument("--no-report", action="store_true", help="write no report.html, and record nothing for it")
     parser.add_argument("--json", action="store_true", help="print robustness.json instead of tables")
     return parser

@@ -49,7 +49,7 @@ def _times(plant: Slave, controller: Slave, setup: Setup, scenario: Scenario, st
     measured = np.ascontiguousarray(found.measured[:steps])  # one at least, even if the loop ends at once
     steady = Steady(found.q_m_ref, found.u_m0, (float(found.extra[q_a[0]][0]), float(found.extra[q_a[1]][0])))
     times, stamps = np.zeros(len(measured)), np.zeros(4, dtype=np.int64)
-    read_clock = ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value
+    read_clock = ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
     with prepared(controller, setup, steady, sample_time, float(duration)) as port:
         step = float(sample_time)
         call, status = _timed(port, measured, step, read_clock, np.int32(time.CLOCK_MONOTONIC), stamps, times)

@@ -23,7 +23,7 @@ def compare_html(groups: Sequence[Group]) -> str:
     first = entries[0].run.results
     payload = {
         **workspace(first),
-        "criteria": criteria(first),
+        "criteria": criteria(first.criteria),
         "rules": plain(first.rules),
         "runs": [_run(entry) for entry in entries],
     }

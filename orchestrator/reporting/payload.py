@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..benchmark.results import Results
+from ..benchmark.results import CriterionSpec, Results
 from ..benchmark.scorecard import kind
 from ..codec import plain
 from .recording import SPREAD, Recording, thin
@@ -29,10 +29,10 @@ def report_payload(run: Run) -> dict[str, Any]:
     """Everything the report's figures show."""
     return {
         **workspace(run.results),
-        "criteria": criteria(run.results),
+        "criteria": criteria(run.results.criteria),
         "rules": plain(run.results.rules),
         "stability": _stability(run.results),
-        "recordings": [packed(entry, run.results) for entry in _affordable(run)],
+        "recordings": [packed(entry, recording_command(run.results, entry.about)) for entry in _affordable(run)],
         "spread": [packed_error(entry, SPREAD_INTERVALS) for entry in run.recorded(SPREAD)],
     }
 
@@ -43,19 +43,19 @@ def workspace(results: Results) -> dict[str, Any]:
     return {"configurations": plain(results.configurations), "links": [nominal["l[1]"], nominal["l[2]"]]}
 
 
-def criteria(results: Results) -> list[dict[str, Any]]:
+def criteria(entries: Mapping[str, CriterionSpec]) -> list[dict[str, Any]]:
     """B1..B7 with the factor and name of the unit they are shown in."""
     return [
         {"name": name, **plain(entry), "factor": SHOWN[entry.unit][0], "shown": SHOWN[entry.unit][1]}
-        for name, entry in results.criteria.items()
+        for name, entry in entries.items()
     ]
 
 
-def packed(entry: Recording, results: Results) -> dict[str, Any]:
-    """A whole recording with the command that repeats its case; columns are base64 of single-precision numbers."""
+def packed(entry: Recording, command: str) -> dict[str, Any]:
+    """A whole recording with the ``command`` that repeats its case; columns are base64 of single-precision numbers."""
     return {
         **plain(entry.about),
-        "command": recording_command(results, entry.about),
+        "command": command,
         "motion": [_packed(column) for column in entry.motion.T],
         "torque": [_packed(column) for column in entry.torque.T],
     }

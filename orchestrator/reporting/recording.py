@@ -32,6 +32,12 @@ MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
 EXAMPLE, SPREAD = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
 
+BESIDE = "beside"
+"""Role, before that of a worst case, of the nominal arm in the same pose and test."""
+
+FOUND = "worst arm"
+"""What stands for the system's name where a search has changed its parameters."""
+
 Pair = tuple[Finite, Finite]
 
 

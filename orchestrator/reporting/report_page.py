@@ -13,10 +13,7 @@ from .payload import criteria, report_payload
 from .recording import SPREAD
 from .repeat import simulate_command
 from .run import Run
-from .wording import assignments, computing_time, connectors, loop_delay, number, remarks, requirement_rows
-
-SCALE_END = 1.15
-"""End of the cost's scale, relative to the largest value on it."""
+from .wording import assignments, computing_time, connectors, loop_delay, number, remarks, requirement_rows, scale
 
 
 def report_html(run: Run) -> str:
@@ -34,7 +31,7 @@ def report_html(run: Run) -> str:
         payload,
         results=results,
         headline=headline(results),
-        criteria=criteria(results),
+        criteria=criteria(results.criteria),
         requirements=requirement_rows(results),
         limit=results.rules.stability.limit_cycle,
         holding=HOLDING,
@@ -51,9 +48,8 @@ def report_html(run: Run) -> str:
 
 
 def headline(results: Results) -> dict[str, Any]:
-    """V beside the paper's PID and the target: values, and places in percent on a common scale."""
+    """V beside the paper's PID and the target, and what it comes to."""
     cost, target, paper = results.cost, results.rules.cost.target, results.rules.cost.paper
-    end = SCALE_END * max(target, paper, cost or 0.0)
     sentence = "No cost: a case that counts has no value."
     if cost is not None:
         side, direction = "At or below" if cost <= target else "Above", "less" if cost < paper else "more"
@@ -61,11 +57,7 @@ def headline(results: Results) -> dict[str, Any]:
         sentence = f"{side} the target of {target:g}, {change} than the paper reports for its PID."
     return {
         "cost": number(cost),
-        "place": None if cost is None else 100 * cost / end,
-        "marks": [
-            {"name": name, "value": f"{value:g}", "place": 100 * value / end}
-            for name, value in (("target", target), ("paper's PID", paper))
-        ],
+        "scale": scale(cost, [("target", target), ("paper's PID", paper)]),
         "sentence": sentence,
     }
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import ControllerRecord, CriterionSpec, LoopDelay, Results, Verdict
 
@@ -20,6 +23,9 @@ REQUIREMENTS = {
 
 SEED_MATTERS = "V depends on the seed"
 """What is said of protocols with few cases."""
+
+SCALE_END = 1.15
+"""End of a scale, relative to the largest value on it."""
 
 NO_UNIT = re.compile(r"(?:.*: )?(.+) declares no unit; taken as (.+)")
 
@@ -64,6 +70,23 @@ def number(value: float | None, factor: float = 1.0) -> str:
     if value is None:
         return "-"
     return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
+
+
+def scale(value: float | None, marks: Sequence[tuple[str, float]]) -> dict[str, Any]:
+    """Places in percent of ``value`` and of named ``marks`` on a common scale that begins at 0."""
+    end = SCALE_END * max(*(mark for _, mark in marks), value or 0.0)
+    return {
+        "place": None if value is None else 100 * value / end,
+        "marks": [{"name": name, "value": f"{mark:.4g}", "place": 100 * mark / end} for name, mark in marks],
+    }
+
+
+def parameter_words(name: str) -> str:
+    """What a parameter of Table 1 is: ``f_c[2]`` is the Coulomb motor friction of axis 2."""
+    symbol, _, axis = name.removesuffix("]").partition("[")
+    description = next((row.description for row in TABLE_1 if row.symbol == symbol), symbol)
+    words = re.sub(rf" {symbol}\b|, (eq\.|Section).*", "", description)
+    return f"{words}, axis {axis}" if axis else words
 
 
 def figure(criterion: CriterionSpec, value: float | None) -> str:

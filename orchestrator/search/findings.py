@@ -6,7 +6,7 @@ the last bit.
 
 from __future__ import annotations
 
-from ..benchmark.results import ControllerRecord, Kind, PlantRecord
+from ..benchmark.results import ControllerRecord, Kind, PlantRecord, Rules
 from ..codec import Finite, Natural, NonNegative, Struct
 
 SCHEMA = "flexible-manipulator-robustness/1"
@@ -72,9 +72,11 @@ class Step(Struct):
 
 
 class Effect(Struct):
-    """By how much the largest value found of a criterion changes if one uncertain parameter goes to its other end."""
+    """By how much the largest value found of a criterion changes if one uncertain parameter, which is at the end
+    ``sign`` of its range there (0: nominal), goes to the other end (the upper one from nominal)."""
 
     parameter: str
+    sign: Finite
     criterion: str
     change: Finite | None
 
@@ -113,6 +115,7 @@ class Robustness(Struct, kw_only=True):
     configurations: tuple[ConfigurationFound, ...]
     effects: tuple[Effect, ...]
     path: tuple[Step, ...]
+    rules: Rules
     controller: ControllerRecord
     plant: PlantRecord
     wall_time: NonNegative

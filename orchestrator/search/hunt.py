@@ -18,7 +18,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Rules, Scorecard
 from ..benchmark.scorecard import kind, score
 from .archive import Archive
-from .ascent import climb, explore, single_effects
+from .ascent import climb, explore
 from .findings import (
     ConfigurationFound,
     CriterionFound,
@@ -55,7 +55,7 @@ SCALES = tuple(step / 20 for step in range(1, 25))
 class Hunt:
     """A search: what it may ask, the members of the protocol's list, what is wanted, how a member's case is repeated,
     and whom to tell what stage it is in, how many simulations there were and the worst values; the answer is whether to
-    go on."""
+    go on. ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``."""
 
     archive: Archive
     rules: Rules
@@ -64,6 +64,7 @@ class Hunt:
     command: Callable[[Member], str]
     told: Callable[[str, int, Mapping[str, float | None]], bool]
     path: list[Step] = field(default_factory=list)
+    shown: dict[Member, list[str]] = field(default_factory=dict)
     complete: bool = True
 
     @property
@@ -123,6 +124,8 @@ def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
         target = Target(name, "", name)
         worst = hunt.archive.worst(target)
         where = Found(None, "") if worst is None else Found(hunt.archive.height(target), hunt.command(worst))
+        if worst is not None and name in {each.criterion for each in hunt.wanted}:
+            hunt.shown.setdefault(worst, []).append(name)
         entries[name] = CriterionFound(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
     return entries
 
@@ -155,6 +158,8 @@ def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
         if members:
             _, worst = max(members, key=lambda pair: pair[0])
             found[name] = _judged(hunt, worst)
+            test = protocol.test(worst.test)
+            hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
     hunt.note("other noise")
     return found
 
@@ -288,13 +293,11 @@ def effects(hunt: Hunt) -> tuple[Effect, ...]:
     for target, own in _worst(hunt).items():
         signs = dict(own.deviations)
         others = {
-            symbol: member
-            for (symbol, sign), member in single_effects(own, hunt.protocol).items()
-            if sign != signs[f"{symbol}[1]"] or sign != signs[f"{symbol}[2]"]
+            name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
         }
         (before, *results) = hunt.archive.results([own, *others.values()])
-        for symbol, result in zip(others, results, strict=True):
-            found.append(Effect(symbol, target.name, _change(before, result, target.name)))
+        for name, result in zip(others, results, strict=True):
+            found.append(Effect(name, signs[name], target.name, _change(before, result, target.name)))
     hunt.note("effects")
     return tuple(found)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from support.reports import recording, results_of, scaled, spread
+from support.reports import recording, results_of, scaled, searched, spread
 from support.results import TABLE_2, everything, result
 
 from orchestrator.loop.trajectory import Status
@@ -15,6 +15,7 @@ from orchestrator.reporting.comparison import compare
 from orchestrator.reporting.recording import Recording
 from orchestrator.reporting.report_page import report_html
 from orchestrator.reporting.run import Run
+from orchestrator.reporting.worst_page import worst_html
 
 DESKTOP, PHONE = (1280, 900), (390, 844)
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -98,6 +99,12 @@ def comparison() -> str:
     """Seven runs that are ranked together, one without a rank, and one that must not be ranked with them."""
     unfinished = Run(results_of(everything(TABLE_2)[:1], controller={"file": "Unfinished.fmu"}))
     return compare_html(compare([*COMPARED, unfinished]))
+
+
+@functools.cache
+def worst_case() -> str:
+    """A search for the worst case, of a controller with a hostile name."""
+    return worst_html(searched(file=EVIL, path=EVIL))
 
 
 def show(page, name: str) -> None:

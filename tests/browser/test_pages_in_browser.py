@@ -3,7 +3,19 @@
 import pytest
 
 from browser import pages
-from browser.pages import DESKTOP, PHONE, RESULTS, chart, comparison, empty_report, option, report, show, text
+from browser.pages import (
+    DESKTOP,
+    PHONE,
+    RESULTS,
+    chart,
+    comparison,
+    empty_report,
+    option,
+    report,
+    show,
+    text,
+    worst_case,
+)
 from orchestrator.reporting.repeat import simulate_command
 
 pytestmark = pytest.mark.slow
@@ -11,6 +23,7 @@ pytestmark = pytest.mark.slow
 VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
     comparison: ("leaderboard", "bars", "difference", "overlay"),
+    worst_case: ("summary", "search", "effects", "case", "configurations", "margins", "commands"),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 
@@ -20,7 +33,7 @@ LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 def test_every_view_is_drawn_fits_the_screen_and_is_accessible(html, size, scheme, open_page):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     page = open_page(html(), size, scheme)
-    assert pages.EVIL in page.locator("h1" if html is report else "#leaderboard").inner_text()
+    assert pages.EVIL in page.locator("#leaderboard" if html is comparison else "h1").inner_text()
     for name in VIEWS[html]:
         show(page, name)
         for each in page.locator(".chart:visible").all():

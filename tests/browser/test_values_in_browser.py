@@ -20,6 +20,7 @@ from browser.pages import (
     series,
     show,
     text,
+    worst_case,
 )
 from plant_fmu.flexible_manipulator import coefficients, kinematics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
@@ -168,14 +169,41 @@ def test_limit_cycles_are_drawn_and_listed_in_micrometres_beside_their_limit(ope
     assert "2 with a lasting limit cycle of 10 µm or more, or unstable" in text(page, "#stability-chart-text")
 
 
+def test_the_worst_case_is_drawn_as_it_was_found(open_page):
+    page = open_page(worst_case())
+    show(page, "search")
+    path = series(page, "path-of-search")["B6"]
+    assert path[0] == [20, None] and np.array(path[1:]) == pytest.approx(
+        np.array([[32, 3.2], [44, 4.4], [60, 6], [80, 8]]) / [1, 3]
+    )
+    assert "1 list (20), 2 search (24), 3 all configurations (16)" in text(page, "#path-of-search-text")
+    show(page, "effects")
+    page.locator("#effect-of").select_option("B6")
+    names, (bars,) = option(page, "effects-chart")["yAxis"][0]["data"], option(page, "effects-chart")["series"]
+    assert [bar["value"] for bar in bars["data"]] == [2.0, 0.1, -0.5]
+    assert names[0] == "f_c[2] Coulomb motor friction, axis 2 +" and names[2] == "m[1] link mass, axis 1 −"
+    show(page, "case")
+    peaks = {name: max(error for _, error in line) for name, line in series(page, "error-chart").items() if line}
+    assert (peaks["worst arm"], peaks["nominal arm"]) == pytest.approx((8.0, 3.0), rel=0.03)
+    show(page, "configurations")
+    assert series(page, "configurations-chart")["found"][17] == 150.0 + 4 * 17
+    show(page, "margins")
+    told = text(page, "#margins-chart-text")
+    assert "axis 1 0.3 to > 20, axis 2 2.2 (A1 asks for 2.5)" in told
+    assert "axis 1 4, axis 2 1.25 (A2 asks for 1.5)" in told and "V 0.4, A1 to A3 > 1.2" in told
+    show(page, "summary")
+    page.get_by_role("button", name="limit cycle, 421 µm").first.click()
+    assert "worst of A2, axis 2; worst of A3, delay_2" in text(page, "#case-text")
+
+
 def test_the_maps_and_the_shares_show_the_numbers_of_the_results(open_page):
     page = open_page(report())
     show(page, "summary")
     shares = series(page, "share-chart")
     rows = page.evaluate("data.criteria.map((row) => [row.name, row.weight, row.share])")
     assert [row[0] for row in rows] == [f"B{number}" for number in range(1, 8)]
-    assert shares["on target"] == [row[1] for row in reversed(rows)]
-    assert shares["this controller"] == [row[2] for row in reversed(rows)]
+    assert shares["on target"] == [row[1] for row in rows]
+    assert shares["this controller"] == [row[2] for row in rows]
     show(page, "workspace")
     assert page.locator("#heat th[scope='row']").all_inner_texts() == ["80°", "-50°", "-180°"], "upwards"
     assert page.locator("#heat th[scope='col']").all_inner_texts()[1::5] == ["-90°", "180°"], "to the right"

@@ -23,8 +23,21 @@ from orchestrator.loop.computing import ComputingTime
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.recording import About, Recording
 from orchestrator.reporting.run import Run, load_run, save_run
+from orchestrator.reporting.worst_case import Search
+from orchestrator.search.findings import SCHEMA as ROBUSTNESS_SCHEMA
+from orchestrator.search.findings import (
+    ConfigurationFound,
+    CriterionFound,
+    Effect,
+    Found,
+    Margin,
+    Radius,
+    RequirementFound,
+    Robustness,
+    Step,
+)
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
-from support.results import PAPER, RULES, TABLE_2, everything
+from support.results import GRID, PAPER, RULES, TABLE_2, everything
 
 CONTROLLER = ControllerRecord(
     file="PID.fmu",
@@ -123,3 +136,61 @@ def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = R
     """The run of an evaluation, written to ``folder`` and read back."""
     save_run(results, recordings, folder)
     return load_run(folder)
+
+
+def searched(**changes: Any) -> Search:
+    """A search for the worst case: A2 fails, the search found more than the list, and two parameters matter."""
+    criteria = {
+        name: CriterionFound(1.2 * value, value, RULES.criteria[name].unit, Found(1.5 * value, f"repeat {name}"))
+        for name, value in TABLE_2.items()
+    }
+    requirements = {
+        "A1": RequirementFound(True, "quiet", 3e-6, 1.0, 3.0, 0, 0, "repeat A1"),
+        "A2": RequirementFound(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A2"),
+        "A3": RequirementFound(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A3"),
+    }
+    margins = {
+        "gain_1": Margin(None, 20.0),
+        "gain_1_down": Margin(0.3, 0.056, 8, 8, "repeat gain_1_down"),
+        "gain_2": Margin(2.2, 20.0, 1, 8, "repeat gain_2"),
+        "gain_2_down": Margin(None, 0.056),
+        "delay_1": Margin(4e-3, 0.01, 8, 8, "repeat delay_1"),
+        "delay_2": Margin(1.25e-3, 0.01, 8, 8, "repeat delay_2"),
+    }
+    stages = ("list", 20), ("round 1", 32), ("round 2", 44), ("all configurations", 60), ("effects", 80)
+    found = Robustness(
+        schema=ROBUSTNESS_SCHEMA,
+        benchmark=PAPER.benchmark,
+        protocol="strict",
+        seed=0,
+        budget=80,
+        simulations=80,
+        failures=0,
+        complete=True,
+        cost=170.0,
+        protocol_cost=140.7,
+        criteria=criteria,
+        requirements=requirements,
+        margins=margins,
+        radius=Radius(0.4, None, 1.2),
+        configurations=tuple(
+            ConfigurationFound(pose.index, pose.q_a1, pose.q_a2, 140.0, 150.0 + 4 * pose.index) for pose in GRID
+        ),
+        effects=(
+            Effect("f_c[2]", 1.0, "B6", -2.0),
+            Effect("m[1]", -1.0, "B6", 0.5),
+            Effect("psi[2]", 1.0, "B6", -0.1),
+            Effect("f_c[2]", 1.0, "B5", None),
+        ),
+        path=tuple(
+            Step(stage, count, {"B5": 1e-4 * count, "B6": None if count < 30 else 0.1 * count, "delay_2": 5.0})
+            for stage, count in stages
+        ),
+        rules=RULES,
+        controller=replace(CONTROLLER, **changes),
+        plant=PLANT,
+        wall_time=100.0,
+    )
+    nominal = (recording((f"beside {role}",), size=3e-3, system="nominal") for role in ("B5", "A2 2"))
+    worst = recording(("B5",), system="worst arm"), recording(("A2 2", "A3 delay_2"), test="delay_2")
+    return Search(found, (*worst, *nominal))

@@ -72,13 +72,15 @@ function drawError(recording, found, from, to, top) {
     : [{ name: "measurement noise alone", most: largest }];
   const parts = causes.filter((cause) => cause.most !== null).map((cause) => `${figures(cause.most)} mm due to ${cause.name}`);
   const missed = causes.filter((cause) => cause.most === null).map((cause) => cause.name);
+  const nominal = recording.beside ? [{ name: "nominal arm", t: curve(recording.beside).t, y: curve(recording.beside).error, colour: colour("two") }] : [];
+  const beside = nominal.length ? ` The nominal arm in the same pose and test: at most ${figures(peak(curve(recording.beside), 0, Infinity)[0])} mm.` : "";
   return overTime("error-chart", {
     ...TCP_ERROR, spans, from, to, top,
-    lines: [{ name: "TCP error", t: found.t, y: found.error, colour: colour("one") }],
+    lines: [{ name: recording.beside ? recording.system : "TCP error", t: found.t, y: found.error, colour: colour("one"), z: 3 }, ...nominal],
     targets: pulsed(recording) ? errorTargets(recording) : [],
     text:
       `TCP error of ${poseText(recording)}: at most ${parts.join(", ") || `${figures(largest)} mm`}; the largest at ${figures(at)} s.` +
-      `${missed.length ? ` The case ended at ${figures(recording.time)} s, before ${missed.join(" and ")}.` : ""} Wheel with Ctrl, slider or buttons zoom.`,
+      `${missed.length ? ` The case ended at ${figures(recording.time)} s, before ${missed.join(" and ")}.` : ""}${beside} Wheel with Ctrl, slider or buttons zoom.`,
   });
 }
 
@@ -144,4 +146,27 @@ function pathVerdict(recording, forced, settled) {
   const large = forced <= criterion("B5").target * 1e3 ? "it stays inside the large one" : "it leaves the large one";
   if (settled === null) return `${large} and ${ended} it was to be inside the small one.`;
   return `${large} and ${settled < data.rules.settling_error * 1e3 ? "is" : "is not"} inside the small one in time.`;
+}
+
+/** Fill the selects of cases, and let every button that names a recording show it. */
+function linkRecordings() {
+  for (const select of document.querySelectorAll(".pick")) {
+    recordings.forEach((recording, index) =>
+      select.append(element("option", { value: index }, `${recording.roles.map(roleText).join("; ")} (${recording.id})`)));
+    select.addEventListener("change", () => {
+      choose(Number(select.value));
+      show(select.closest('[role="tabpanel"]').id);
+    });
+  }
+  if (recordings.length) choose(current);
+
+  for (const button of document.querySelectorAll("[data-recording]")) {
+    button.addEventListener("click", () => {
+      choose(Number(button.dataset.recording));
+      show("case");
+      window.scrollTo(0, 0);
+      $("#pick-case").focus();
+    });
+  }
+  if ($("#path-scale")) $("#path-scale").addEventListener("change", drawCase);
 }

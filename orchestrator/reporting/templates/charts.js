@@ -150,6 +150,22 @@ function overTime(id, { lines, unit, label, levels = [], targets = [], spans = [
   }, text);
 }
 
+/** Horizontal bars in the element `id`, the first of `names` on top; `series` hold name, hue, values and more. */
+function bars(id, { names, series, label = "", grid = {}, labels = {}, ends = {}, text, ...more }) {
+  return chart(id, {
+    legend: legend({ top: 0, icon: "roundRect", show: series.length > 1 }),
+    tooltip: tooltip({ trigger: "axis", axisPointer: { type: "shadow" }, valueFormatter: figures }),
+    grid: { left: 120, right: 44, top: series.length > 1 ? 28 : 12, bottom: label ? 44 : 24, ...grid },
+    xAxis: axis(label, ends),
+    yAxis: axis("", { type: "category", inverse: true, data: names, axisLabel: { color: colour("ink"), interval: 0, ...labels } }),
+    series: series.map(({ hue, values, ...rest }) => ({ type: "bar", itemStyle: { color: colour(hue) }, data: values, barGap: "10%", barCategoryGap: "14%", ...rest })),
+    ...more,
+  }, text);
+}
+
+/** Values at the ends of bars. */
+const barLabels = () => ({ show: true, position: "right", color: colour("ink"), formatter: ({ value }) => figures(value) });
+
 /** How a chart of the TCP error is labelled. */
 const TCP_ERROR = { unit: "mm", label: "TCP position error" };
 
