@@ -16,10 +16,12 @@ from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.protocol import load
 from orchestrator.benchmark.results import Judgement, Measurements
-from orchestrator.cli import simulate
+from orchestrator.cli import report, simulate
 from orchestrator.cli.variation import variation
 from orchestrator.codec import to_json
+from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.worst_case import load_search
 from orchestrator.search.archive import Archive
 from orchestrator.search.ascent import climb, explore
 from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
@@ -228,6 +230,21 @@ def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(t
     assert stages[0] == ("list", 12) and answer.complete and answer.failures == 0
     assert answer.cost is not None and answer.protocol_cost is not None and answer.cost >= answer.protocol_cost
     assert all(entry.worst_case.value >= entry.value >= entry.protocol for entry in answer.criteria.values())
+    assert len({(effect.criterion, effect.parameter) for effect in answer.effects}) == 3 * len(names(STRICT))
+
+    search = load_search(tmp_path / "a")
+    assert to_json(changed(search.found, wall_time=0.0)) == first
+    recorded = {role: entry for entry in search.recordings for role in entry.about.roles}
+    assert {"B5", "B6", "B7", "A2 2", "beside B5", "beside A2 2"} <= set(recorded)
+    worst, nominal = recorded["B5"], recorded["beside B5"]
+    forced = worst.error[worst.motion[:, 0] >= worst.about.window[0]]
+    assert forced.max() == pytest.approx(answer.criteria["B5"].worst_case.value, rel=1e-5) and nominal.error.max() > 0
+    same = ("q_a", "test", "force", "chirp")
+    assert [getattr(worst.about, name) for name in same] == [getattr(nominal.about, name) for name in same]
+    assert report.main([str(tmp_path / "a")]) == 0
+    assert "Worst case of DiagonalPID_C.fmu" in (tmp_path / "a" / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="holds a search"):
+        report.main([str(tmp_path / "a"), "--mat"])
 
 
 def test_what_cannot_be_searched_is_refused(pid_c_file):

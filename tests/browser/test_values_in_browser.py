@@ -192,7 +192,7 @@ def test_the_worst_case_is_drawn_as_it_was_found(open_page):
     assert "axis 1 0.3 to > 20, axis 2 2.2 (A1 asks for 2.5)" in told
     assert "axis 1 4, axis 2 1.25 (A2 asks for 1.5)" in told and "V 0.4, A1 to A3 > 1.2" in told
     show(page, "summary")
-    page.get_by_role("button", name="limit cycle, 421 µm").first.click()
+    page.get_by_role("button", name="limit cycle, 421.0 µm").first.click()
     assert "worst of A2, axis 2; worst of A3, delay_2" in text(page, "#case-text")
 
 

@@ -88,7 +88,7 @@ function drawConfigurations() {
     names: rows.map(pose),
     series: [
       { name: "found", hue: "accent", values: rows.map((entry) => entry.found), label: barLabels(),
-        markLine: { silent: true, symbol: "none", data: [{ xAxis: target, ...marked("target", "limit", "end") }] } },
+        markLine: { silent: true, symbol: "none", data: [{ xAxis: target, ...marked("target", "limit", "start") }] } },
       { name: "of the list", hue: "soft", values: rows.map((entry) => entry.protocol), itemStyle: { color: colour("soft"), opacity: 0.5 } },
     ],
     label: "V_k", grid: { left: 96, top: 48 },
@@ -114,19 +114,25 @@ function drawMargins() {
   const asked = (part) => Math.max(...data.rules.tests.map(part));
   const [gains, delays, radii] = marginRows();
   const parts = [
-    { rows: gains, name: "Factor of the loop gain", needed: asked((test) => test.gain), words: "A1", type: "log" },
+    { rows: gains, name: "Factor of the loop gain", needed: asked((test) => test.gain), words: "A1", type: "log", min: 0.8 * Math.min(0.5, ...gains.map((row) => row.from)) },
     { rows: delays, name: "Additional delay [ms]", needed: asked((test) => test.delay) * 1e3, words: "A2", min: 0 },
     { rows: radii, name: "Radius: factor on the tolerances of Table 1", needed: 1, words: "Table 1", min: 0 },
-  ].filter((part) => part.rows.length);
+  ].filter((part) => part.rows.length).map((part) => ({ ...part, max: 1.15 * Math.max(part.needed, ...part.rows.map((row) => row.to)) }));
   const tall = 160;
   $("#margins-chart").style.height = `${tall * parts.length + 16}px`;
   const place = (index) => ({ gridIndex: index });
+  const room = $("#margins-chart").clientWidth - 124;
+  const at = (part, value) => (part.type === "log" ? Math.log(value) : value);
+  /** Whether a value beside the end of its bar would stand on the line of what is needed. */
+  const crowded = (part, row) => {
+    const space = (room * (at(part, part.needed) - at(part, row.to))) / (at(part, part.max) - at(part, part.min));
+    return space > 0 && space < 52;
+  };
   const told = ({ to, open }) => `${open ? "> " : ""}${figures(to)}`;
   chart("margins-chart", {
     grid: parts.map((part, index) => ({ left: 76, right: 48, top: tall * index + 28, height: tall - 90 })),
     xAxis: parts.map((part, index) => axis(part.name, {
-      ...place(index), type: part.type || "value", ...(part.min === undefined ? { min: Math.min(0.5, ...part.rows.map((row) => row.from)) * 0.8 } : { min: part.min }),
-      max: 1.15 * Math.max(part.needed, ...part.rows.map((row) => row.to)),
+      ...place(index), type: part.type || "value", min: part.min, max: part.max,
       axisLabel: { color: colour("soft"), hideOverlap: true, showMinLabel: false, showMaxLabel: false, formatter: figures },
     })),
     yAxis: parts.map((part, index) => axis("", { ...place(index), type: "category", inverse: true, data: part.rows.map((row) => row.name), axisLabel: { color: colour("ink"), interval: 0 }, splitLine: { show: false } })),
@@ -134,10 +140,10 @@ function drawMargins() {
       const hue = colour(row.to < part.needed ? "bad-fill" : "good-fill");
       return {
         type: "line", name: `${part.name}, ${row.name}`, xAxisIndex: index, yAxisIndex: index, silent: true, symbol: "rect", symbolSize: 1,
-        data: [{ value: [row.from, row.name], label: { show: Boolean(row.low), position: "left" } }, { value: [row.to, row.name], label: { show: true, position: "right" } }],
+        data: [{ value: [row.from, row.name], label: { show: Boolean(row.low), position: "left" } }, { value: [row.to, row.name], label: { show: true, position: crowded(part, row) ? "left" : "right" } }],
         label: { color: colour("ink"), distance: 8, formatter: ({ dataIndex }) => (dataIndex ? told(row) : figures(row.from)), ...halo() },
         itemStyle: { color: hue }, lineStyle: { color: hue, width: 16, cap: "butt" },
-        ...(number ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: part.needed, ...marked(`${part.words}: ${figures(part.needed)}`, "limit", "end") }] } }),
+        ...(number ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: part.needed, ...marked(`${part.words}: ${figures(part.needed)}`, "limit", "start") }] } }),
       };
     })),
   }, parts.map((part) => `${part.name}: ${part.rows.map((row) => `${row.name} ${row.low ? `${figures(row.from)} to ` : ""}${told(row)}`).join(", ")} (${part.words} asks for ${figures(part.needed)})`).join(". ") + ". A bar ends where a member of the uncertainty description was found to fail; orange: before what is asked for.");
