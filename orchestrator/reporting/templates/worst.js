@@ -4,12 +4,12 @@ const searched = data.criteria.filter((entry) => data.path.some((step) => entry.
 const HUE_OF = Object.fromEntries(searched.map((entry, index) => [entry.name, ["one", "two", "three"][index % 3]]));
 const narrow = () => window.innerWidth < 640;
 
-/** The stages of the search in order, as name and the simulations it began and ended at; rounds are one stage. */
+/** The stages of the search in order, as name and the simulations it began and ended at; what has parts is one stage. */
 function stages() {
   const found = [];
   let from = 0;
   for (const { stage, simulations } of data.path) {
-    const name = stage.startsWith("round ") ? "search" : stage;
+    const name = stage.startsWith("round ") ? "search" : stage.split(" of ")[0];
     if (found.length && found[found.length - 1].name === name) found[found.length - 1].to = simulations;
     else found.push({ name, from, to: simulations });
     from = simulations;
@@ -21,7 +21,9 @@ function drawPathOfSearch() {
   const parts = stages();
   const end = data.path[data.path.length - 1].simulations;
   const ratio = ({ name, target }, { worst }) => (worst[name] === null || worst[name] === undefined ? null : worst[name] / target);
-  const areas = parts.map((part, index) => ({ ...part, number: index + 1 })).filter((part) => part.to > part.from);
+  const room = $("#path-of-search").clientWidth - 80;
+  const areas = parts.map((part, index) => ({ ...part, label: (room * (part.to - part.from)) / end < 14 ? "" : String(index + 1) }));
+  const largest = Math.max(1, ...searched.flatMap((entry) => data.path.map((step) => ratio(entry, step) || 0)));
   const last = (entry) => `${entry.name} ${figures(entry.worst_case.value === null ? null : entry.worst_case.value * entry.factor)} ${entry.shown}`;
   chart("path-of-search", {
     legend: legend({ icon: "roundRect", data: searched.map((entry) => entry.name) }),
@@ -29,7 +31,7 @@ function drawPathOfSearch() {
     tooltip: tooltip({ trigger: "axis", axisPointer: { label: { formatter: ({ value }) => `${value} simulations` } }, valueFormatter: (value) => `${figures(value)} times its target` }),
     grid: { left: 56, right: 24, top: 66, bottom: 48 },
     xAxis: axis("Simulations", { min: 0, max: end, axisLabel: { color: colour("soft"), hideOverlap: true, showMaxLabel: false } }),
-    yAxis: axis("Largest value / target", { nameGap: 36, min: 0, boundaryGap: [0, "12%"] }),
+    yAxis: axis("Largest value / target", { nameGap: 36, min: 0, max: Number((1.2 * largest).toPrecision(2)), axisLabel: { color: colour("soft"), showMaxLabel: false } }),
     series: searched.map((entry, index) => ({
       type: "line",
       step: "end",
@@ -42,7 +44,7 @@ function drawPathOfSearch() {
         markArea: {
           silent: true,
           label: { color: colour("soft"), position: "insideTop" },
-          data: areas.map((part, place) => [{ xAxis: part.from, name: String(part.number), itemStyle: { color: place % 2 ? "transparent" : colour("area") } }, { xAxis: part.to }]),
+          data: areas.map((part, place) => [{ xAxis: part.from, name: part.label, itemStyle: { color: place % 2 ? "transparent" : colour("area") } }, { xAxis: part.to }]),
         },
       }),
     })),
@@ -50,6 +52,7 @@ function drawPathOfSearch() {
 }
 
 const SIGNS = { 1: "+", "-1": "−", 0: "nominal" };
+const unbroken = (words) => words.replace(/ (axis \d)/, (_, axis) => ` ${axis.replace(" ", "\u00a0")}`);
 
 function drawEffects() {
   const known = searched.filter((entry) => data.effects.some((effect) => effect.criterion === entry.name));
@@ -61,17 +64,16 @@ function drawEffects() {
   const all = data.effects.filter((effect) => effect.criterion === name);
   const rows = all.filter((effect) => effect.change !== null).map((effect) => ({ ...effect, part: -effect.change * factor })).sort((a, b) => b.part - a.part);
   const lost = all.length - rows.length;
-  $("#effects-chart").style.height = `${72 + (narrow() ? 40 : 26) * rows.length}px`;
+  $("#effects-chart").style.height = `${72 + (narrow() ? 48 : 26) * rows.length}px`;
   bars("effects-chart", {
-    names: rows.map((effect) => `${effect.parameter} ${effect.words} ${SIGNS[effect.sign] || figures(effect.sign)}`),
+    names: rows.map((effect) => `${effect.parameter} ${unbroken(effect.words)}\u00a0${SIGNS[effect.sign] || figures(effect.sign)}`),
     series: [{
-      name: `${name} falls by`, hue: "accent", label: { ...barLabels(), position: "right" },
-      values: rows.map(({ part }) => ({ value: part, itemStyle: { color: colour(part < 0 ? "soft" : "accent") }, label: { position: part < 0 ? "left" : "right" } })),
+      name: `${name} falls by`, hue: "accent", label: barLabels(),
+      values: rows.map(({ part }) => ({ value: part, itemStyle: { color: colour(part < 0 ? "soft" : "accent") } })),
     }],
     label: `What this end adds to ${name} [${shown}]`,
     grid: { left: 12, containLabel: true, right: 56 },
-    labels: { width: narrow() ? 140 : 380, overflow: "break", lineHeight: 14 },
-    ends: { boundaryGap: [rows.some(({ part }) => part < 0) ? "14%" : 0, "4%"] },
+    labels: { width: narrow() ? 152 : 380, overflow: "break", lineHeight: 14 },
     text: `By how much the worst ${name} falls if one parameter alone goes to its other end: + and − are the ends at which it stands in the worst arm. Where the bar points to the left, the other end is worse.${lost ? ` For ${lost} parameters there is no value.` : ""}`,
   });
 }
@@ -114,7 +116,7 @@ function drawMargins() {
   const asked = (part) => Math.max(...data.rules.tests.map(part));
   const [gains, delays, radii] = marginRows();
   const parts = [
-    { rows: gains, name: "Factor of the loop gain", needed: asked((test) => test.gain), words: "A1", type: "log", min: 0.8 * Math.min(0.5, ...gains.map((row) => row.from)) },
+    { rows: gains, name: "Factor of the loop gain", needed: asked((test) => test.gain), words: "A1", type: "log", min: 0.4 * Math.min(0.5, ...gains.map((row) => row.from)) },
     { rows: delays, name: "Additional delay [ms]", needed: asked((test) => test.delay) * 1e3, words: "A2", min: 0 },
     { rows: radii, name: "Radius: factor on the tolerances of Table 1", needed: 1, words: "Table 1", min: 0 },
   ].filter((part) => part.rows.length).map((part) => ({ ...part, max: 1.15 * Math.max(part.needed, ...part.rows.map((row) => row.to)) }));
