@@ -1,24 +1,26 @@
 """The stages of a search for the worst case, and what they find.
 
 The budget is spent in this order: the protocol's list, a search from its worst cases, the worst members at all
-configurations, the noise of what fails, margins, radius, the effect of each parameter. Every decision looks at results
-alone, so the answer is the same for any number of processes.
+configurations, the noise of what fails, the effect of each parameter, margins, radius. Each stage has a share of what
+is left, and what it does not need goes to the next. Every decision looks at results alone, so the answer is the same
+for any number of processes.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, NamedTuple
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Rules, Scorecard
 from ..benchmark.scorecard import kind, score
 from .archive import Archive
-from .ascent import climb, explore, single_effects
+from .ascent import climb, explore, explored, single_effects
 from .findings import (
     ConfigurationFound,
     CriterionFound,
@@ -33,16 +35,20 @@ from .member import Member, loose, names
 from .race import race
 from .target import Target, fails, targets
 
-Value = TypeVar("Value", float, Fraction)
-
 SEEDS = range(1, 9)
 """Base seeds of the noise that a failure is tried with."""
 
 CONTENDERS = 5
 """Members of each named system, and of those that were searched, that race for a margin."""
 
-SEARCHED = 0.35
-"""Share of what the list leaves of the budget that the search takes."""
+SEARCHED, SEARCHED_ALONE = 0.35, 0.7
+"""Share of what the list leaves of the budget that the search takes, and of the whole one where there is no list."""
+
+CONFIRMED = 0.25
+"""Share of what is left that each of the next stages may take, which need some dozens."""
+
+STABILITY, COST = 1, 3
+"""Shares of the two radii, beside one of each margin."""
 
 GAINS_UP = tuple(round(1.02**power, 4) for power in range(1, 152))
 GAINS_DOWN = tuple(round(1.05**-power, 4) for power in range(1, 60))
@@ -51,11 +57,15 @@ SCALES = tuple(step / 20 for step in range(1, 25))
 """Steps of loop gain, delay [s] and factor on the half-widths: up to 20 and down to 0.056, 10 ms, and 1.2."""
 
 
+class Spent(Exception):
+    """The share of a stage does not last for what it needs."""
+
+
 @dataclass
 class Hunt:
     """A search: what it may ask, the members of the protocol's list, what is wanted, how a member's case is repeated,
     and whom to tell what stage it is in, how many simulations there were and the worst values; the answer is whether to
-    go on."""
+    go on. ``limit`` is the number of simulations at which the stage's share of the ``budget`` ends."""
 
     archive: Archive
     rules: Rules
@@ -63,23 +73,48 @@ class Hunt:
     wanted: Sequence[Target]
     command: Callable[[Member], str]
     told: Callable[[str, int, Mapping[str, float | None]], bool]
+    budget: int
     path: list[Step] = field(default_factory=list)
     complete: bool = True
+    limit: int = 0
+    cut: bool = False
+    cut_short: list[str] = field(default_factory=list)
 
     @property
     def protocol(self) -> Protocol:
         """The protocol whose uncertainty is searched."""
         return self.archive.protocol
 
+    def allot(self, share: float) -> None:
+        """Give the next stage a share of what is left of the budget."""
+        spent = len(self.archive.found)
+        self.limit = spent + int(share * (self.budget - spent))
+
+    def afford(self, members: Sequence[Member]) -> list[Member]:
+        """Those of ``members`` that the stage's share lasts for: all that are known, and the first of the others."""
+        known = self.archive.found
+        new = [member for member in dict.fromkeys(members) if member not in known]
+        dropped = set(new[max(0, self.limit - len(known)) :])
+        self.cut = self.cut or bool(dropped)
+        return [member for member in members if member not in dropped]
+
     def note(self, stage: str) -> bool:
-        """Write down what is known; returns whether to go on."""
+        """Write down what is known at the end of a stage; returns whether to go on."""
+        if self.cut:
+            self.cut_short.append(stage)
+        self.cut = False
         worst = {target.name: self.archive.height(target) for target in self.wanted}
         self.path.append(Step(stage, len(self.archive.found), worst))
         self.complete = self.complete and self.told(stage, len(self.archive.found), worst)
         return self.complete
 
 
-def search(hunt: Hunt, budget: int, seed: int) -> None:
+def least(protocol: Protocol, listed: Sequence[object], wanted: Sequence[Target]) -> int:
+    """Simulations that a search begins with: the list, or each parameter alone."""
+    return len(listed) or len({target.test for target in wanted}) * explored(protocol)
+
+
+def search(hunt: Hunt, seed: int) -> None:
     """Simulate the list, then climb from its worst cases; without a list, from the nominal system."""
     archive, wanted = hunt.archive, hunt.wanted
     archive.results(hunt.listed)
@@ -87,15 +122,16 @@ def search(hunt: Hunt, budget: int, seed: int) -> None:
         start = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(hunt.protocol)))
         for target in {target.test: target for target in wanted}.values():
             explore(archive, target, replace(start, test=target.test))
-    share = SEARCHED if hunt.listed else 1.0
+    share = SEARCHED if hunt.listed else SEARCHED_ALONE
     if hunt.note("list" if hunt.listed else "each parameter alone"):
-        climb(archive, wanted, int(share * (budget - len(archive.found))), seed, hunt.note)
+        climb(archive, wanted, int(share * (hunt.budget - len(archive.found))), seed, hunt.note)
 
 
 def spread(hunt: Hunt) -> None:
     """The worst members of the heaviest criteria at every configuration: eq. (14) wants the maximum at each."""
     poses = dict.fromkeys(member.q_a for member in hunt.listed)
-    hunt.archive.results([replace(member, q_a=q_a) for member in _worst(hunt).values() for q_a in poses])
+    hunt.allot(CONFIRMED)
+    hunt.archive.results(hunt.afford([replace(member, q_a=q_a) for member in _worst(hunt).values() for q_a in poses]))
     hunt.note("all configurations")
 
 
@@ -147,6 +183,7 @@ def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
     """The requirements, each with the worst case found, which is tried with other noise where it fails."""
     protocol = hunt.protocol
     found = {}
+    hunt.allot(CONFIRMED)
     for name in ("A1", "A2", "A3"):
         tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
         members = [
@@ -178,31 +215,49 @@ def _judged(hunt: Hunt, worst: Member) -> RequirementFound:
 
 
 def _seeds(hunt: Hunt, member: Member) -> tuple[int, int]:
-    """With how many of the other realizations of the noise a member fails, and how many there are."""
-    results = hunt.archive.results([replace(member, seed=seed) for seed in SEEDS])
+    """With how many of the other realizations of the noise a member fails, and how many were tried."""
+    results = hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), len(results)
+
+
+class Race(NamedTuple):
+    """A margin to be found: its name, the test of its axis, the scale, and how a member is changed by a step of it."""
+
+    name: str
+    target: Target
+    scale: Sequence[Any]
+    at: Callable[[Member, Any], Member]
 
 
 def margins(hunt: Hunt) -> dict[str, Margin]:
     """Gain up and down and delay of each axis, worst over the members nearest to failing in that axis' tests."""
     found = {}
-    for axis in (1, 2):
-        up, late = (_test_of(hunt.protocol, axis, by_gain) for by_gain in (True, False))
-
-        def gain(member: Member, value: float, axis: int = axis) -> Member:  # bound now, not when it is called
-            return replace(member, gain=(value, 1.0) if axis == 1 else (1.0, value))
-
-        def delay(member: Member, value: Fraction, axis: int = axis) -> Member:
-            T_d = hunt.protocol.loop.delay
-            return replace(member, delay=(T_d + value, T_d) if axis == 1 else (T_d, T_d + value))
-
-        if up in hunt.wanted:
-            found[f"gain_{axis}"] = _margin(hunt, up, GAINS_UP, gain)
-            found[f"gain_{axis}_down"] = _margin(hunt, up, GAINS_DOWN, gain)
-        if late in hunt.wanted:
-            found[f"delay_{axis}"] = _margin(hunt, late, DELAYS, delay)
+    after = STABILITY + COST if _whole(hunt) else 0
+    races = {axis: [race for race in _races(hunt.protocol, axis) if race.target in hunt.wanted] for axis in (1, 2)}
+    left = sum(map(len, races.values()))
+    for axis, entries in races.items():
+        for entry in entries:
+            hunt.allot(1 / (left + after))
+            left -= 1
+            if (margin := _margin(hunt, entry)) is not None:
+                found[entry.name] = margin
         hunt.note(f"margins of axis {axis}")
     return found
+
+
+def _races(protocol: Protocol, axis: int) -> Iterator[Race]:
+    T_d = protocol.loop.delay
+    up, late = (_test_of(protocol, axis, by_gain) for by_gain in (True, False))
+
+    def gain(member: Member, value: float) -> Member:
+        return replace(member, gain=(value, 1.0) if axis == 1 else (1.0, value))
+
+    def delay(member: Member, value: Fraction) -> Member:
+        return replace(member, delay=(T_d + value, T_d) if axis == 1 else (T_d, T_d + value))
+
+    yield Race(f"gain_{axis}", up, GAINS_UP, gain)
+    yield Race(f"gain_{axis}_down", up, GAINS_DOWN, gain)
+    yield Race(f"delay_{axis}", late, DELAYS, delay)
 
 
 def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
@@ -214,14 +269,19 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
     return Target(name, name)
 
 
-def _margin(hunt: Hunt, target: Target, scale: Sequence[Value], at: Callable[[Member, Value], Member]) -> Margin:
-    limit = float(scale[-1])
-    found = race(_contenders(hunt, target), scale, at, lambda members: _fail(hunt, members))
+def _margin(hunt: Hunt, entry: Race) -> Margin | None:
+    """The margin, within the stage's share; None if that does not last for a single member."""
+    limit, members = float(entry.scale[-1]), _contenders(hunt, entry.target)
+    share, hunt.limit = hunt.limit, hunt.limit - len(SEEDS)
+    if members and not hunt.afford([entry.at(members[0], entry.scale[-1])]):
+        return None
+    found = race(members, entry.scale, entry.at, lambda tried: _fail(hunt, tried))
+    hunt.limit = share
     if found is None:
         return Margin(None, limit)
     step, member = found
     failed, tried = _seeds(hunt, member)
-    return Margin(float(scale[step]), limit, failed, tried, hunt.command(member))
+    return Margin(float(entry.scale[step]), limit, failed, tried, hunt.command(member))
 
 
 def _contenders(hunt: Hunt, target: Target) -> list[Member]:
@@ -237,54 +297,82 @@ def _contenders(hunt: Hunt, target: Target) -> list[Member]:
 
 
 def _fail(hunt: Hunt, members: Sequence[Member]) -> list[bool]:
-    return [fails(result, hunt.protocol.stability) for result in hunt.archive.results(members)]
+    """Whether members are known to fail: one that the stage's share does not last for is not."""
+    tried = set(hunt.afford(members))
+    hunt.archive.results([member for member in members if member in tried])
+    return [member in tried and fails(hunt.archive.found[member], hunt.protocol.stability) for member in members]
+
+
+def _whole(hunt: Hunt) -> bool:
+    """Whether everything is searched for, from a list: then there is a radius."""
+    return bool(hunt.listed) and len(hunt.wanted) == len(targets(hunt.protocol))
 
 
 def radius(hunt: Hunt) -> Radius | None:
     """The factors on all half-widths at which V passes its target and at which a requirement fails; None for a search
-    for less than that, or without a list."""
-
-    if not hunt.listed or len(hunt.wanted) < len(targets(hunt.protocol)):
+    for less than that, or without a list, or if the budget does not last for it."""
+    if not _whole(hunt):
         return None
 
     def scaled(member: Member, factor: float) -> Member:
         own = loose(member, hunt.protocol)
         return replace(own, deviations=tuple((name, factor * value) for name, value in own.deviations))
 
+    hunt.allot(STABILITY / (STABILITY + COST))
     stability = [target for target in hunt.wanted if not target.criterion]
     members = [member for target in stability for member in _contenders(hunt, target)[:CONTENDERS]]
     broken = any(_fail(hunt, members))  # then the radius is below 1, whatever happens beyond
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
+    lasts = not members or bool(hunt.afford([scaled(members[0], scale[-1])]))
     found = race(members, scale, scaled, lambda tried: _fail(hunt, tried))
     hunt.note("radius of stability")
-    return Radius(_radius_of_cost(hunt, scaled), None if found is None else SCALES[found[0]], SCALES[-1])
+    hunt.allot(1.0)
+    try:
+        cost = _radius_of_cost(hunt, scaled)
+    except Spent:
+        lasts = False
+    hunt.note("radius of V")
+    return Radius(cost, None if found is None else SCALES[found[0]], SCALES[-1]) if lasts else None
 
 
 def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> float | None:
-    """By bisection, with the worst members of the heaviest criteria at all configurations."""
+    """By bisection, with the worst members of the heaviest criteria at all configurations.
+
+    Raises :class:`Spent` if the stage's share does not even last for the first steps.
+    """
     poses = dict.fromkeys(member.q_a for member in hunt.listed)
     worst = list(dict.fromkeys(_worst(hunt).values()))
     quiet = [member for member in hunt.listed if not hunt.protocol.test(member.test).disturbed]
+    steps = (0.0, *SCALES)
 
-    def too_much(factor: float) -> bool:
-        members = [scaled(replace(member, q_a=q_a), factor) for member in worst for q_a in poses]
+    def too_much(step: int) -> bool:
+        members = [scaled(replace(member, q_a=q_a), steps[step]) for member in worst for q_a in poses]
+        if len(hunt.afford(members)) < len(members):
+            raise Spent
         hunt.archive.results(members)
         cost = card(hunt, [*members, *quiet]).cost
         return cost is None or cost > hunt.rules.cost.target
 
-    if not worst or not too_much(SCALES[-1]):
+    low, one, high = -1, steps.index(1.0), len(steps) - 1  # of 1, most is known
+    if not worst:
         return None
-    low, high = -1, len(SCALES) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if too_much(SCALES[middle]) else (middle, high)
-    hunt.note("radius of V")
-    return SCALES[high] if high > 0 or not too_much(0.0) else 0.0
+    if too_much(one):
+        high = one
+    elif too_much(high):
+        low = one
+    else:
+        return None
+    with suppress(Spent):
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if too_much(middle) else (middle, high)
+    return steps[high]
 
 
 def effects(hunt: Hunt) -> tuple[Effect, ...]:
     """How the largest values of the heaviest criteria change with each parameter at its other end."""
     found = []
+    hunt.allot(CONFIRMED)
     for target, own in _worst(hunt).items():
         signs = dict(own.deviations)
         others = {
@@ -292,9 +380,11 @@ def effects(hunt: Hunt) -> tuple[Effect, ...]:
             for (symbol, sign), member in single_effects(own, hunt.protocol).items()
             if sign != signs[f"{symbol}[1]"] or sign != signs[f"{symbol}[2]"]
         }
-        (before, *results) = hunt.archive.results([own, *others.values()])
-        for symbol, result in zip(others, results, strict=True):
-            found.append(Effect(symbol, target.name, _change(before, result, target.name)))
+        tried = hunt.afford([own, *others.values()])
+        results = dict(zip(tried, hunt.archive.results(tried), strict=True))
+        for symbol, member in others.items():
+            if own in results and member in results:
+                found.append(Effect(symbol, target.name, _change(results[own], results[member], target.name)))
     hunt.note("effects")
     return tuple(found)
 
