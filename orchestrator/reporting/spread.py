@@ -54,8 +54,7 @@ class Spread(Document, kw_only=True):
         return spread_fragment(self)
 
     def __repr__(self) -> str:
-        V = f"V = {number(self.cost.mean)} ± {number(self.cost.deviation)}"
-        return f"Spread({self.controller.file}, {self.protocol}, {len(self.seeds)} seeds: {V})"
+        return f"Spread({self.controller.file}, {self.protocol}, {len(self.seeds)} seeds: V = {mean_words(self.cost)})"
 
 
 def spread_of(seeds: Sequence[int], found: Sequence[Results]) -> Spread:
@@ -73,6 +72,11 @@ def spread_of(seeds: Sequence[int], found: Sequence[Results]) -> Spread:
 
 SAME = ("benchmark", "protocol", "protocol_file", "controller", "plant", "rules", "sample_time")
 """What evaluations with several seeds have in common."""
+
+
+def mean_words(of: Statistic, factor: float = 1.0) -> str:
+    """Mean and standard deviation."""
+    return f"{number(of.mean, factor)} ± {number(of.deviation, factor)}"
 
 
 def statistic_rows(spread: Spread) -> list[tuple[str, str, tuple[str, ...]]]:
