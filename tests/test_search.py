@@ -23,7 +23,8 @@ from orchestrator.codec import to_json
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.archive import Archive
 from orchestrator.search.ascent import climb, explore
-from orchestrator.search.hunt import Hunt, effects, margins, radius, requirements, search, spread
+from orchestrator.search.hunt import Hunt, effects, requirements, search, spread
+from orchestrator.search.margins import margins, radius
 from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
 from orchestrator.search.race import race
 from orchestrator.search.target import FAILED, height, targets

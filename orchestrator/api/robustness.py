@@ -17,6 +17,8 @@ from ..reporting.robustness import Robustness
 from ..search import hunt as stages
 from ..search.archive import Archive
 from ..search.hunt import Hunt
+from ..search.margins import margins as margins_of
+from ..search.margins import radius as radius_of
 from ..search.member import Member, case_of, of_case, parameters
 from ..search.target import Target, targets
 from .running import Runner
@@ -88,8 +90,8 @@ def find_worst_case(
     effects = stages.effects(hunt)
     criteria, configurations = stages.criteria(hunt), stages.configurations(hunt)
     found, own = stages.costs(hunt)
-    margins = stages.margins(hunt) if hunt.complete else {}
-    radius = stages.radius(hunt) if hunt.complete else None
+    margins = margins_of(hunt) if hunt.complete else {}
+    radius = radius_of(hunt) if hunt.complete else None
     results = hunt.archive.found.values()
     return Robustness(
         schema=Robustness.SCHEMA,

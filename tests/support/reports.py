@@ -77,7 +77,7 @@ def scaled(factor: float, **changes: Any) -> Results:
 
 
 def seeded(factor: float, seeds: Iterable[int], **controller: Any) -> Spread:
-    """The spread of a controller whose figures are ``factor`` times the paper's, and a hundredth of that more per seed."""
+    """The spread of a controller whose figures are ``factor`` times the paper's, 1 % more per seed."""
     runs = [scaled(factor * (1 + seed / 100), seed=seed) for seed in seeds]
     record = replace(CONTROLLER, parameters={"K": factor}, **controller)
     return spread_of([run.seed for run in runs], [replace(run, controller=record) for run in runs])
