@@ -11,9 +11,9 @@ from pathlib import Path
 from rich.console import Console
 
 from ..codec import to_json
-from ..reporting.files import ROBUSTNESS, prepare_folder, write_text
+from ..reporting.files import ROBUSTNESS
+from ..reporting.robustness import Robustness, margin_words, radius_rows, robustness_remarks, verdict_words
 from ..reporting.wording import SHOWN, number
-from ..search.findings import Margin, RequirementFound, Robustness
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
@@ -36,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given.only)}-robustness"
-    prepare_folder(folder)
     found = bench.robustness(
         controller,
         budget=given.budget,
@@ -47,10 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder=folder,
         on_progress=_progress,
     )
-    text = to_json(found)
-    write_text(folder / ROBUSTNESS, text + "\n")
     if given.json:
-        print(text)
+        print(to_json(found))
     else:
         show(found, terminal())
     print(f"written to {folder}: {ROBUSTNESS}", file=sys.stderr)
@@ -79,39 +76,19 @@ def show(found: Robustness, console: Console) -> None:
     grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
     console.print(grid)
     for name, requirement in found.requirements.items():
-        console.print(f"{name}  {_verdict(requirement)}")
+        console.print(f"{name}  {safe(verdict_words(requirement))}", style=None if requirement.passed else "red")
     for name, margin in found.margins.items():
-        console.print(f"{name:12}{_margin(name, margin)}")
-    if (radius := found.radius) is not None:
-        for name, reach in (("V", radius.cost), ("A1-A3", radius.stability)):
-            word = f"{reach:g} times" if reach is not None else f"more than {radius.limit:g} times"
-            console.print(f"{name} within bounds up to {word} the tolerances of Table 1")
+        console.print(f"{safe(name):12}{margin_words(name, margin)}")
+    for name, words in radius_rows(found.radius):
+        console.print(f"{name}: {words} the tolerances of Table 1")
     commands = {name: entry.worst_case.command for name, entry in found.criteria.items() if entry.worst_case.command}
     commands |= {name: each.command for name, each in found.requirements.items() if not each.passed}
     commands |= {f"margin {name}": margin.command for name, margin in found.margins.items() if margin.command}
     console.print("\nto repeat these:")
     for name, command in commands.items():
         console.print(f"{name}\n  {safe(command)}", soft_wrap=True, highlight=False)
-    if found.failures:
-        console.print(f"[red]{found.failures} simulations hung, crashed or failed.[/red]")
-    if not found.complete:
-        console.print("[yellow]Time ran out: the search is not complete.[/yellow]")
-
-
-def _verdict(found: RequirementFound) -> str:
-    if found.passed:
-        return f"no failure found; nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
-    seeds = f"with {found.seeds_failed} of {found.seeds_tried} seeds"
-    cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
-    return f"[red]fails[/red]: {found.kind}{cycle}, {seeds}"
-
-
-def _margin(name: str, margin: Margin) -> str:
-    factor, unit = (1e3, " ms") if name.startswith("delay") else (1.0, " times")
-    if margin.value is None:
-        return f"none found up to {number(margin.limit, factor)}{unit}"
-    seeds = f"{margin.seeds_failed} of {margin.seeds_tried} seeds"
-    return f"{number(margin.value, factor)}{unit} ({seeds})"
+    for remark in robustness_remarks(found):
+        console.print(f"[yellow]{safe(remark)}[/yellow]")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -120,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     options.add_protocol(parser)
     parser.set_defaults(protocol="strict")
     parser.add_argument(
-        "--budget", type=natural(1), default=2000, metavar="N", help="simulations to aim for (default: 2000)"
+        "--budget", type=natural(1), default=2000, metavar="N", help="simulations, not exceeded (default: 2000)"
     )
     parser.add_argument(
         "--minutes",

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.slow
 
 VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
-    comparison: ("leaderboard", "bars", "difference", "overlay"),
+    comparison: ("leaderboard", "bars", "difference", "overlay", "seeds", "robustness"),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 

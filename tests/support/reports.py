@@ -21,7 +21,10 @@ from orchestrator.benchmark.results import (
 from orchestrator.benchmark.scorecard import score
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.recording import About, Recording
+from orchestrator.reporting.robustness import Robustness
 from orchestrator.reporting.run import Run, load_run, save_run
+from orchestrator.reporting.spread import Spread, spread_of
+from orchestrator.search.findings import CriterionFound, Found, Margin, Radius, RequirementFound
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from support.results import PAPER, RULES, TABLE_2, everything
 
@@ -71,6 +74,42 @@ def scaled(factor: float, **changes: Any) -> Results:
     controller = {"parameters": {"K": factor}, **changes.pop("controller", {})}
     values: Mapping[str, float] = {name: factor * value for name, value in TABLE_2.items()}
     return results_of(everything(values, changes.pop("configurations", range(18))), controller=controller, **changes)
+
+
+def seeded(factor: float, seeds: Iterable[int], **controller: Any) -> Spread:
+    """The spread of a controller whose figures are ``factor`` times the paper's, 1 % more per seed."""
+    runs = [scaled(factor * (1 + seed / 100), seed=seed) for seed in seeds]
+    record = replace(CONTROLLER, parameters={"K": factor}, **controller)
+    return spread_of([run.seed for run in runs], [replace(run, controller=record) for run in runs])
+
+
+def searched(factor: float = 1.0, **controller: Any) -> Robustness:
+    """What a search found of the controller of :func:`scaled`: A2 fails."""
+    return Robustness(
+        schema=Robustness.SCHEMA,
+        benchmark=PAPER.benchmark,
+        protocol="strict",
+        seed=0,
+        budget=2000,
+        simulations=1990,
+        failures=0,
+        complete=True,
+        cut_short=("radius of V",),
+        cost=200.0,
+        protocol_cost=180.0,
+        criteria={"B5": CriterionFound(0.02, 0.01, "m", Found(0.025, "simulate <this>")),
+                  "B6": CriterionFound(None, 5.0, "s", Found(None, "simulate that"))},
+        requirements={name: RequirementFound(name == "A1", "limit cycle", 1e-4, 1.0, 5.0, 3, 8, "")
+                      for name in ("A1", "A2")},
+        margins={"gain_1": Margin(2.5, 20.0), "delay_2": Margin(1.5e-3, 1e-2), "gain_2_down": Margin(None, 0.05)},
+        radius=Radius(0.75, None, 1.2),
+        configurations=(),
+        effects=(),
+        path=(),
+        controller=replace(CONTROLLER, parameters={"K": factor}, **controller),
+        plant=PLANT,
+        wall_time=1.0,
+    )  # fmt: skip
 
 
 ABOUT = About(
