@@ -60,7 +60,7 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 
 
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
-    """The figures of one controller: on ``paper``, equal with both builds of the plant; on ``strict``; the worst found."""
+    """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found."""
     controller = Controller.built_in(name)
     hashes = {}
     for plant in ("native", "python"):
