@@ -1,7 +1,7 @@
 """The README's leaderboard and the tables on the controllers' pages, from evaluations of these controllers.
 
-    python benchmarks/leaderboard.py                evaluate all with both builds of the plant (some 10
-                                                    minutes), keep the figures, write the tables
+    python benchmarks/leaderboard.py                evaluate all with both builds of the plant and search for their
+                                                    worst cases (about an hour), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,8 +23,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from orchestrator import Benchmark, Controller  # noqa: E402
+from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
+from orchestrator.benchmark.results import Results  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
+from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
@@ -40,6 +43,14 @@ PAGES = {
 
 BASELINE = "DiagonalPID"
 HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
+WORST_HEAD = (
+    "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius |\n"
+    + 12 * "|---"
+    + "|\n"
+)
+SEARCHED = ("B5", "B6", "B7")
+REACHES = ("cost", "stability")
+"""Parts of the robustness radius: of V, and of A1-A3."""
 
 Figures = Mapping[str, Any]
 """What is kept of a ``results.json``, under the same names."""
@@ -49,23 +60,44 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 
 
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
-    """The figures of one controller on the protocol ``paper``, which are equal with the native plant and the other."""
+    """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found."""
     controller = Controller.built_in(name)
     hashes = {}
     for plant in ("native", "python"):
         results = Benchmark(plant=plant).evaluate(controller, folder=folder / plant / name, recordings=False).results
         hashes[plant] = hashlib.sha256((folder / plant / name / "cases.csv").read_bytes()).hexdigest()
     assert hashes["native"] == hashes["python"], "the native plant gives other results"
+    strict = Benchmark("strict").evaluate(controller, folder=folder / "strict" / name, recordings=False).results
+    found = Benchmark().robustness(controller, folder=folder / "robustness" / name)
     return {
         "guid": controller.archive.description.guid,
         "plant": results.plant.sha256,
         "code": source_hash(PACKAGE / part for part in CODE),
         "cases": hashes["python"],
         "controller": _part(results.controller, "file", "sha256", "fmi_version", "generation_tool"),
-        **_part(results, "benchmark", "protocol", "seed", "cost"),
+        **_part(results, "benchmark", "protocol", "seed"),
+        **_scorecard(results),
+        "strict": _scorecard(strict),
+        "robustness": _found(found),
+    }
+
+
+def _scorecard(results: Results) -> dict[str, Any]:
+    return {
+        "cost": results.cost,
         "criteria": {key: _part(entry, "value", "unit", "share") for key, entry in results.criteria.items()},
         "stability": {key: _part(entry, "passed") for key, entry in results.stability.items()},
     }
+
+
+def _found(found: Robustness) -> dict[str, Any]:
+    """What the tables show of a search."""
+    kept: dict[str, Any] = json.loads(to_json(found))
+    worst = {
+        name: {**kept["criteria"][name]["worst_case"], "unit": kept["criteria"][name]["unit"]} for name in SEARCHED
+    }
+    parts = {name: kept[name] for name in ("cost", "simulations", "seed", "requirements", "margins", "radius")}
+    return {**parts, "worst_case": worst}
 
 
 def _part(of: object, *names: str) -> dict[str, Any]:
@@ -83,24 +115,77 @@ def name_of(figures: Figures) -> str:
 
 
 def row(figures: Figures, name: str) -> str:
-    """A line of a table."""
-    verdicts = " ".join("holds" if entry["passed"] else "fails" for entry in figures["stability"].values())
-    values = " | ".join(number(entry["value"] * SHOWN[entry["unit"]][0]) for entry in figures["criteria"].values())
-    return f"| {name} | **{figures['cost']:.1f}** | {verdicts} | {values} |\n"
+    """A line of a table of criteria."""
+    values = " | ".join(_shown(entry) for entry in figures["criteria"].values())
+    return f"| {name} | **{figures['cost']:.1f}** | {_verdicts(figures['stability'])} | {values} |\n"
+
+
+def worst_row(figures: Figures, name: str) -> str:
+    """A line of the table of worst cases."""
+    strict, found = figures["strict"], figures["robustness"]
+    margins, radius = found["margins"], found["radius"]
+    gains, delays = (
+        " and ".join(_margin(margins[f"{kind}_{axis}"], factor) for axis in (1, 2))
+        for kind, factor in (("gain", 1.0), ("delay", 1e3))
+    )
+    cells = (
+        f"{figures['cost']:.1f}",
+        f"{strict['cost']:.1f}",
+        f"**{found['cost']:.1f}**",
+        *map(_verdicts, (figures["stability"], strict["stability"], found["requirements"])),
+        *(_shown(found["worst_case"][key]) for key in ("B5", "B6")),
+        gains,
+        delays,
+        " and ".join(number(radius[key]) if radius[key] is not None else f"> {radius['limit']:g}" for key in REACHES),
+    )
+    return f"| {name} | {' | '.join(cells)} |\n"
+
+
+def _shown(entry: Mapping[str, Any]) -> str:
+    return number(entry["value"] * SHOWN[entry["unit"]][0])
+
+
+def _verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
+    return " ".join("holds" if entry["passed"] else "fails" for entry in requirements.values())
+
+
+def _margin(margin: Mapping[str, Any], factor: float) -> str:
+    value = margin["value"]
+    return f"> {number(factor * margin['limit'])}" if value is None else number(factor * value)
 
 
 def leaderboard(kept: Sequence[Figures]) -> str:
     """The README's table, in the order that a comparison has."""
-    lines = (row(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing))
-    return HEAD + "".join(lines)
+    links = [(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing)]
+    return WORST_HEAD + "".join(worst_row(*link) for link in links)
 
 
 def scorecard(kept: Sequence[Figures], name: str) -> str:
-    """The table of a controller's own page: its figures, their shares of V, and the baseline's."""
+    """The tables of a controller's own page: its figures, their shares of V, those on ``strict``, the baseline's; and
+    the worst case found, with the commands that repeat what broke a requirement."""
     own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
     shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
     compared = "" if name == BASELINE else row(baseline, BASELINE)
-    return HEAD + row(own, name) + f"| of V | | | {shares} |\n" + compared
+    return (
+        f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
+        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}"
+    )
+
+
+def broken(found: Mapping[str, Any]) -> str:
+    """What a search found against the requirements, with the commands."""
+    failures: dict[str, tuple[Mapping[str, Any], list[str]]] = {}
+    for name, entry in found["requirements"].items():
+        if not entry["passed"]:
+            failures.setdefault(entry["command"], (entry, []))[1].append(name)
+    if not failures:
+        return f"No system that breaks A1, A2 or A3 was found in {found['simulations']} simulations.\n"
+    return "\n".join(
+        f"**{' and '.join(names)} fail{'s' if len(names) == 1 else ''}** for a system within Table 1: {entry['kind']}, "
+        f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz, with "
+        f"{entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n```sh\n{command}\n```\n"
+        for command, (entry, names) in failures.items()
+    )
 
 
 def with_table(text: str, table: str) -> str:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
+    from .reporting.robustness import Robustness
+    from .reporting.spread import Spread
 
 __all__ = [
     "Benchmark",
@@ -30,7 +32,9 @@ __all__ = [
     "Evaluation",
     "FmuError",
     "InputError",
+    "Robustness",
     "Simulation",
+    "Spread",
     "Variation",
     "__version__",
     "compare",
@@ -40,7 +44,9 @@ _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".api.controller",
     "Evaluation": ".api.evaluation",
+    "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",
+    "Spread": ".reporting.spread",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
 }

@@ -50,7 +50,7 @@ OTHER_LIMIT = replace(RULES, stability=replace(RULES.stability, limit_cycle=2e-5
 @pytest.mark.parametrize(
     ("change", "field", "reason"),
     [
-        ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v1"),
+        ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v2"),
         ({"protocol": "quick"}, "protocol", "protocol quick, not protocol paper"),
         ({"seed": 3}, "seed", "seed 3, not seed 0"),
         ({"sample_time": SampleTimeRecord(1e-3, False)}, "sample_time", "sample time 1 ms, not sample time 0.25 ms"),

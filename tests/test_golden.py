@@ -23,10 +23,10 @@ GOLDEN = Path(__file__).parent / "golden"
 INPUTS = json.loads((GOLDEN / "inputs.json").read_text(encoding="utf-8"))
 CONTROLLERS = ("DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG")
 COSTS = {
-    "DiagonalPID": (122.18622803044019, 128.10112832688023),
-    "TunedPID": (97.1564385948146, 109.02110862416208),
-    "ManipulatorLQG": (68.24850431642342, 99.20334868795035),
-    "DitheredLQG": (75.34159659414776, 79.72741228571827),
+    "DiagonalPID": (122.18622803044019, 161.94956208867694),
+    "TunedPID": (97.1564385948146, 154.20114268682178),
+    "ManipulatorLQG": (68.24850431642342, 107.47667180839346),
+    "DitheredLQG": (75.34159659414776, 109.84614838866723),
 }
 """V of ``quick``, and of configuration 7 of ``paper``."""
 

@@ -44,9 +44,9 @@ def test_quick_is_a_small_part_of_it():
 
 def test_configurations_fill_the_workspace():
     angles = {(round(math.degrees(q.q_a1), 9), round(math.degrees(q.q_a2), 9)) for q in GRID}
-    assert angles == {(q_a1, q_a2) for q_a1 in (-90, -36, 18, 72, 126, 180) for q_a2 in (-180, -50, 80)}
+    assert angles == {(-90 + 33.75 * k, q_a2) for k in range(9) for q_a2 in (-180, 80)}
     assert [q.index for q in GRID] == list(range(18))
-    assert cases.configuration(PAPER, math.radians(-36), math.radians(80)) == GRID[5]
+    assert cases.configuration(PAPER, math.radians(-22.5), math.radians(80)) == GRID[5]
     assert cases.configuration(PAPER, 0.1, 0.2).index == -1
 
 

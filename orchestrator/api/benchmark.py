@@ -7,11 +7,13 @@ import functools
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
+from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -25,28 +27,44 @@ from ..benchmark.results import CaseResult, RunTiming
 from ..benchmark.scorecard import kind
 from ..benchmark.variation import Variation, vary
 from ..conformance.finding import Finding
-from ..errors import InputError
+from ..errors import Crash, InputError
 from ..execution import cluster, pool, store
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
-from ..reporting.files import prepare_folder
+from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder
 from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
-from ..reporting.worst_case import save_search
-from ..search.findings import Robustness
+from ..reporting.robustness import Robustness
+from ..reporting.spread import Spread, spread_of
 from . import campaign, checking, document
 from .campaign import Bench
 from .controller import Controller
 from .evaluation import Evaluation
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
-from .robustness import OnProgress, find_worst_case
+from .robustness import OnProgress, find_worst_case, sought
 from .running import Runner
 from .selection import shown
 from .simulation import Simulation
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 OnResult = Callable[[CaseResult, int, int], None]
 """Is told each result as it comes, how many there are, and how many there will be."""
+
+OnSeed = Callable[[int, Evaluation], None]
+"""Is told each seed with its evaluation."""
+
+
+class Options(TypedDict, total=False):
+    """Options of :meth:`Benchmark.evaluate` that hold for every seed."""
+
+    only: Sequence[str] | str
+    recordings: bool
+    keep_going: bool
+    force: bool
+    on_result: OnResult | None
 
 
 def available_cores() -> int:
@@ -208,13 +226,8 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        controller = controller or Controller()
-        bench = self._bench(controller)
-        sample_time = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time)
-        cases = _chosen(case_list.cases(self.rules, self.nominal, self.seed, sample_time.value), only)
-        target = Path(folder) if folder is not None else None
-        if target is not None:
-            prepare_folder(target)
+        controller, bench, sample_time, cases = self._prepared(controller)
+        cases, target = _chosen(cases, only), None if folder is None else Path(folder)
         start, begin = datetime.now(timezone.utc), time.perf_counter()
         with self._runner(bench, target, keep_going) as runner:
             rehearsal = campaign.rehearse(cases[0], bench)
@@ -236,7 +249,7 @@ class Benchmark:
                 bench,
                 controller,
                 document.plant_record(self.manipulator, self.plant_parameters),
-                sample_time.value,
+                sample_time,
                 rehearsal.timing,
                 runs,
                 timing,
@@ -250,6 +263,56 @@ class Benchmark:
                 if target is not None:
                     evaluation.save(target)
         return evaluation
+
+    def spread(
+        self,
+        controller: Controller | None = None,
+        seeds: Iterable[int] = range(10),
+        *,
+        folder: str | Path | None = None,
+        on_seed: OnSeed | None = None,
+        **options: Unpack[Options],
+    ) -> Spread:
+        """Run the protocol once with each of ``seeds``, whatever ``seed`` is: mean and standard deviation of V and of
+        each criterion, and for how many seeds each requirement holds.
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID.
+        seeds : iterable of int
+            Base seeds, by default 0 to 9.
+        folder : path, optional
+            Each seed is evaluated in its own folder ``seed-N`` in it, as by :meth:`evaluate`; the spread over those
+            that are finished is saved there after each.
+        on_seed : callable, optional
+            ``on_seed(seed, evaluation)`` is called after each seed.
+        **options
+            ``only``, ``recordings``, ``keep_going``, ``force`` and ``on_result`` of :meth:`evaluate`.
+
+        Returns
+        -------
+        Spread
+
+        Raises
+        ------
+        InputError, FmuError, EnvironmentFault
+            As :meth:`evaluate`, or for no seed at all.
+        """
+        wanted, found = tuple(dict.fromkeys(seeds)), []
+        benches = [replace(self, seed=seed) for seed in wanted]
+        if not benches:
+            raise InputError("At least one seed is needed.", "bad-number")
+        for bench in benches:
+            own = None if folder is None else Path(folder) / seed_folder(bench.seed)
+            evaluation = bench.evaluate(controller, folder=own, **options)
+            found.append(evaluation.results)
+            spread = spread_of(wanted, found)
+            if folder is not None:
+                spread.save(folder)
+            if on_seed is not None:
+                on_seed(bench.seed, evaluation)
+        return spread
 
     def robustness(
         self,
@@ -273,7 +336,8 @@ class Benchmark:
         controller : Controller, optional
             By default the paper's PID.
         budget : int
-            Simulations to aim for; the last stages may need some more.
+            Simulations that are not exceeded. Each stage has its share; ``Robustness.cut_short`` names those that
+            wanted more.
         minutes : float
             Time after which what was found is confirmed, and margins and radius are left out.
         protocol : str or path
@@ -298,15 +362,18 @@ class Benchmark:
         Raises
         ------
         InputError
-            If controller, protocol or folder cannot be used.
+            If controller, protocol or folder cannot be used, or the budget is too small for the list.
         FmuError
             If the controller refuses its first sample.
+        Crash
+            If it hangs, or ends its process, in its first sample.
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        bench, own = self._bench(controller := controller or Controller()), replace(self, protocol=protocol)
-        T_s = controller_sample_time(bench.controller, own.rules.sample_time, controller.given_sample_time).value
-        cases = case_list.cases(own.rules, own.nominal, own.seed, T_s)
+        own = replace(self, protocol=protocol)
+        controller, bench, T_s, cases = own._prepared(controller)
+        listed = cases if from_list else ()
+        wanted = sought(own.rules, listed, budget, only)
         setting = Setting(
             document.controller_record(bench, controller),
             document.plant_record(self.manipulator, self.plant_parameters),
@@ -314,17 +381,17 @@ class Benchmark:
             self.seed,
             None if T_s == own.rules.sample_time else float(T_s),
         )
-        target = Path(folder) if folder is not None else None
-        if target is not None:
-            prepare_folder(target)
+        target = None if folder is None else Path(folder)
         with own._runner(bench, target) as runner:
-            campaign.rehearse(cases[0], bench)
-            listed = cases if from_list else ()
+            if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
+                raise Crash(failure.result.message)
             found, worst = find_worst_case(
-                runner, listed, own.nominal, setting, T_s, budget, minutes, only, on_progress
+                runner, listed, wanted, own.nominal, setting, T_s, budget, minutes, on_progress
             )
             if target is not None:
-                save_search(found, target)  # before the recordings: whatever happens now, the answer is there
+                for name in (TRAJECTORIES, REPORT):  # of another search
+                    remove(target / name)
+                found.save(target)  # before the recordings: whatever happens now, the answer is there
                 if recordings:
                     save_recordings(record_shown(worst, bench, self._workers), target)
         return found
@@ -359,9 +426,18 @@ class Benchmark:
         limits = Limits(memory=int(self.memory_limit))
         return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
+    def _prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
+        """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
+        controller = controller or Controller()
+        bench = self._bench(controller)
+        T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
+        return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
+
     @contextmanager
     def _runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
-        """What runs cases, with the store in ``folder``."""
+        """What runs cases, with the store in ``folder``, which is created if missing."""
+        if folder is not None:
+            prepare_folder(folder)
         execute = (
             functools.partial(cluster.run, address=self.scheduler)
             if self.scheduler

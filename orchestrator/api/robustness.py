@@ -8,17 +8,20 @@ from dataclasses import replace
 from fractions import Fraction
 
 from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..errors import InputError
 from ..loop.trajectory import Status
 from ..reporting.recording import BESIDE, FOUND
 from ..reporting.repeat import Setting, member_command
+from ..reporting.robustness import Robustness
 from ..search import hunt as stages
 from ..search.archive import Archive
-from ..search.findings import SCHEMA, Robustness
 from ..search.hunt import Hunt
+from ..search.margins import margins as margins_of
+from ..search.margins import radius as radius_of
 from ..search.member import NOMINAL, Member, case_of, of_case, parameters
-from ..search.target import targets
+from ..search.target import Target, targets
 from .running import Runner
 from .selection import Shown
 
@@ -26,35 +29,45 @@ OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
 """Is told the stage of a search, the simulations so far, and the worst value of each target."""
 
 
-def find_worst_case(
-    runner: Runner,
-    listed: Sequence[Case],
-    nominal: Mapping[str, float],
-    setting: Setting,
-    sample_time: Fraction,
-    budget: int,
-    minutes: float,
-    only: Sequence[str],
-    on_progress: OnProgress | None,
-) -> tuple[Robustness, list[Shown]]:
-    """Search with ``runner`` for what ``only`` names, or everything, from the cases ``listed`` or, if there are none,
-    from the nominal system; and what a report shows of it: the worst cases, each followed by the nominal arm's.
+def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequence[str]) -> list[Target]:
+    """What ``only`` names, or everything, to be searched for from the cases ``listed``.
 
-    Raises :class:`InputError` for a protocol whose tests draw, or if there is no such thing to search for.
+    Raises :class:`InputError` for a protocol whose tests draw, if there is no such thing to search for, or if the
+    budget does not last for what a search begins with.
     """
-    begin, protocol = time.perf_counter(), runner.protocol
     if any(test.draws for test in protocol.tests):
         raise InputError(
             f"The protocol {protocol.name} draws disturbances: a search lists them.", "draws", protocol.name
         )
-
     known = targets(protocol)
-    wanted = [target for target in known if not only or target.name in only]
     for name in only:
         if name not in {target.name for target in known}:
             names = [target.name for target in known]
             message = f"There is nothing called {name} to search for. Choose from {', '.join(names)}."
             raise InputError(message, "no-target", protocol.name, name, names)
+    wanted = [target for target in known if not only or target.name in only]
+    least = stages.least(protocol, listed, wanted)
+    if budget < least:
+        raise InputError(
+            f"The search begins with {least} simulations: more than its budget of {budget}.", "small-budget", "", budget
+        )
+    return wanted
+
+
+def find_worst_case(
+    runner: Runner,
+    listed: Sequence[Case],
+    wanted: Sequence[Target],
+    nominal: Mapping[str, float],
+    setting: Setting,
+    sample_time: Fraction,
+    budget: int,
+    minutes: float,
+    on_progress: OnProgress | None,
+) -> tuple[Robustness, list[Shown]]:
+    """Search with ``runner`` for all ``wanted`` from the cases ``listed`` or, if there are none, from the nominal
+    system; and what a report shows of it: the worst cases, each followed by that of the nominal arm."""
+    begin, protocol = time.perf_counter(), runner.protocol
 
     def case(member: Member) -> Case:
         found = case_of(member, protocol, nominal)
@@ -71,18 +84,19 @@ def find_worst_case(
     def command(member: Member) -> str:
         return member_command(setting, member, parameters(member, protocol, nominal))
 
-    hunt = Hunt(Archive(protocol, ask), rules(protocol), [of_case(each) for each in listed], wanted, command, told)
-    stages.search(hunt, budget, setting.seed)
+    archive, members = Archive(protocol, ask), [of_case(each) for each in listed]
+    hunt = Hunt(archive, rules(protocol), members, wanted, command, told, budget)
+    stages.search(hunt, setting.seed)
     stages.spread(hunt)
     requirements = stages.requirements(hunt)
     effects = stages.effects(hunt)
     criteria, configurations = stages.criteria(hunt), stages.configurations(hunt)
     found, own = stages.costs(hunt)
-    margins = stages.margins(hunt) if hunt.complete else {}
-    radius = stages.radius(hunt) if hunt.complete else None
+    margins = margins_of(hunt) if hunt.complete else {}
+    radius = radius_of(hunt) if hunt.complete else None
     results = hunt.archive.found.values()
     answer = Robustness(
-        schema=SCHEMA,
+        schema=Robustness.SCHEMA,
         benchmark=protocol.benchmark,
         protocol=protocol.name,
         seed=setting.seed,
@@ -90,6 +104,7 @@ def find_worst_case(
         simulations=len(results),
         failures=sum(result.status in (Status.TIMEOUT, Status.CRASHED, Status.ERROR) for result in results),
         complete=hunt.complete,
+        cut_short=tuple(hunt.cut_short),
         cost=found,
         protocol_cost=own,
         criteria=criteria,

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..codec import to_json
 from ..errors import InputError
 from ..reporting import compare_page
+from ..reporting.beside import beside, beside_document, compare_spreads
 from ..reporting.comparison import compare, comparison_document
-from ..reporting.files import prepare_folder, write_text
+from ..reporting.files import RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write_text
+from ..reporting.robustness import Robustness
 from ..reporting.run import Run, load_run
-from .comparison_tables import show_comparison
+from ..reporting.spread import Spread
+from .comparison_tables import show_comparison, show_spreads, show_worst
 from .guard import EXIT_OK
 from .tables import terminal
 from .values import Parser
@@ -20,6 +23,7 @@ from .values import Parser
 EXAMPLES = """examples:
   python -m orchestrator.compare runs/DiagonalPID-paper runs/my_controller-paper
   python -m orchestrator.compare runs/*-paper --json
+  python -m orchestrator.compare runs/*-paper-seeds runs/*-robustness
 
 exit codes: 0 compared, 2 none of the folders holds results"""
 
@@ -27,7 +31,9 @@ exit codes: 0 compared, 2 none of the folders holds results"""
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     parser = Parser("compare", "Compare finished evaluations, from the files they wrote.", EXAMPLES)
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="a run's folder, such as runs/MyPID-paper")
+    parser.add_argument(
+        "runs", nargs="+", type=Path, metavar="RUN", help="a folder of evaluate or robustness, such as runs/MyPID-paper"
+    )
     parser.add_argument(
         "--output-dir",
         type=Path,
@@ -37,28 +43,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", action="store_true", help="print the comparison as JSON instead of tables")
     given = parser.parse_args(arguments)
-    groups = compare(_finished(given.runs))
+    found = _finished(given.runs)
+    groups = compare([each for each, _ in found if isinstance(each, Run)])
+    spreads = compare_spreads([(each, path) for each, path in found if isinstance(each, Spread)])
+    worst = beside([(each, path) for each, path in found if isinstance(each, Robustness)], groups, spreads)
     prepare_folder(given.output_dir)
-    write_text(given.output_dir / compare_page.FILE, compare_page.compare_html(groups))
+    write_text(given.output_dir / compare_page.FILE, compare_page.compare_html(groups, spreads, worst))
     if given.json:
-        print(to_json(comparison_document(groups)))
+        print(to_json({**comparison_document(groups), **beside_document(spreads, worst)}))
     else:
         show_comparison(groups, terminal())
+        show_spreads(spreads, terminal())
+        show_worst(worst, terminal())
     print(f"written to {given.output_dir}: {compare_page.FILE}", file=sys.stderr)
     return EXIT_OK
 
 
-def _finished(paths: Sequence[Path]) -> list[Run]:
-    """The runs that are finished, with a note on each that is not; raises the last reason if there is none."""
-    found: list[Run] = []
+def _finished(paths: Sequence[Path]) -> list[tuple[Run | Spread | Robustness, Path]]:
+    """What is finished, with a note on each path that holds nothing; raises the last reason if there is none."""
+    found: list[tuple[Run | Spread | Robustness, Path]] = []
     last: InputError | None = None
     for path in paths:
-        try:
-            found.append(load_run(path))
-        except InputError as problem:
-            last = problem
-            if len(paths) > 1:
-                print(f"left out: {problem}", file=sys.stderr)
+        kinds = [load for name, load in LOADERS.items() if path.name == name or (path / name).is_file()]
+        for load in kinds or [load_run]:
+            try:
+                found.append((load(path), path))
+            except InputError as problem:
+                last = problem
+                if len(paths) > 1:
+                    print(f"left out: {problem}", file=sys.stderr)
     if not found and last is not None:
         raise last
     return found
+
+
+LOADERS: dict[str, Callable[[Path], Run | Spread | Robustness]] = {
+    RESULTS: load_run,
+    SPREAD: Spread.load,
+    ROBUSTNESS: Robustness.load,
+}
+"""What a folder may hold, by the name of the file."""

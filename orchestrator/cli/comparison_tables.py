@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
+from ..reporting.beside import SpreadGroup, WorstEntry
 from ..reporting.comparison import Entry, Group
+from ..reporting.spread import mean_words, spread_remarks
 from ..reporting.wording import SHOWN, figure, number, requirement_rows
 from .tables import NARROW, safe, table
 
@@ -63,4 +65,60 @@ def _verdicts(group: Group, narrow: bool) -> Table:
     for rank, entry in _rows(group):
         words = [SIGNS[row.judged.passed] for row in requirement_rows(entry.run.results)]
         grid.add_row(rank, *(() if narrow else (safe(entry.name),)), *words)
+    return grid
+
+
+def show_spreads(groups: Sequence[SpreadGroup], console: Console) -> None:
+    """Print what several seeds came to, per group, and the differences from its first controller."""
+    narrow = console.width < NARROW
+    for group in groups:
+        if group.difference:
+            console.print(f"[yellow]Not comparable to the above:[/yellow] {safe(group.difference)}")
+        grid, rules = _named(f"Mean ± standard deviation: {safe(group.conditions.title)}"), group.conditions.rules
+        for heading in ("seeds", "V", *group.entries[0].spread.requirements):
+            grid.add_column(heading, justify="right", overflow="fold")
+        for entry in group.entries:
+            spread = entry.spread
+            held = [f"{each.seeds}/{each.of}" for each in spread.requirements.values()]
+            grid.add_row(safe(entry.name), str(len(spread.seeds)), mean_words(spread.cost), *held)
+        console.print(grid)
+        if not narrow:
+            grid = _named("Criteria")
+            for name, spec in rules.criteria.items():
+                grid.add_column(f"{name}\n\\[{SHOWN[spec.unit][1]}]", justify="right", no_wrap=True)
+            for entry in group.entries:
+                words = (
+                    mean_words(entry.spread.criteria[name], SHOWN[spec.unit][0])
+                    for name, spec in rules.criteria.items()
+                )
+                grid.add_row(safe(entry.name), *(word.replace(" ±", "\n±") for word in words))
+            console.print(grid)
+        for entry in group.entries[1:]:
+            console.print(f"V of {safe(entry.name)} minus that of {safe(group.entries[0].name)}: {entry.better}")
+        for entry in group.entries:
+            for remark in spread_remarks(entry.spread):
+                console.print(f"[yellow]{safe(entry.name)}: {safe(remark)}[/yellow]")
+
+
+def show_worst(entries: Sequence[WorstEntry], console: Console) -> None:
+    """Print what searches for the worst case found, beside the scorecards."""
+    if not entries:
+        return
+    grid = _named("Worst case found, beside the scorecard")
+    grid.add_column("scorecard", overflow="fold")
+    for heading in ("V", "fails", "V\nfound", "B5\nlargest", "B6\nlargest", "fails\nat worst"):
+        grid.add_column(heading, justify="right", overflow="fold")
+    for entry in entries:
+        largest = (entry.largest.get(name, "-") for name in ("B5", "B6"))
+        card = (safe(entry.conditions), number(entry.V), safe(entry.verdicts))
+        grid.add_row(safe(entry.name), *card, number(entry.found.cost), *largest, safe(entry.broken))
+    console.print(grid)
+    for entry in {entry.name: entry for entry in entries}.values():
+        words = "; ".join(f"{name} {value}" for name, value in entry.margins.items())
+        console.print(f"{safe(entry.name)}: {safe(words) or 'no margins'}")
+
+
+def _named(title: str) -> Table:
+    grid = table(title)
+    grid.add_column("controller", overflow="fold", min_width=8)
     return grid

@@ -8,14 +8,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..api.benchmark import Benchmark
+from ..api.benchmark import Benchmark, Options
 from ..api.controller import Controller
 from ..api.evaluation import Evaluation
 from ..codec import to_json
-from ..reporting.files import CASES, RESULTS, TRAJECTORIES
+from ..reporting.files import CASES, RESULTS, TRAJECTORIES, seed_folder
+from ..reporting.spread import Spread
+from ..reporting.wording import number
 from . import options, outputs
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .progress import progress
+from .spread_tables import show_spread
 from .tables import show_results, terminal
 from .values import Parser
 
@@ -26,6 +29,7 @@ EXAMPLES = """examples:
   python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
   python -m orchestrator.evaluate --only 'c07.*'               one configuration
   python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
+  python -m orchestrator.evaluate my_controller.fmu --seeds 0-9   mean and standard deviation over ten seeds
   python -m orchestrator.evaluate --list                       the names of all cases
 """
 
@@ -39,30 +43,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(case.id for case in bench.cases))
         return EXIT_OK
     controller = options.controller(given)
-    folder = given.output_dir or Path("runs") / folder_name(bench, controller, given.only)
+    name = folder_name(bench, controller, given.only) + ("-seeds" if given.seeds else "")
+    folder = given.output_dir or Path("runs") / name
+    judged: list[bool] = []
+
+    def finish(evaluation: Evaluation, folder: Path) -> None:
+        judged.append(all(case.judged for case in evaluation.cases))
+        recorded = [TRAJECTORIES] if evaluation.recordings else []
+        written = [RESULTS, CASES, *recorded, *outputs.write_outputs(evaluation, folder, given)]
+        print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+
+    def finish_seed(seed: int, evaluation: Evaluation) -> None:
+        print(f"seed {seed}: V = {number(evaluation.cost)}", file=sys.stderr)
+        finish(evaluation, folder / seed_folder(seed))
+
     with progress(bench.rules) as on_result:
-        evaluation = bench.evaluate(
-            controller,
-            only=given.only,
-            folder=folder,
-            recordings=outputs.need_recordings(given),
-            keep_going=given.keep_going,
-            force=given.force,
-            on_result=on_result,
-        )
-    _report(evaluation, folder, given)
-    return EXIT_OK if all(case.judged for case in evaluation.cases) else EXIT_INCOMPLETE
+        shared: Options = {
+            "only": given.only,
+            "recordings": outputs.need_recordings(given),
+            "keep_going": given.keep_going,
+            "force": given.force,
+            "on_result": on_result,
+        }
+        found: Evaluation | Spread
+        if given.seeds:
+            found = bench.spread(controller, given.seeds, folder=folder, on_seed=finish_seed, **shared)
+        else:
+            found = bench.evaluate(controller, folder=folder, **shared)
+            finish(found, folder)
+    _print(found, given.json)  # at the end: the reader of standard output may go away
+    return EXIT_OK if all(judged) else EXIT_INCOMPLETE
 
 
-def _report(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> None:
-    """Write what is made of the results, and print them: the reader of standard output may go away."""
-    recorded = [TRAJECTORIES] if evaluation.recordings else []
-    written = [RESULTS, CASES, *recorded, *outputs.write_outputs(evaluation, folder, given)]
-    if given.json:
-        print(to_json(evaluation.results))
+def _print(found: Evaluation | Spread, as_json: bool) -> None:
+    if as_json:
+        print(to_json(found.results if isinstance(found, Evaluation) else found))
+    elif isinstance(found, Evaluation):
+        show_results(found.results, terminal())
     else:
-        show_results(evaluation.results, terminal())
-    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+        show_spread(found, terminal())
 
 
 def folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -> str:
@@ -93,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
         EXAMPLES + "\n" + EXIT_CODES,
     )
     options.add_controller(parser)
-    options.add_protocol(parser)
+    options.add_protocol(parser, several_seeds=True)
     parser.add_argument(
         "--quick",
         action="store_const",
@@ -121,6 +140,6 @@ def _parser() -> argparse.ArgumentParser:
         help="do not give up after three failures of one kind, and run again what failed in an earlier run",
     )
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
-    parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
+    parser.add_argument("--json", action="store_true", help="print results.json, or spread.json, instead of tables")
     outputs.add_options(parser)
     return parser

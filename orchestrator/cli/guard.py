@@ -30,6 +30,7 @@ REMEDIES = {
     "no-case": "List them with: python -m orchestrator.evaluate --list.",
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
+    "small-budget": "Give a larger --budget, or --no-list.",
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
     "stored": "--force runs them again, --keep-going those that failed.",

@@ -10,20 +10,27 @@ from ..api.controller import Controller
 from ..benchmark import protocol
 from ..errors import InputError
 from ..fmi.controller_files import read_mapping, read_parameters
-from .values import MOST, assignment, connection, natural, number, time
+from .values import MOST, assignment, connection, natural, number, seeds, time
 
 
-def add_protocol(parser: argparse.ArgumentParser) -> None:
-    """Options that say which cases there are."""
+def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False) -> None:
+    """Options that say which cases there are; ``several_seeds`` at once instead of one, if a command can do that."""
     parser.add_argument(
         "--protocol",
         default="paper",
         metavar="NAME",
         help=f"one of: {', '.join(protocol.names())}; or a protocol file (.toml) (default: paper)",
     )
-    parser.add_argument(
-        "--seed", type=natural(), default=0, metavar="N", help="base seed of random systems and noise (default: 0)"
-    )
+    group = parser.add_mutually_exclusive_group()
+    # A default of 0 would hide that 0 was given beside the other.
+    group.add_argument("--seed", type=natural(), metavar="N", help="base seed of random systems and noise (default: 0)")
+    if several_seeds:
+        group.add_argument(
+            "--seeds",
+            type=seeds,
+            metavar="LIST",
+            help="evaluate with each of these, such as 0-9 or 0,3,5-7: mean and standard deviation",
+        )
     parser.add_argument(
         "--plant-set",
         action="append",
@@ -124,7 +131,7 @@ def benchmark(options: argparse.Namespace) -> Benchmark:
     """The benchmark that the options describe; those that a command does not have keep their defaults."""
     return Benchmark(
         protocol=getattr(options, "protocol", "paper"),
-        seed=getattr(options, "seed", 0),
+        seed=getattr(options, "seed", None) or 0,
         workers=getattr(options, "jobs", None),
         plant_parameters=dict(getattr(options, "plant_parameters", ())),
         plant=getattr(options, "plant", "auto"),

@@ -35,8 +35,10 @@ def progress(protocol: Protocol) -> Iterator[OnResult]:
     with ExitStack() as stack:
 
         def update(result: CaseResult, done: int, total: int) -> None:
-            if not results:  # what is wrong with the input is said before any bar is drawn
+            if not bar.live.is_started:  # what is wrong with the input is said before any bar is drawn
                 stack.enter_context(bar)
+            if done == 1:  # of the first seed, or of the next
+                results.clear()
             results.append(result)
             bar.update(task, completed=done, total=total)
             if done % EVERY == 0 or done == total:

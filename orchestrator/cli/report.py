@@ -11,9 +11,8 @@ from ..api.evaluation import Evaluation
 from ..codec import to_json
 from ..errors import InputError
 from ..reporting.files import REPORT, RESULTS, ROBUSTNESS
+from ..reporting.robustness import Robustness
 from ..reporting.run import load_run
-from ..reporting.worst_case import load_search
-from ..reporting.worst_page import write_worst_page
 from .guard import EXIT_OK
 from .outputs import add_options, check_options, write_outputs
 from .robustness import told
@@ -54,11 +53,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _of_search(given: argparse.Namespace) -> int:
     """Make the page of a search for the worst case again."""
-    search = load_search(given.run)
+    found = Robustness.load(given.run)
     if given.figures or given.parquet or given.mat:
         raise InputError(f"{given.run} holds a search, of which there is its report only.", "no-run", given.run)
     if not given.no_report:
-        write_worst_page(search, given.run / REPORT)
-    told(search.found, given.json)
+        found.report(given.run / REPORT, given.run)
+    told(found, given.json)
     print(f"written to {given.run}: {'nothing' if given.no_report else REPORT}", file=sys.stderr)
     return EXIT_OK

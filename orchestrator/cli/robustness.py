@@ -11,11 +11,9 @@ from pathlib import Path
 from rich.console import Console
 
 from ..codec import to_json
-from ..reporting.files import REPORT, ROBUSTNESS, TRAJECTORIES, prepare_folder
+from ..reporting.files import REPORT, ROBUSTNESS, TRAJECTORIES
+from ..reporting.robustness import Robustness, margin_words, radius_rows, robustness_remarks, verdict_words
 from ..reporting.wording import SHOWN, number
-from ..reporting.worst_case import load_search, verdict_words
-from ..reporting.worst_page import write_worst_page
-from ..search.findings import Margin, Robustness
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
@@ -38,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given.only)}-robustness"
-    prepare_folder(folder)
     found = bench.robustness(
         controller,
         budget=given.budget,
@@ -52,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     written = [ROBUSTNESS]
     if not given.no_report:
-        write_worst_page(load_search(folder), folder / REPORT)
+        found.report(folder / REPORT, folder)
         written += [TRAJECTORIES, REPORT]
     told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
@@ -89,31 +86,19 @@ def show(found: Robustness, console: Console) -> None:
     grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
     console.print(grid)
     for name, requirement in found.requirements.items():
-        console.print(f"{name}  {verdict_words(requirement).replace('fails', '[red]fails[/red]', 1)}")
+        console.print(f"{name}  {safe(verdict_words(requirement))}", style=None if requirement.passed else "red")
     for name, margin in found.margins.items():
-        console.print(f"{name:12}{_margin(name, margin)}")
-    if (radius := found.radius) is not None:
-        for name, reach in (("V", radius.cost), ("A1-A3", radius.stability)):
-            word = f"{reach:g} times" if reach is not None else f"more than {radius.limit:g} times"
-            console.print(f"{name} within bounds up to {word} the tolerances of Table 1")
+        console.print(f"{safe(name):12}{margin_words(name, margin)}")
+    for name, words in radius_rows(found.radius):
+        console.print(f"{name}: {words} the tolerances of Table 1")
     commands = {name: entry.worst_case.command for name, entry in found.criteria.items() if entry.worst_case.command}
     commands |= {name: each.command for name, each in found.requirements.items() if not each.passed}
     commands |= {f"margin {name}": margin.command for name, margin in found.margins.items() if margin.command}
     console.print("\nto repeat these:")
     for name, command in commands.items():
         console.print(f"{name}\n  {safe(command)}", soft_wrap=True, highlight=False)
-    if found.failures:
-        console.print(f"[red]{found.failures} simulations hung, crashed or failed.[/red]")
-    if not found.complete:
-        console.print("[yellow]Time ran out: the search is not complete.[/yellow]")
-
-
-def _margin(name: str, margin: Margin) -> str:
-    factor, unit = (1e3, " ms") if name.startswith("delay") else (1.0, " times")
-    if margin.value is None:
-        return f"none found up to {number(margin.limit, factor)}{unit}"
-    seeds = f"{margin.seeds_failed} of {margin.seeds_tried} seeds"
-    return f"{number(margin.value, factor)}{unit} ({seeds})"
+    for remark in robustness_remarks(found):
+        console.print(f"[yellow]{safe(remark)}[/yellow]")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -122,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     options.add_protocol(parser)
     parser.set_defaults(protocol="strict")
     parser.add_argument(
-        "--budget", type=natural(1), default=2000, metavar="N", help="simulations to aim for (default: 2000)"
+        "--budget", type=natural(1), default=2000, metavar="N", help="simulations, not exceeded (default: 2000)"
     )
     parser.add_argument(
         "--minutes",

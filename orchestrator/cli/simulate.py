@@ -173,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs=2,
         type=number(),
         metavar=("Q_A1", "Q_A2"),
-        help="link angles in degrees (default: 18 -50, a pose of the grid)",
+        help="link angles in degrees (default: 18 -50, in the middle of the workspace)",
     )
     which.add_argument("--system", metavar="NAME", help="nominal (default), compliant, slippery, sticky, random_1, ...")
     which.add_argument("--test", metavar="NAME", help="a test of the protocol, such as gain_1 (default: disturbance)")

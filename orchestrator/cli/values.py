@@ -13,6 +13,10 @@ MOST = 1e9
 """The largest limit: seconds and megabytes that the system can still count."""
 
 
+MOST_SEEDS = 10_000
+"""Seeds of one command; more are a slip of the keyboard."""
+
+
 class Parser(argparse.ArgumentParser):
     """A parser whose errors take two lines and not a page."""
 
@@ -68,6 +72,20 @@ def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:
         return int(text)
 
     return parse
+
+
+def seeds(text: str) -> tuple[int, ...]:
+    """Seeds as a list of numbers and ranges, ``0,3,5-7``, each once."""
+    found: dict[int, None] = {}
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        ends = (first, last if dash else first)
+        if not all(end.isdecimal() and len(end) < 16 for end in ends) or int(ends[0]) > int(ends[1]):
+            raise argparse.ArgumentTypeError(f"{text!r} is not a list of seeds, such as 0-9 or 0,3,5-7")
+        if int(ends[1]) - int(ends[0]) + len(found) >= MOST_SEEDS:
+            raise argparse.ArgumentTypeError(f"{text} are more than {MOST_SEEDS} seeds")
+        found.update(dict.fromkeys(range(int(ends[0]), int(ends[1]) + 1)))
+    return tuple(found)
 
 
 def number(

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
-from ..benchmark.results import Results, Rules
+from ..benchmark.results import ControllerRecord, Results, Rules
 from ..codec import Struct, plain
 from .run import Run
+from .spread import Spread
 from .wording import SEED_MATTERS, requirement_rows, without_cost
+
+T = TypeVar("T")
 
 
 class Conditions(Struct, frozen=True):
     """What the figures of a run depend on besides the controller: what must be equal for two costs to be comparable.
 
-    ``sample_time`` in seconds; ``plant`` is the SHA-256 of what the plant is made of.
+    ``sample_time`` in seconds; ``seed`` is None for several; ``plant`` is the SHA-256 of what the plant is made of.
     """
 
     benchmark: str
     protocol: str
     sample_time: float
-    seed: int
+    seed: int | None
     plant_parameters: dict[str, float]
     plant: str
     rules: Rules
@@ -36,7 +40,7 @@ class Conditions(Struct, frozen=True):
             "benchmark": f"benchmark {self.benchmark}",
             "protocol": f"protocol {self.protocol}",
             "sample_time": f"sample time {self.sample_time * 1e3:.12g} ms",
-            "seed": f"seed {self.seed}",
+            "seed": "several seeds" if self.seed is None else f"seed {self.seed}",
             "plant_parameters": f"plant parameters {changes or 'as nominal'}",
             "plant": f"plant of contents {self.plant[:12]}...",
         }
@@ -106,13 +110,10 @@ class Group:
 
 def compare(runs: Sequence[Run]) -> tuple[Group, ...]:
     """The runs in groups that may be ranked, the largest group first. There must be at least one run."""
-    groups: list[tuple[Conditions, list[Entry]]] = []
-    for name, run in zip(names(runs), runs, strict=True):
-        own = conditions(run.results)
-        entries = next((entries for known, entries in groups if known == own), None)
-        if entries is None:
-            groups.append((own, entries := []))
-        entries.append(Entry(name, run))
+    listed = names([(run.results.controller, run.folder) for run in runs])
+    groups = grouped(
+        (conditions(run.results, run.results.seed), Entry(name, run)) for name, run in zip(listed, runs, strict=True)
+    )
     groups.sort(key=lambda group: len(group[1]), reverse=True)
     found = []
     for own, entries in groups:
@@ -122,24 +123,36 @@ def compare(runs: Sequence[Run]) -> tuple[Group, ...]:
     return tuple(found)
 
 
-def conditions(results: Results) -> Conditions:
-    """The conditions of a run."""
+def grouped(entries: Iterable[tuple[Conditions, T]]) -> list[tuple[Conditions, list[T]]]:
+    """The entries under equal conditions, in their order."""
+    groups: list[tuple[Conditions, list[T]]] = []
+    for own, entry in entries:
+        there = next((others for known, others in groups if known == own), None)
+        if there is None:
+            groups.append((own, there := []))
+        there.append(entry)
+    return groups
+
+
+def conditions(results: Results | Spread, seed: int | None) -> Conditions:
+    """The conditions of a run, or of several that differ in their seed."""
     return Conditions(
         benchmark=results.benchmark,
         protocol=results.protocol,
         sample_time=results.sample_time.seconds,
-        seed=results.seed,
+        seed=seed,
         plant_parameters=dict(sorted(results.plant.parameters.items())),
         plant=results.plant.model,
         rules=results.rules,
     )
 
 
-def names(runs: Sequence[Run]) -> list[str]:
+def names(runs: Sequence[tuple[ControllerRecord, Path | None]]) -> list[str]:
     """A name for each run: the controller's with its parameters, and the folder or the place if that is not enough."""
-    plain_names = [_controller(run.results) for run in runs]
+    plain_names = [_controller(controller) for controller, _ in runs]
     counts = Counter(plain_names)
-    places = [f"run {i}" if run.folder is None else os.path.normpath(run.folder) for i, run in enumerate(runs, start=1)]
+    folders = (folder for _, folder in runs)
+    places = [f"run {i}" if folder is None else os.path.normpath(folder) for i, folder in enumerate(folders, start=1)]
     return [f"{name} ({place})" if counts[name] > 1 else name for name, place in zip(plain_names, places, strict=True)]
 
 
@@ -172,9 +185,9 @@ def _reason(results: Results) -> str:
     return without_cost(results) or "incomplete: not all cases of the protocol were run"
 
 
-def _controller(results: Results) -> str:
-    parameters = ", ".join(f"{name}={value:g}" for name, value in results.controller.parameters.items())
-    return results.controller.file.removesuffix(".fmu") + (f" [{parameters}]" if parameters else "")
+def _controller(controller: ControllerRecord) -> str:
+    parameters = ", ".join(f"{name}={value:g}" for name, value in controller.parameters.items())
+    return controller.file.removesuffix(".fmu") + (f" [{parameters}]" if parameters else "")
 
 
 def _summary(entry: Entry) -> dict[str, Any]:

@@ -13,6 +13,9 @@ from typing import IO, Any
 
 from ..errors import EnvironmentFault, InputError
 
+SPREAD = "spread.json"
+"""What an evaluation with several seeds writes."""
+
 ROBUSTNESS = "robustness.json"
 """What a search for the worst case writes."""
 
@@ -21,6 +24,11 @@ RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
 
 REPORT, PARQUET, MAT, FIGURES = "report.html", "cases.parquet", "trajectories.mat", "figures"
 """What is derived from these; FIGURES is a folder."""
+
+
+def seed_folder(seed: int) -> str:
+    """The folder of one of several seeds in that of their spread."""
+    return f"seed-{seed}"
 
 
 def prepare_folder(folder: Path) -> None:

@@ -7,6 +7,15 @@ import base64
 from ..benchmark.results import CaseResult, Results
 from ..loop.trajectory import Ending
 from . import pages
+from .robustness import (
+    Robustness,
+    largest_words,
+    margin_words,
+    radius_rows,
+    robustness_remarks,
+    verdict_words,
+)
+from .spread import Spread, spread_remarks, statistic_rows
 from .wording import SHOWN, figure, number, remarks, requirement_rows
 
 UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m") | {"B5": "m", "B6": "s", "B7": "m", "recovery": "s"}
@@ -27,6 +36,22 @@ def results_fragment(results: Results) -> str:
         requirements=requirement_rows(results),
         remarks=remarks(results),
     )
+
+
+def spread_fragment(spread: Spread) -> str:
+    """Mean, standard deviation and range of V and the criteria, and for how many seeds the requirements hold."""
+    return pages.filled(
+        "spread_fragment.html", spread=spread, rows=statistic_rows(spread), remarks=spread_remarks(spread)
+    )
+
+
+def robustness_fragment(found: Robustness) -> str:
+    """The largest values found, the requirements, margins and radius."""
+    rows = [(f"largest {name}", largest_words(entry)) for name, entry in found.criteria.items()]
+    rows += [(name, verdict_words(entry)) for name, entry in found.requirements.items()]
+    rows += [(name, margin_words(name, margin)) for name, margin in found.margins.items()]
+    rows += radius_rows(found.radius)
+    return pages.filled("robustness_fragment.html", found=found, rows=rows, remarks=robustness_remarks(found))
 
 
 def simulation_fragment(title: str, ending: Ending, result: CaseResult, figure_svg: str) -> str:

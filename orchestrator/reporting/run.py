@@ -7,22 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 from msgspec.structs import replace
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.results import SCHEMA, Results
 from ..benchmark.scorecard import score
-from ..codec import Malformed, from_json, plain, to_json
+from ..codec import Malformed, from_json, to_json
 from ..errors import InputError
 from . import recording
+from .documents import file_of, read, rules_problem
 from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
 from .recording import Recording
 from .tables import csv_text
-from .wording import SHOWN
-
-CRITERIA = {f"B{number}" for number in range(1, 8)}
 
 logger = logging.getLogger(__name__)
 
@@ -74,43 +71,23 @@ def load_run(path: Path) -> Run:
     The scorecard is computed again from the cases. Raises :class:`InputError` if there is none, or a field is not what
     it should be, or the scorecard is not that of the cases.
     """
-    file = path / RESULTS if path.is_dir() else path
-    try:
-        text = file.read_bytes()
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-run", file) from problem
-    try:
-        schema = from_json(text, _Schema).schema
-        if schema != SCHEMA:
-            message = f"{file} holds results of the form {schema!r}, not {SCHEMA}."
-            raise InputError(message, "other-schema", file, schema)
-        results = from_json(text, Results)
-    except Malformed as problem:
-        raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
+    file = file_of(path, RESULTS)
+    results = read(file, Results, SCHEMA)
     check_consistent(results, file)
     return Run(results, recording.load(file.parent), file.parent)
 
 
-class _Schema(msgspec.Struct):
-    schema: str = ""
-
-
 def check_consistent(results: Results, file: Path) -> None:
     """Raise :class:`InputError` if the parts of ``results`` contradict each other."""
-    rules = results.rules
-    tests = {test.name for test in rules.tests}
-    names = [case.id for case in results.cases]
-    specs = rules.criteria.values()
-    problem = ""
-    if not set(rules.criteria) <= CRITERIA or not {name for test in rules.tests for name in test.criteria} <= CRITERIA:
-        problem = "it has criteria that no case is measured by"
-    elif any(spec.unit not in SHOWN or spec.target <= 0 for spec in specs) or min(plain(rules.cost).values()) <= 0:
-        problem = "a target is not positive, or has no unit it could be shown in"
-    elif not results.cases or len(set(names)) < len(names) or not {case.test for case in results.cases} <= tests:
-        problem = "its cases are not those of its rules"
-    elif not set(NOMINAL) <= set(results.plant.nominal):
-        problem = "parameters of the plant are missing"
-    elif score(results.rules, results.cases) != results.scorecard:
-        problem = "its scorecard is not that of its cases"
-    if problem:
+    if problem := rules_problem(results.rules) or _problem(results):
         raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
+
+
+def _problem(results: Results) -> str:
+    tests = {test.name for test in results.rules.tests}
+    names = [case.id for case in results.cases]
+    if not results.cases or len(set(names)) < len(names) or not {case.test for case in results.cases} <= tests:
+        return "its cases are not those of its rules"
+    if not set(NOMINAL) <= set(results.plant.nominal):
+        return "parameters of the plant are missing"
+    return "" if score(results.rules, results.cases) == results.scorecard else "its scorecard is not that of its cases"

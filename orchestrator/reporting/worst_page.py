@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ..codec import plain
-from ..search.findings import Robustness
 from . import pages
-from .files import write_text
 from .payload import criteria, packed, packed_error
-from .recording import BESIDE, MOTION_INTERVALS
+from .recording import BESIDE, MOTION_INTERVALS, Recording
+from .robustness import Robustness, robustness_remarks, verdict_words
 from .wording import REQUIREMENTS, assignments, parameter_words, scale
-from .worst_case import Search, verdict_words
 
 
-def worst_html(search: Search) -> str:
-    """The page of ``search`` as one HTML file."""
-    found = search.found
-    payload = worst_payload(search)
+def worst_html(found: Robustness, recordings: Sequence[Recording] = ()) -> str:
+    """The page of what was ``found`` as one HTML file, with the ``recordings`` of the worst cases."""
+    payload = worst_payload(found, recordings)
     shown = {role: number for number, entry in enumerate(payload["recordings"]) for role in entry["roles"]}
     marks = [("target", found.rules.cost.target)]
     if found.protocol_cost is not None:
@@ -36,17 +32,13 @@ def worst_html(search: Search) -> str:
         shown={role.split(" ")[0]: number for role, number in shown.items()},
         commands=dict(_commands(found)),
         facts=_facts(found),
+        remarks=robustness_remarks(found),
     )
 
 
-def write_worst_page(search: Search, file: Path) -> None:
-    """Write the page of ``search``."""
-    write_text(file, worst_html(search))
-
-
-def worst_payload(search: Search) -> dict[str, Any]:
+def worst_payload(found: Robustness, recordings: Sequence[Recording]) -> dict[str, Any]:
     """Everything the page's figures show."""
-    found, recordings = search.found, search.recordings
+    specs = {name: spec for name, spec in found.rules.criteria.items() if name in found.criteria}
     beside = {role: entry for entry in recordings for role in entry.about.roles if role.startswith(BESIDE)}
     worst = [entry for entry in recordings if not set(entry.about.roles) & set(beside)]
     commands = {name: entry.worst_case.command for name, entry in found.criteria.items()}
@@ -62,7 +54,7 @@ def worst_payload(search: Search) -> dict[str, Any]:
             }
         )
     return {
-        "criteria": [{**spec, **plain(found.criteria[spec["name"]])} for spec in criteria(found.rules.criteria)],
+        "criteria": [{**spec, **plain(found.criteria[spec["name"]])} for spec in criteria(specs)],
         "rules": plain(found.rules),
         "path": plain(found.path),
         "effects": [{**plain(effect), "words": parameter_words(effect.parameter)} for effect in found.effects],

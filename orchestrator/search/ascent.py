@@ -106,6 +106,11 @@ def climb(archive: Archive, wanted: Sequence[Target], budget: int, seed: int, to
             return
 
 
+def explored(protocol: Protocol) -> int:
+    """Simulations of :func:`explore`."""
+    return 2 * len(protocol.uncertainty) + 2
+
+
 def explore(archive: Archive, target: Target, start: Member) -> None:
     """The first two steps of a search without a list: each parameter alone at both ends, then all at the worse."""
     protocol = archive.protocol

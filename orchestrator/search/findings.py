@@ -1,4 +1,4 @@
-"""The answer of a search for the worst case, typed to the last field: what ``robustness.json`` holds.
+"""The parts of what a search for the worst case finds: what ``robustness.json`` is made of.
 
 All values are in SI units; None stands for what does not exist or was not found. Each ``command`` repeats its case to
 the last bit.
@@ -6,10 +6,8 @@ the last bit.
 
 from __future__ import annotations
 
-from ..benchmark.results import ControllerRecord, Kind, PlantRecord, Rules
+from ..benchmark.results import Kind
 from ..codec import Finite, Natural, NonNegative, Struct
-
-SCHEMA = "flexible-manipulator-robustness/1"
 
 
 class Found(Struct):
@@ -89,33 +87,3 @@ class ConfigurationFound(Struct):
     q_a2: Finite
     protocol: NonNegative | None
     found: NonNegative | None
-
-
-class Robustness(Struct, kw_only=True):
-    """The worst case of a controller as far as it was found.
-
-    ``cost`` is V of eq. (15) from the largest values found: a lower bound of the true one. ``simulations`` counts all,
-    ``failures`` those that hung or crashed. ``complete`` is False if time ran out.
-    """
-
-    schema: str
-    benchmark: str
-    protocol: str
-    seed: int
-    budget: Natural
-    simulations: Natural
-    failures: Natural
-    complete: bool
-    cost: NonNegative | None
-    protocol_cost: NonNegative | None
-    criteria: dict[str, CriterionFound]
-    requirements: dict[str, RequirementFound]
-    margins: dict[str, Margin]
-    radius: Radius | None
-    configurations: tuple[ConfigurationFound, ...]
-    effects: tuple[Effect, ...]
-    path: tuple[Step, ...]
-    rules: Rules
-    controller: ControllerRecord
-    plant: PlantRecord
-    wall_time: NonNegative

@@ -1,61 +1,49 @@
-"""The stages of a search for the worst case, and what they find.
+"""The stages of a search for the worst case up to its margins, and what they find.
 
 The budget is spent in this order: the protocol's list, a search from its worst cases, the worst members at all
-configurations, the noise of what fails, margins, radius, the effect of each parameter. Every decision looks at results
-alone, so the answer is the same for any number of processes.
+configurations, the noise of what fails, the effect of each parameter, margins, radius. Each stage has a share of what
+is left, and what it does not need goes to the next. Every decision looks at results alone, so the answer is the same
+for any number of processes.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
-from typing import TypeVar
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Rules, Scorecard
 from ..benchmark.scorecard import kind, score
 from .archive import Archive
-from .ascent import climb, explore
+from .ascent import climb, explore, explored
 from .findings import (
     ConfigurationFound,
     CriterionFound,
     Effect,
     Found,
-    Margin,
-    Radius,
     RequirementFound,
     Step,
 )
 from .member import Member, loose, names
-from .race import race
-from .target import Target, fails, targets
-
-Value = TypeVar("Value", float, Fraction)
+from .target import Target, fails
 
 SEEDS = range(1, 9)
 """Base seeds of the noise that a failure is tried with."""
 
-CONTENDERS = 5
-"""Members of each named system, and of those that were searched, that race for a margin."""
+SEARCHED, SEARCHED_ALONE = 0.35, 0.7
+"""Share of what the list leaves of the budget that the search takes, and of the whole one where there is no list."""
 
-SEARCHED = 0.35
-"""Share of what the list leaves of the budget that the search takes."""
-
-GAINS_UP = tuple(round(1.02**power, 4) for power in range(1, 152))
-GAINS_DOWN = tuple(round(1.05**-power, 4) for power in range(1, 60))
-DELAYS = tuple(Fraction(step, 16000) for step in range(1, 161))
-SCALES = tuple(step / 20 for step in range(1, 25))
-"""Steps of loop gain, delay [s] and factor on the half-widths: up to 20 and down to 0.056, 10 ms, and 1.2."""
+CONFIRMED = 0.25
+"""Share of what is left that each of the next stages may take, which need some dozens."""
 
 
 @dataclass
 class Hunt:
     """A search: what it may ask, the members of the protocol's list, what is wanted, how a member's case is repeated,
     and whom to tell what stage it is in, how many simulations there were and the worst values; the answer is whether to
-    go on. ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``."""
+    go on. ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
+    ``limit`` is the number of simulations at which the stage's share of the ``budget`` ends."""
 
     archive: Archive
     rules: Rules
@@ -63,24 +51,49 @@ class Hunt:
     wanted: Sequence[Target]
     command: Callable[[Member], str]
     told: Callable[[str, int, Mapping[str, float | None]], bool]
+    budget: int
     path: list[Step] = field(default_factory=list)
     shown: dict[Member, list[str]] = field(default_factory=dict)
     complete: bool = True
+    limit: int = 0
+    cut: bool = False
+    cut_short: list[str] = field(default_factory=list)
 
     @property
     def protocol(self) -> Protocol:
         """The protocol whose uncertainty is searched."""
         return self.archive.protocol
 
+    def allot(self, share: float) -> None:
+        """Give the next stage a share of what is left of the budget."""
+        spent = len(self.archive.found)
+        self.limit = spent + int(share * (self.budget - spent))
+
+    def afford(self, members: Sequence[Member]) -> list[Member]:
+        """Those of ``members`` that the stage's share lasts for: all that are known, and the first of the others."""
+        known = self.archive.found
+        new = [member for member in dict.fromkeys(members) if member not in known]
+        dropped = set(new[max(0, self.limit - len(known)) :])
+        self.cut = self.cut or bool(dropped)
+        return [member for member in members if member not in dropped]
+
     def note(self, stage: str) -> bool:
-        """Write down what is known; returns whether to go on."""
+        """Write down what is known at the end of a stage; returns whether to go on."""
+        if self.cut:
+            self.cut_short.append(stage)
+        self.cut = False
         worst = {target.name: self.archive.height(target) for target in self.wanted}
         self.path.append(Step(stage, len(self.archive.found), worst))
         self.complete = self.complete and self.told(stage, len(self.archive.found), worst)
         return self.complete
 
 
-def search(hunt: Hunt, budget: int, seed: int) -> None:
+def least(protocol: Protocol, listed: Sequence[object], wanted: Sequence[Target]) -> int:
+    """Simulations that a search begins with: the list, or each parameter alone."""
+    return len(listed) or len({target.test for target in wanted}) * explored(protocol)
+
+
+def search(hunt: Hunt, seed: int) -> None:
     """Simulate the list, then climb from its worst cases; without a list, from the nominal system."""
     archive, wanted = hunt.archive, hunt.wanted
     archive.results(hunt.listed)
@@ -88,19 +101,22 @@ def search(hunt: Hunt, budget: int, seed: int) -> None:
         start = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(hunt.protocol)))
         for target in {target.test: target for target in wanted}.values():
             explore(archive, target, replace(start, test=target.test))
-    share = SEARCHED if hunt.listed else 1.0
+    share = SEARCHED if hunt.listed else SEARCHED_ALONE
     if hunt.note("list" if hunt.listed else "each parameter alone"):
-        climb(archive, wanted, int(share * (budget - len(archive.found))), seed, hunt.note)
+        climb(archive, wanted, int(share * (hunt.budget - len(archive.found))), seed, hunt.note)
 
 
 def spread(hunt: Hunt) -> None:
     """The worst members of the heaviest criteria at every configuration: eq. (14) wants the maximum at each."""
     poses = dict.fromkeys(member.q_a for member in hunt.listed)
-    hunt.archive.results([replace(member, q_a=q_a) for member in _worst(hunt).values() for q_a in poses])
+    hunt.allot(CONFIRMED)
+    hunt.archive.results(
+        hunt.afford([replace(member, q_a=q_a) for member in worst_members(hunt).values() for q_a in poses])
+    )
     hunt.note("all configurations")
 
 
-def _worst(hunt: Hunt) -> dict[Target, Member]:
+def worst_members(hunt: Hunt) -> dict[Target, Member]:
     """The criteria that are searched for, and the worst member of each."""
     found = ((target, hunt.archive.worst(target)) for target in hunt.wanted if target.criterion)
     return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
@@ -150,6 +166,7 @@ def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
     """The requirements, each with the worst case found, which is tried with other noise where it fails."""
     protocol = hunt.protocol
     found = {}
+    hunt.allot(CONFIRMED)
     for name in ("A1", "A2", "A3"):
         tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
         members = [
@@ -168,7 +185,7 @@ def _judged(hunt: Hunt, worst: Member) -> RequirementFound:
     limits = hunt.protocol.stability
     (result,) = hunt.archive.results([worst])
     passed = not fails(result, limits)
-    failed, tried = (0, 0) if passed else _seeds(hunt, worst)
+    failed, tried = (0, 0) if passed else other_noise(hunt, worst)
     figures = result.measurements
     return RequirementFound(
         passed=passed,
@@ -182,122 +199,28 @@ def _judged(hunt: Hunt, worst: Member) -> RequirementFound:
     )
 
 
-def _seeds(hunt: Hunt, member: Member) -> tuple[int, int]:
-    """With how many of the other realizations of the noise a member fails, and how many there are."""
-    results = hunt.archive.results([replace(member, seed=seed) for seed in SEEDS])
+def other_noise(hunt: Hunt, member: Member) -> tuple[int, int]:
+    """With how many of the other realizations of the noise a member fails, and how many were tried."""
+    results = hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), len(results)
-
-
-def margins(hunt: Hunt) -> dict[str, Margin]:
-    """Gain up and down and delay of each axis, worst over the members nearest to failing in that axis' tests."""
-    found = {}
-    for axis in (1, 2):
-        up, late = (_test_of(hunt.protocol, axis, by_gain) for by_gain in (True, False))
-
-        def gain(member: Member, value: float, axis: int = axis) -> Member:  # bound now, not when it is called
-            return replace(member, gain=(value, 1.0) if axis == 1 else (1.0, value))
-
-        def delay(member: Member, value: Fraction, axis: int = axis) -> Member:
-            T_d = hunt.protocol.loop.delay
-            return replace(member, delay=(T_d + value, T_d) if axis == 1 else (T_d, T_d + value))
-
-        if up in hunt.wanted:
-            found[f"gain_{axis}"] = _margin(hunt, up, GAINS_UP, gain)
-            found[f"gain_{axis}_down"] = _margin(hunt, up, GAINS_DOWN, gain)
-        if late in hunt.wanted:
-            found[f"delay_{axis}"] = _margin(hunt, late, DELAYS, delay)
-        hunt.note(f"margins of axis {axis}")
-    return found
-
-
-def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
-    """The test of A1 or A2 of an axis; one without a name if there is none."""
-    tests = (
-        test.name for test in protocol.tests if test.axis == axis and not test.repeats and (test.gain != 1.0) == by_gain
-    )
-    name = next(tests, "")
-    return Target(name, name)
-
-
-def _margin(hunt: Hunt, target: Target, scale: Sequence[Value], at: Callable[[Member, Value], Member]) -> Margin:
-    limit = float(scale[-1])
-    found = race(_contenders(hunt, target), scale, at, lambda members: _fail(hunt, members))
-    if found is None:
-        return Margin(None, limit)
-    step, member = found
-    failed, tried = _seeds(hunt, member)
-    return Margin(float(scale[step]), limit, failed, tried, hunt.command(member))
-
-
-def _contenders(hunt: Hunt, target: Target) -> list[Member]:
-    """The worst of each system for ``target``, the worst first: which system has the least margin, the test does not
-    tell."""
-    taken: Counter[str] = Counter()
-    found = []
-    for member in hunt.archive.ranked(target):
-        taken[member.system] += 1
-        if taken[member.system] <= CONTENDERS:
-            found.append(member)
-    return found
-
-
-def _fail(hunt: Hunt, members: Sequence[Member]) -> list[bool]:
-    return [fails(result, hunt.protocol.stability) for result in hunt.archive.results(members)]
-
-
-def radius(hunt: Hunt) -> Radius | None:
-    """The factors on all half-widths at which V passes its target and at which a requirement fails; None for a search
-    for less than that, or without a list."""
-
-    if not hunt.listed or len(hunt.wanted) < len(targets(hunt.protocol)):
-        return None
-
-    def scaled(member: Member, factor: float) -> Member:
-        own = loose(member, hunt.protocol)
-        return replace(own, deviations=tuple((name, factor * value) for name, value in own.deviations))
-
-    stability = [target for target in hunt.wanted if not target.criterion]
-    members = [member for target in stability for member in _contenders(hunt, target)[:CONTENDERS]]
-    broken = any(_fail(hunt, members))  # then the radius is below 1, whatever happens beyond
-    scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
-    found = race(members, scale, scaled, lambda tried: _fail(hunt, tried))
-    hunt.note("radius of stability")
-    return Radius(_radius_of_cost(hunt, scaled), None if found is None else SCALES[found[0]], SCALES[-1])
-
-
-def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> float | None:
-    """By bisection, with the worst members of the heaviest criteria at all configurations."""
-    poses = dict.fromkeys(member.q_a for member in hunt.listed)
-    worst = list(dict.fromkeys(_worst(hunt).values()))
-    quiet = [member for member in hunt.listed if not hunt.protocol.test(member.test).disturbed]
-
-    def too_much(factor: float) -> bool:
-        members = [scaled(replace(member, q_a=q_a), factor) for member in worst for q_a in poses]
-        hunt.archive.results(members)
-        cost = card(hunt, [*members, *quiet]).cost
-        return cost is None or cost > hunt.rules.cost.target
-
-    if not worst or not too_much(SCALES[-1]):
-        return None
-    low, high = -1, len(SCALES) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if too_much(SCALES[middle]) else (middle, high)
-    hunt.note("radius of V")
-    return SCALES[high] if high > 0 or not too_much(0.0) else 0.0
 
 
 def effects(hunt: Hunt) -> tuple[Effect, ...]:
     """How the largest values of the heaviest criteria change with each parameter at its other end."""
     found = []
-    for target, own in _worst(hunt).items():
+    hunt.allot(CONFIRMED)
+    for target, own in worst_members(hunt).items():
         signs = dict(own.deviations)
         others = {
             name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
         }
-        (before, *results) = hunt.archive.results([own, *others.values()])
-        for name, result in zip(others, results, strict=True):
-            found.append(Effect(name, signs[name], target.name, _change(before, result, target.name)))
+        tried = hunt.afford([own, *others.values()])
+        results = dict(zip(tried, hunt.archive.results(tried), strict=True))
+        for name, member in others.items():
+            if own in results and member in results:
+                found.append(
+                    Effect(name, signs[name], target.name, _change(results[own], results[member], target.name))
+                )
     hunt.note("effects")
     return tuple(found)
 

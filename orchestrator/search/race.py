@@ -22,15 +22,15 @@ def race(
     """The first step of ``scale``, from the harmless to the harmful, at which one of ``members`` fails, and that member
     there; None if none fails at the last.
 
-    A member is tried just below the smallest failing step so far, and only if it fails there, its own is found by
-    bisection. That is exact where a member that fails at a step fails beyond it, too. ``at(member, step)`` changes a
-    member, ``fail(members)`` simulates.
+    The first member's step is found by bisection. Each other one is tried just below the smallest failing step so far,
+    and only if it fails there, its own is found. That is exact where a member that fails at a step fails beyond it,
+    too. ``at(member, step)`` changes a member, ``fail(members)`` simulates.
     """
     best: tuple[int, Member] | None = None
-    for first in range(0, len(members), BATCH):
+    for first in (0, *range(1, len(members), BATCH)):
         high = (len(scale) if best is None else best[0]) - 1
         low = -1
-        failing = _failing(members[first : first + BATCH], scale, high, at, fail) if high >= 0 else []
+        failing = _failing(members[first : first + BATCH if first else 1], scale, high, at, fail) if high >= 0 else []
         while failing and high - low > 1:
             middle = (low + high) // 2
             now = _failing(failing, scale, middle, at, fail)

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from support.reports import recording, results_of, scaled, searched, spread
+from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread
 from support.results import TABLE_2, everything, result
 
 from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.beside import beside, compare_spreads
 from orchestrator.reporting.compare_page import compare_html
 from orchestrator.reporting.comparison import compare
 from orchestrator.reporting.recording import Recording
@@ -96,15 +97,18 @@ COMPARED = tuple(map(compared, range(8)))
 
 @functools.cache
 def comparison() -> str:
-    """Seven runs that are ranked together, one without a rank, and one that must not be ranked with them."""
+    """Seven runs that are ranked together, one without a rank, one that must not be ranked with them; spreads over
+    seeds, and a search."""
     unfinished = Run(results_of(everything(TABLE_2)[:1], controller={"file": "Unfinished.fmu"}))
-    return compare_html(compare([*COMPARED, unfinished]))
+    groups = compare([*COMPARED, unfinished])
+    spreads = compare_spreads([(seeded(gain, range(gain > 0.9, 5), file=EVIL), None) for gain in GAINS[:3]])
+    return compare_html(groups, spreads, beside([(searched(GAINS[0], file=EVIL), None)], groups, spreads))
 
 
 @functools.cache
 def worst_case() -> str:
     """A search for the worst case, of a controller with a hostile name."""
-    return worst_html(searched(file=EVIL, path=EVIL))
+    return worst_html(*hunted(file=EVIL, path=EVIL))
 
 
 def show(page, name: str) -> None:

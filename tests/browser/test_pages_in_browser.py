@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
-    comparison: ("leaderboard", "bars", "difference", "overlay"),
+    comparison: ("leaderboard", "bars", "difference", "overlay", "seeds", "robustness"),
     worst_case: ("summary", "search", "effects", "case", "configurations", "margins", "commands"),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]

@@ -128,7 +128,40 @@ function drawOverlay() {
   $("#overlay-cases").replaceChildren(...shown.map(([run]) => element("div", {}, `${run.label}: ${run.worst[name].id}`, commandLine(run.worst[name].id, run.worst[name].command))));
 }
 
-view("bars", drawBars);
-view("difference", drawDifference);
-view("overlay", drawOverlay);
+/** Points with error bars, those of a criterion beside each other. */
+function drawSeeds() {
+  const spreads = data.spreads.map((spread, index) => ({ ...spread, label: `${index + 1}. ${spread.name}` }));
+  const names = ["V", ...new Set(spreads.flatMap((spread) => spread.points.map((point) => point.name)).filter((name) => name !== "V").sort())];
+  const step = 0.7 / spreads.length;
+  const place = (point, index) => names.indexOf(point.name) + step * (index - (spreads.length - 1) / 2);
+  const words = (point) => `${point.name} ${figures(point.mean)} ± ${figures(point.deviation)}`;
+  const target = marked("target", "limit", "end");
+  const top = Math.max(1, ...spreads.flatMap((spread) => spread.points.map((point) => point.mean + point.deviation)));
+  chart("seeds-chart", {
+    toolbox: toolbox(false),
+    tooltip: tooltip({ formatter: ({ seriesIndex, dataIndex }) => words(spreads[seriesIndex].points[dataIndex]) }),
+    legend: legend({ data: spreads.map((spread) => spread.label) }),
+    grid: { left: 62, right: 56, top: 66, bottom: 40 },
+    xAxis: axis("", { min: -0.5, max: names.length - 0.5, interval: 0.5, splitLine: { show: false }, axisTick: { show: false }, axisLabel: { color: colour("soft"), formatter: (value) => names[value] ?? "" } }),
+    yAxis: axis("Mean / target", { nameGap: 40, max: Math.ceil(2.1 * top) / 2 }),
+    series: spreads.map((spread, index) => ({
+      type: "scatter", name: spread.label, symbol: ["circle", "rect", "triangle", "diamond"][index % 4], symbolSize: 9, itemStyle: { color: hue(index) },
+      data: spread.points.map((point) => [place(point, index), point.mean]),
+      markLine: {
+        silent: true, symbol: ["rect", "rect"], symbolSize: [9, 1.5], label: { show: false }, lineStyle: { color: hue(index), type: "solid", width: 1.5 },
+        data: [
+          ...spread.points.map((point) => [-1, 1].map((sign) => ({ coord: [place(point, index), point.mean + sign * point.deviation] }))),
+          ...(index ? [] : [{ yAxis: 1, ...target, label: { ...target.label, show: true }, symbol: "none" }]),
+        ],
+      },
+    })),
+  }, `Mean ± standard deviation over the seeds, relative to the targets. ${spreads.map((spread) => `${spread.label}: ${spread.points.map(words).join(", ")}`).join(". ")}.`);
+}
+
+if (runs.length) {
+  view("bars", drawBars);
+  view("difference", drawDifference);
+  view("overlay", drawOverlay);
+}
+if (data.spreads) view("seeds", drawSeeds);
 startPage();

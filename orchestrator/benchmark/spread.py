@@ -1,0 +1,111 @@
+"""How results vary with the seed: sample statistics over evaluations that differ in it alone."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+
+from ..codec import Finite, Natural, NonNegative, Struct
+from .results import Results, Rules
+
+
+class SeedScore(Struct):
+    """What the evaluation with one seed came to: V, B1 to B7 as in :class:`.CriterionScore`, and which requirements
+    hold. A value is None where a case that counts has none, as if it is unstable."""
+
+    seed: Natural
+    cost: NonNegative | None
+    criteria: dict[str, NonNegative | None]
+    requirements: dict[str, bool | None]
+
+
+class Statistic(Struct):
+    """Mean, sample standard deviation (over n - 1; None for a single seed), smallest and largest value.
+
+    ``without`` lists the seeds that have no value: that is worse than any, so there is no mean nor a largest one then.
+    """
+
+    mean: Finite | None
+    deviation: NonNegative | None
+    smallest: Finite | None
+    largest: Finite | None
+    without: tuple[Natural, ...] = ()
+
+
+class Holding(Struct):
+    """For how many of how many seeds, of those that it was tested with, a requirement holds."""
+
+    seeds: Natural
+    of: Natural
+
+
+class Paired(Struct):
+    """The differences of V between two controllers, seed by seed: ``difference`` over the ``seeds`` that both have,
+    and for how many of them the other's V is the larger one."""
+
+    seeds: tuple[Natural, ...]
+    difference: Statistic
+    better: Natural
+
+
+class Summary(Struct):
+    """The statistics over all seeds, of V and of each criterion, and the requirements."""
+
+    cost: Statistic
+    criteria: dict[str, Statistic]
+    requirements: dict[str, Holding]
+
+
+def seed_score(results: Results) -> SeedScore:
+    """The score of an evaluation."""
+    return SeedScore(
+        seed=results.seed,
+        cost=results.cost,
+        criteria={name: entry.value for name, entry in results.criteria.items()},
+        requirements={name: entry.passed for name, entry in results.stability.items()},
+    )
+
+
+def summary(rules: Rules, scores: Sequence[SeedScore]) -> Summary:
+    """The statistics of ``scores``, which have the criteria of ``rules``."""
+    verdicts: dict[str, list[bool]] = {}
+    for score in scores:
+        for name, passed in score.requirements.items():
+            verdicts.setdefault(name, []).extend([] if passed is None else [passed])
+    return Summary(
+        cost=statistic({score.seed: score.cost for score in scores}),
+        criteria={name: statistic({score.seed: score.criteria[name] for score in scores}) for name in rules.criteria},
+        requirements={name: Holding(sum(passed), len(passed)) for name, passed in verdicts.items()},
+    )
+
+
+def statistic(values: Mapping[int, float | None]) -> Statistic:
+    """The statistic of values by seed."""
+    known = [value for value in values.values() if value is not None]
+    without = tuple(seed for seed, value in values.items() if value is None)
+    every = bool(known) and not without
+    return Statistic(
+        mean=statistics.fmean(known) if every else None,
+        deviation=statistics.stdev(known) if every and len(known) > 1 else None,
+        smallest=min(known, default=None),
+        largest=max(known) if every else None,
+        without=without,
+    )
+
+
+def paired(scores: Sequence[SeedScore], others: Sequence[SeedScore]) -> Paired | None:
+    """V of ``scores`` minus that of ``others``, seed by seed; None if they share no seed. An unstable evaluation is
+    worse than any other."""
+    costs = {score.seed: score.cost for score in others}
+    shared = {score.seed: (score.cost, costs[score.seed]) for score in scores if score.seed in costs}
+    if not shared:
+        return None
+    difference = statistic(
+        {seed: None if own is None or other is None else own - other for seed, (own, other) in shared.items()}
+    )
+    return Paired(tuple(shared), difference, sum(_rank(own) < _rank(other) for own, other in shared.values()))
+
+
+def _rank(cost: float | None) -> float:
+    return math.inf if cost is None else cost
