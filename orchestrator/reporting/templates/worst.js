@@ -139,7 +139,7 @@ function drawMargins() {
     })),
     yAxis: parts.map((part, index) => axis("", { ...place(index), type: "category", inverse: true, data: part.rows.map((row) => row.name), axisLabel: { color: colour("ink"), interval: 0 }, splitLine: { show: false } })),
     series: parts.flatMap((part, index) => part.rows.map((row, number) => {
-      const hue = colour(row.to < part.needed ? "bad-fill" : "good-fill");
+      const hue = colour(!row.open && row.to <= part.needed ? "bad-fill" : "good-fill");
       return {
         type: "line", name: `${part.name}, ${row.name}`, xAxisIndex: index, yAxisIndex: index, silent: true, symbol: "rect", symbolSize: 1,
         data: [{ value: [row.from, row.name], label: { show: Boolean(row.low), position: "left" } }, { value: [row.to, row.name], label: { show: true, position: crowded(part, row) ? "left" : "right" } }],
@@ -148,7 +148,7 @@ function drawMargins() {
         ...(number ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: part.needed, ...marked(`${part.words}: ${figures(part.needed)}`, "limit", "start") }] } }),
       };
     })),
-  }, parts.map((part) => `${part.name}: ${part.rows.map((row) => `${row.name} ${row.low ? `${figures(row.from)} to ` : ""}${told(row)}`).join(", ")} (${part.words} asks for ${figures(part.needed)})`).join(". ") + ". A bar ends where a member of the uncertainty description was found to fail; orange: before what is asked for.");
+  }, parts.map((part) => `${part.name}: ${part.rows.map((row) => `${row.name} ${row.low ? `${figures(row.from)} to ` : ""}${told(row)}`).join(", ")} (${part.words} asks for ${figures(part.needed)})`).join(". ") + ". A bar ends where a member of the uncertainty description was found to fail; orange: not beyond what is asked for.");
 }
 
 view("search", drawPathOfSearch);
