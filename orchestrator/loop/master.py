@@ -12,10 +12,10 @@ from ..errors import FmuError
 from ..fmi import port, trace
 from ..fmi.connectors import PLANT, Binding, bind
 from ..fmi.lookup import find_outputs, find_parameters
-from ..fmi.slaves import Slave, log
+from ..fmi.slaves import Slave
 from . import closed_loop as loop
 from . import random_streams, signals
-from .controller import Steady, prepared
+from .controller import Remote, Steady, prepared
 from .plan import make_plan
 from .scenario import Scenario
 from .setup import Setup
@@ -30,12 +30,13 @@ STEPPING_WORDS = {
     port.TERMINATED: "ended the simulation",
     port.EARLY_RETURN: "stopped before the end of the step",
     port.ENDLESS_EVENTS: "asks for event iterations without end",
+    port.LOST: "is lost: its process ended, or sent what is no answer",
 }
 
 
 def simulate(
     plant: Slave,
-    controller: Slave,
+    controller: Slave | Remote,
     scenario: Scenario,
     setup: Setup | None = None,
     observe: Sequence[str] = (),
@@ -107,7 +108,9 @@ def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts:
     return record
 
 
-def _ending(raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
+def _ending(
+    raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave | Remote
+) -> Ending:
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
@@ -135,7 +138,7 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
     return ""
 
 
-def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
+def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError:
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
     name = slave.calls[("set", "step", "get")[call]]
     if status in STEPPING_WORDS:
@@ -145,10 +148,10 @@ def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
     else:
         signed = status - (1 << 32 if status >= 1 << 31 else 0)
         message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
-    return FmuError(message, name, log.lines())
+    return FmuError(message, name, slave.messages())
 
 
-def _terminated(ending: Ending, *slaves: Slave) -> Ending:
+def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:
     """Ends the simulation of ``slaves``, too; a failure to do so is a warning and changes no result."""
     for slave in slaves:
         try:
