@@ -18,6 +18,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
+from ..benchmark.certificate import Verification
 from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
@@ -41,6 +42,7 @@ from .recorder import record_shown
 from .robustness import OnProgress, find_worst_case
 from .running import Runner
 from .simulation import Simulation
+from .verification import repeat, verify
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Is told each result as it comes, how many there are, and how many there will be."""
@@ -141,7 +143,7 @@ class Benchmark:
     ) -> Case:
         """The case of a pose ``q_a`` [rad], anywhere in the workspace, a system and a test, varied if wanted."""
         wanted = self.rules.test(test)
-        pose = case_list.configuration(self.rules, *q_a)
+        pose = case_list.configuration(self.rules, *q_a, self.seed)
         member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, wanted)
         found = case_list.case(self.rules, pose, member, wanted, self.seed)
         return found if variation is None else self.varied(found, variation)
@@ -159,7 +161,7 @@ class Benchmark:
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
-        return checking.findings(controller, lambda: self._bench(controller), self.rules)
+        return checking.findings(controller, lambda: self.bench(controller), self.rules)
 
     def evaluate(
         self,
@@ -206,7 +208,7 @@ class Benchmark:
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
         controller = controller or Controller()
-        bench = self._bench(controller)
+        bench = self.bench(controller)
         sample_time = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time)
         cases = _chosen(case_list.cases(self.rules, self.nominal, self.seed, sample_time.value), only)
         target = Path(folder) if folder is not None else None
@@ -220,7 +222,7 @@ class Benchmark:
             timing = RunTiming(
                 start.isoformat(timespec="seconds"),
                 time.perf_counter() - begin,
-                self._workers,
+                self.processes,
                 sum(run.result.time for run in runs),
                 sum(run.wall_time for run in runs),
             )
@@ -240,7 +242,9 @@ class Benchmark:
             if target is not None:
                 evaluation.save(target)  # before the recordings: whatever happens now, the results are there
             if recordings:
-                shown = record_shown(self.rules, self.nominal, self.seed, runs, results.scorecard, bench, self._workers)
+                shown = record_shown(
+                    self.rules, self.nominal, self.seed, runs, results.scorecard, bench, self.processes
+                )
                 evaluation = replace(evaluation, recordings=shown)
                 if target is not None:
                     evaluation.save(target)
@@ -295,7 +299,7 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        bench, own = self._bench(controller := controller or Controller()), replace(self, protocol=protocol)
+        bench, own = self.bench(controller := controller or Controller()), replace(self, protocol=protocol)
         T_s = controller_sample_time(bench.controller, own.rules.sample_time, controller.given_sample_time).value
         cases = case_list.cases(own.rules, own.nominal, own.seed, T_s)
         setting = Setting(
@@ -313,6 +317,64 @@ class Benchmark:
             listed = cases if from_list else ()
             return find_worst_case(runner, listed, own.nominal, setting, T_s, budget, minutes, only, on_progress)
 
+    def verify(
+        self,
+        controller: Controller | None = None,
+        *,
+        draws: str | None = None,
+        count: int = 3,
+        strict: bool = False,
+        protocol: str | Path = "verification",
+        on_result: OnResult | None = None,
+    ) -> Verification:
+        """Evaluate where the controller can reach neither judge nor draws: the result one can trust.
+
+        The controller runs in a new process for each simulation, in the sandbox where there is one; plant, noise and
+        judge are in a process that never loads it. The draws are made after its FMU has been read. It runs on this
+        machine, and nothing is written.
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID.
+        draws : str, optional
+            What the draws follow from, such as a date or a beacon published after the controller; fresh entropy by
+            default.
+        count : int
+            Number of draws.
+        strict : bool
+            Whether to run the list of the protocol ``strict`` as well, moved by the first draw.
+        protocol : str or path
+            What is run once per draw.
+        on_result : callable, optional
+            ``on_result(result, done, total)`` is called for each case, those of the reference included.
+
+        Returns
+        -------
+        Verification
+            The certificate: mean and spread over the draws beside those of the reference, and what repeats it.
+
+        Raises
+        ------
+        InputError
+            If the controller cannot be used, or there is no sandbox though one was asked for.
+        FmuError
+            If the controller refuses its first sample.
+        EnvironmentFault
+            If this machine fails.
+        """
+        return verify(replace(self, protocol=protocol), controller or Controller(), draws, count, strict, on_result)
+
+    def repeat(
+        self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
+    ) -> Verification:
+        """Do the verification of a ``certificate`` again, with the FMU it is about (by default the paper's PID).
+
+        :func:`~orchestrator.benchmark.certificate.differences` compares the two. Raises :class:`InputError` if the FMU
+        is another one, and what :meth:`verify` raises.
+        """
+        return repeat(self, certificate, None if controller is None else Path(controller), on_result)
+
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
     ) -> Simulation:
@@ -322,7 +384,7 @@ class Benchmark:
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
         controller = controller or Controller()
-        bench = self._bench(controller)
+        bench = self.bench(controller)
         wanted = self.case(case) if isinstance(case, str) else case
         sample_time = controller_sample_time(
             bench.controller, wanted.scenario.sample_time, controller.given_sample_time
@@ -336,10 +398,12 @@ class Benchmark:
         return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
 
     @property
-    def _workers(self) -> int:
+    def processes(self) -> int:
+        """How many processes at a time."""
         return self.workers or available_cores()
 
-    def _bench(self, controller: Controller) -> Bench:
+    def bench(self, controller: Controller) -> Bench:
+        """Manipulator and controller, and the conditions they run under."""
         limits = Limits(memory=int(self.memory_limit))
         return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
@@ -349,7 +413,7 @@ class Benchmark:
         execute = (
             functools.partial(cluster.run, address=self.scheduler)
             if self.scheduler
-            else functools.partial(pool.run, workers=self._workers)
+            else functools.partial(pool.run, workers=self.processes)
         )
         with store.opened(folder) as known:
             yield Runner(self.rules, bench, execute, known, keep_going)

@@ -51,8 +51,8 @@ Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
 class Bench:
     """The two FMUs and the conditions they run under.
 
-    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take. If ``apart``, plant and judge are in a process
-    that never loads the controller.
+    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take. If ``apart``, the process of plant and judge
+    never loads the controller.
     """
 
     plant: Archive

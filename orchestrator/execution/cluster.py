@@ -8,7 +8,6 @@ result depends on its task alone. What comes back are bytes, decoded here like t
 from __future__ import annotations
 
 import gc
-import hashlib
 import logging
 import tempfile
 import time
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..cache import PACKAGE, cache_folder, computing_code, source_hash
+from ..cache import cache_folder, code_hash
 from ..codec import Malformed, Struct, pack, unpack
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
@@ -58,9 +57,7 @@ class RemoteAnswer(Struct, frozen=True):
 
 def code_identity() -> str:
     """Version and hash of the code that results depend on, and that the two sides have to share."""
-    rooms = source_hash(PACKAGE / name for name in ("execution", "api", "codec.py"))
-    code = hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
-    return f"{__version__}, code {code[:12]}"
+    return f"{__version__}, code {code_hash()[:12]}"
 
 
 def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], None, None]:

@@ -50,7 +50,12 @@ class Remote(Protocol):
 
 @contextmanager
 def prepared(
-    slave: Slave | Remote, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None = None
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    stop_time: float,
+    first: Pair | None = None,
 ) -> Iterator[Port]:
     """An instance of the controller, initialized at rest; ends with the block.
 

@@ -54,13 +54,14 @@ def simulate(
     observed = find_outputs(plant.archive.description, observe, what)
     inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
-    stop_time = float(scenario.samples * scenario.sample_time)
     trace.current.reset()
 
-    with plant.instantiated(stop_time):
+    with plant.instantiated(scenario.announced):
         plant.initialize(parameters, {})
         steady = steady_state(plant, binding)
-        with prepared(controller, setup or Setup(), steady, scenario.sample_time, stop_time) as controller_port:
+        with prepared(
+            controller, setup or Setup(), steady, scenario.sample_time, scenario.announced
+        ) as controller_port:
             parts = _loop(scenario, steady)
             record = _record(scenario, plant.get(outputs), steady, parts)
             raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
