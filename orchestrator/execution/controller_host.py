@@ -25,6 +25,7 @@ def main() -> None:
     from .apart import Begin, Over, Ready
     from .messages import error_record, frame, read_frame, write_all
     from .process_tree import bind_to_parent
+    from .worker import Surroundings
 
     bind_to_parent(os.getppid())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -38,7 +39,9 @@ def main() -> None:
         begin = read_frame(requests, Begin)
         files, T_s = begin.controller, begin.sample_time
         try:
+            surroundings = Surroundings()
             slave = load(reopen(files.name, files.sha256, files.folder), trace.CONTROLLER)
+            surroundings.restore()
             with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
                 write_all(answers, frame(Ready()))
                 wanted = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))

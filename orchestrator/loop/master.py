@@ -13,6 +13,7 @@ from ..fmi import port, trace
 from ..fmi.connectors import PLANT, Binding, bind
 from ..fmi.lookup import find_outputs, find_parameters
 from ..fmi.slaves import Slave
+from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
 from . import random_streams, signals
 from .controller import Remote, Steady, prepared
@@ -68,6 +69,9 @@ def simulate(
             ending = _ending(raw, record, scenario, plant, controller)
             if not ending.failed_call:
                 ending = _terminated(ending, controller, plant)
+    if changed := arithmetic_now():  # only now: what measures the trajectory would count otherwise, too
+        message = _changed_arithmetic(controller, changed)
+        ending = replace(ending, status=Status.ERROR, message=message)
     return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
 
 
@@ -125,9 +129,15 @@ def _ending(
     if raw.reason == loop.ABSURD_TORQUE:
         message = f"{controller.archive.name} asked for a torque that is not a number or beyond {loop.ABSURD:g} N.m"
         return Ending(Status.ERROR, time, message, raw.warnings)
+    if raw.reason == loop.ARITHMETIC_CHANGED:
+        return Ending(Status.ERROR, time, _changed_arithmetic(controller, raw.status), raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     failure = exchange_failure(slave, raw.call, raw.status)
     return Ending(Status.ERROR, time, str(failure), raw.warnings, failure.call)
+
+
+def _changed_arithmetic(controller: Slave | Remote, changed: int) -> str:
+    return f"{controller.archive.name} changed how this process computes: {arithmetic_words(changed)}"
 
 
 def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
