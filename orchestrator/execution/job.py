@@ -71,7 +71,8 @@ class Job:
     def order(self, apart: tuple[str, ...] = ()) -> Order:
         """What is sent to a worker; ``apart`` is the command that starts a process for the controller."""
         plant, controller = (
-            FmuFiles(archive.name, archive.sha256, str(archive.folder)) for archive in (self.plant, self.controller)
+            FmuFiles(archive.name, archive.sha256, str(archive.folder), digests)
+            for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
         return Order(plant, controller, self.work, self.tasks, self.time_limits, apart, self.core)
 

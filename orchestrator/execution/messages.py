@@ -35,11 +35,12 @@ LONGEST_TEXT, LONGEST_LINE, MOST_LINES = 16_000, 500, 40
 
 
 class FmuFiles(Struct, frozen=True):
-    """An FMU that is extracted to ``folder``."""
+    """An FMU that is extracted to ``folder``; ``digests`` are the SHA-256 of the files to check when it is loaded."""
 
     name: str
     sha256: str
     folder: str
+    digests: dict[str, str] = {}
 
 
 class Order(Struct, frozen=True):

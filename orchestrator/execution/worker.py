@@ -11,11 +11,12 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import NoReturn
 
 from ..errors import BenchmarkError
 from ..fmi import trace
-from ..fmi.archive import reopen
+from ..fmi.archive import check_files, reopen
 from ..fmi.slaves import Slave, load, log
 from .apart import Apart
 from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, frame, read_frame, write_all
@@ -78,6 +79,8 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
 
 
 def _load(files: FmuFiles, side: int) -> Slave:
+    with contextlib.suppress(FileNotFoundError):  # what is missing, the loader says better
+        check_files(files.name, Path(files.folder), files.digests)
     return load(reopen(files.name, files.sha256, files.folder), side)
 
 
