@@ -83,6 +83,12 @@ def code_hash() -> str:
     return hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
 
 
+@functools.cache
+def plant_hash() -> str:
+    """SHA-256 of the manipulator's sources."""
+    return source_hash([PACKAGE.parent / "plant_fmu"])
+
+
 def source_hash(sources: Iterable[Path]) -> str:
     """SHA-256 of the names and contents of all files in ``sources`` (files or folders), compiled Python left out.
 

@@ -80,6 +80,8 @@ class Benchmark:
         Whether FMUs run without network and with read-only files (needs bubblewrap).
     scheduler : str, optional
         Address of a Dask scheduler, ``"tcp://host:port"``, to evaluate on its cluster.
+    wait : float
+        Seconds to wait for a silent scheduler or worker, and for the first worker.
 
     Raises
     ------
@@ -96,11 +98,12 @@ class Benchmark:
     memory_limit: float = 2e9
     sandbox: bool = False
     scheduler: str | None = None
+    wait: float = cluster.WAIT
 
     def __post_init__(self) -> None:
         if self.seed < 0 or (self.workers is not None and self.workers < 1):
             raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
-        for name in ("timeout", "memory_limit"):
+        for name in ("timeout", "memory_limit", "wait"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
@@ -411,7 +414,7 @@ class Benchmark:
     def _runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
         """What runs cases, with the store in ``folder``."""
         execute = (
-            functools.partial(cluster.run, address=self.scheduler)
+            functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
             if self.scheduler
             else functools.partial(pool.run, workers=self.processes)
         )

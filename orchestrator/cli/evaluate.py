@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="do not give up after three failures of one kind, and run again what failed in an earlier run",
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    options.add_cluster(parser)
     parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
     outputs.add_options(parser)
     return parser
