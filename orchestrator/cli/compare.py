@@ -12,6 +12,7 @@ from ..reporting import compare_page
 from ..reporting.comparison import compare, comparison_document
 from ..reporting.files import prepare_folder, write_text
 from ..reporting.run import Run, load_run
+from ..text import printable
 from .comparison_tables import show_comparison
 from .guard import EXIT_OK
 from .tables import terminal
@@ -58,7 +59,7 @@ def _finished(paths: Sequence[Path]) -> list[Run]:
         except InputError as problem:
             last = problem
             if len(paths) > 1:
-                print(f"left out: {problem}", file=sys.stderr)
+                print(printable(f"left out: {problem}"), file=sys.stderr)
     if not found and last is not None:
         raise last
     return found

@@ -13,6 +13,7 @@ from ..api.controller import Controller
 from ..api.evaluation import Evaluation
 from ..codec import to_json
 from ..reporting.files import CASES, RESULTS, TRAJECTORIES
+from ..text import file_name
 from . import options, outputs
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .progress import progress
@@ -79,7 +80,7 @@ def folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -
         readable = ""
     if any(unusual):
         readable += "-" + hashlib.sha256(repr(unusual).encode()).hexdigest()[:6]
-    return name + readable.replace("/", "_")
+    return file_name(name + readable)
 
 
 LONGEST_NAME = 60

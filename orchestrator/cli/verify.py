@@ -19,6 +19,7 @@ from ..codec import Malformed, from_json, to_json
 from ..errors import InputError
 from ..reporting.files import VERIFICATION, prepare_folder, write_text
 from ..reporting.wording import SHOWN, number
+from ..text import printable
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
@@ -72,7 +73,7 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     results, rest = differences(certificate, found)
     for title, lines in (("made with other", rest), ("DIFFERENT", results)):
         for line in lines:
-            print(f"{title}: {line}", file=sys.stderr)
+            print(printable(f"{title}: {line}"), file=sys.stderr)
     print("equal to the certificate" if not results else "not equal to the certificate", file=sys.stderr)
     return EXIT_INCOMPLETE if results else EXIT_OK
 

@@ -189,9 +189,7 @@ def _check_identity(theirs: Identity, whose: str) -> None:
     for name, own in plain(identity()).items():
         other = getattr(theirs, name)
         if other != own:
-            message = (
-                f"{whose} has another {name}, {other[:16]} and not {own[:16]}: its numbers could be others."
-            )
+            message = f"{whose} has another {name}, {other[:16]} and not {own[:16]}: its numbers could be others."
             raise InputError(message, f"other-{name}", whose, other)
 
 

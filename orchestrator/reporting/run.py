@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
+import numpy as np
 from msgspec.structs import replace
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
@@ -16,11 +18,15 @@ from ..benchmark.results import SCHEMA, Results
 from ..benchmark.scorecard import score
 from ..codec import Malformed, from_json, plain, to_json
 from ..errors import InputError
+from ..loop.trajectory import Status
 from . import recording
 from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
-from .recording import Recording
+from .recording import SPREAD, Recording
 from .tables import csv_text
 from .wording import SHOWN
+
+SINGLE = 1e-5
+"""Relative error that the single precision of recordings may make."""
 
 CRITERIA = {f"B{number}" for number in range(1, 8)}
 
@@ -38,6 +44,26 @@ class Run:
     def recorded(self, role: str) -> list[Recording]:
         """The recordings with this role, such as ``B5``, ``A2 2`` or ``spread``."""
         return [entry for entry in self.recordings if role in entry.about.roles]
+
+
+def contradictions(run: Run) -> list[str]:
+    """Recordings that do not show what the results say of their case, in words.
+
+    Both come from the same simulation, done twice: a difference is a fault, or somebody's work.
+    """
+    cases = {case.id: case for case in run.results.cases}
+    found = []
+    for entry in run.recordings:
+        case = cases.get(entry.about.id)
+        if case is None or case.status is not Status.DONE or SPREAD in entry.about.roles:
+            continue
+        shown = {name: float(np.max(np.abs(entry.torque[:, axis]))) for axis, name in ((1, "B3"), (2, "B4"))}
+        shown["B5"] = float(np.max(entry.error[entry.motion[:, 0] >= entry.about.window[0]], initial=0.0))
+        for name, value in shown.items():
+            told = getattr(case.measurements, name)
+            if told is not None and not math.isclose(value, told, rel_tol=SINGLE):
+                found.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
+    return found
 
 
 def save_run(results: Results, recordings: Sequence[Recording], folder: Path) -> None:
