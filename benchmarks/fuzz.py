@@ -98,7 +98,7 @@ def mutated(document: Any, chance: random.Random) -> Any:
             other_parent, other = chance.choice(places)
             parent[key] = copy.deepcopy(other_parent[other])
         else:
-            parent[key] = chance.choice(NONSENSE)
+            parent[key] = copy.deepcopy(chance.choice(NONSENSE))
     return document
 
 
