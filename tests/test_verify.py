@@ -12,16 +12,17 @@ from hostile.cheats import BODIES, DEFINES, cheat
 from msgspec import structs
 from support.refusals import refusal
 
+from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
 from orchestrator.api.built_in import built_in
-from orchestrator.api.verification import identity
 from orchestrator.benchmark import certificate as certificates
-from orchestrator.benchmark.certificate import Verification, differences, overall, seeds
+from orchestrator.benchmark.certificate import Verification, differences, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.certificates import load_certificate
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
@@ -157,12 +158,10 @@ def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
     assert found.requirements["A3"].passed == ordinary.requirements["A3"].passed
 
 
-def test_a_certificate_is_repeated(certificate, bench, tmp_path, capsys):
+def test_a_certificate_is_repeated(certificate, bench):
     assert from_json(to_json(certificate), Verification) == certificate
     assert certificate.source == "published" and len({draw.seed for draw in certificate.draws}) == 2
     assert certificate.cost == certificate.reference.cost and certificate.cost.sd > 0.0
-    file = tmp_path / "verification.json"
-    file.write_text(to_json(certificate))
     again = bench.repeat(certificate)
     assert differences(certificate, again) == ((), ())
     other = to_json(certificate).replace(certificate.draws[0].cases, "0" * 64).replace(certificate.code, "1" * 64)
@@ -181,7 +180,7 @@ def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys):
     options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
-    found = command.read(written)
+    found = load_certificate(written)
     assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
     assert "in a sandbox" in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
@@ -190,12 +189,34 @@ def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys):
     assert "DIFFERENT: draws.1.cases" in said and "not equal to the certificate" in said
 
 
-def test_draws_follow_from_the_controller_and_what_was_published(bench):
-    own = bench.bench(Controller())
-    other = bench.bench(Controller(parameters={"K_p[1]": 46.0}))
-    T_s = bench.rules.sample_time
-    words = {seeds(text, identity(each, T_s), 2) for text in ("a", "b") for each in (own, other)}
-    assert len(words) == 4 and all(0 <= seed < 2**48 for pair in words for seed in pair)
+def test_draws_follow_from_the_controller_and_what_was_published():
+    pid = ("0" * 64, {}, {}, 0.25e-3)
+    changes = enumerate(("1" * 64, {"K_p[1]": 46.0}, {"q_m": "In"}, 1e-3))
+    others = [(*pid[:place], other, *pid[place + 1 :]) for place, other in changes]
+    drawn = {seeds(text, identity(*each), 2) for text in ("a", "b") for each in (pid, *others)}
+    assert len(drawn) == 10 and all(0 <= seed < 2**48 for pair in drawn for seed in pair)
+
+
+def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path):
+    file = tmp_path / "verification.json"
+    seed, cost = str(certificate.draws[0].seed), f'"mean": {certificate.cost.mean!r}'
+    changes = {seed: "7", cost: '"mean": 1.0', "1 April": "2 April", certificates.SCHEMA: "other", "{": ""}
+    for old, new in changes.items():
+        file.write_text(to_json(certificate).replace(old, new))
+        assert refusal(load_certificate, file).what == "damaged"
+    assert refusal(load_certificate, tmp_path / "none").what == "no-file"
+
+
+def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
+    better = structs.replace(certificate, requirements={})
+    for name, known in (("second", certificate), ("first", better)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "verification.json").write_text(to_json(known))
+        (tmp_path / name / "README.md").write_text("how to make the FMU")
+    lines = leaderboard.verified_table(leaderboard.submissions(tmp_path)).splitlines()
+    assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
+    (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
+    assert refusal(leaderboard.submissions, tmp_path).what == "submission"
 
 
 def test_the_protocol_moves_what_it_lists():

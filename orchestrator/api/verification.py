@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import logging
 import secrets
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime, timezone
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +19,7 @@ from build_fmus import find_compiler
 
 from ..benchmark import protocol as protocols
 from ..benchmark.cases import cases
-from ..benchmark.certificate import FRESH, PUBLISHED, SCHEMA, Draw, Verification, digest, overall, seeds
+from ..benchmark.certificate import FRESH, PUBLISHED, SCHEMA, Draw, Verification, digest, identity, overall, seeds
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
@@ -62,7 +59,8 @@ def verify(
     protocol, listed = benchmark.rules, protocols.load(STRICT)
     T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
     source, text = (FRESH, secrets.token_hex(32)) if entropy is None else (PUBLISHED, entropy)
-    drawn = seeds(text, identity(own, T_s), count)
+    setup = own.setup
+    drawn = seeds(text, identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s)), count)
     at_once = rehearse(cases(protocol, benchmark.nominal, drawn[0], T_s)[0], own).failure
     done, total = itertools.count(1), 2 * count * protocol.case_count + strict * listed.case_count
 
@@ -124,13 +122,6 @@ def repeat(
         same, controller, certificate.entropy, len(certificate.draws), certificate.strict is not None, on_result
     )
     return structs.replace(found, source=certificate.source)
-
-
-def identity(bench: Bench, sample_time: Fraction) -> str:
-    """SHA-256 of a controller with all that makes it behave as it does."""
-    setup = bench.setup
-    used = [sorted(setup.parameters.items()), sorted(setup.mapping.items()), str(sample_time)]
-    return hashlib.sha256(json.dumps([bench.controller.sha256, *used]).encode()).hexdigest()
 
 
 def _reference() -> str:

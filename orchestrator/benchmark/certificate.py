@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-from ..codec import Natural, NonNegative, Struct, plain, to_json
+from ..codec import Malformed, Natural, NonNegative, Struct, plain, to_json
 from .results import CaseResult, ControllerRecord, Kind, PlantRecord, Rules, Scorecard
 from .scorecard import score
 
@@ -101,6 +101,28 @@ class Verification(Score, kw_only=True):
     environment: dict[str, str]
     start: str
     wall_time: NonNegative
+
+
+def identity(sha256: str, parameters: Mapping[str, float], mapping: Mapping[str, str], sample_time: float) -> str:
+    """SHA-256 of a controller with all that makes it behave as it does."""
+    used = [sha256, sorted(parameters.items()), sorted(mapping.items()), sample_time]
+    return hashlib.sha256(to_json(used, indent=None).encode()).hexdigest()
+
+
+def check(certificate: Verification) -> None:
+    """Raise :class:`~orchestrator.codec.Malformed` if the parts of a certificate contradict each other."""
+    record, draws = certificate.controller, certificate.draws
+    own = identity(record.sha256, record.parameters, record.mapping, certificate.sample_time)
+    if certificate.schema != SCHEMA:
+        raise Malformed(f"its form is {certificate.schema!r} and not {SCHEMA}")
+    if not draws or seeds(certificate.entropy, own, len(draws)) != tuple(draw.seed for draw in draws):
+        raise Malformed("its draws do not follow from its entropy and its controller")
+    for spread, costs in (
+        (certificate.cost, [draw.cost for draw in draws]),
+        (certificate.reference.cost, [draw.reference_cost for draw in draws]),
+    ):
+        if (spread.mean, spread.sd) != _spread(costs):
+            raise Malformed("its V is not that of its draws")
 
 
 def seeds(entropy: str, controller: str, count: int) -> tuple[int, ...]:

@@ -15,8 +15,8 @@ from rich.console import Console
 from ..api.benchmark import Benchmark
 from ..benchmark.certificate import Score, Verification, differences
 from ..cache import VARIABLE
-from ..codec import Malformed, from_json, to_json
-from ..errors import InputError
+from ..codec import to_json
+from ..reporting.certificates import load_certificate
 from ..reporting.files import VERIFICATION, prepare_folder, write_text
 from ..reporting.wording import SHOWN, number
 from ..text import printable
@@ -66,7 +66,7 @@ def _verify(bench: Benchmark, given: argparse.Namespace) -> int:
 
 
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
-    certificate = read(given.repeat)
+    certificate = load_certificate(given.repeat)
     with progress() as on_result:
         found = bench.repeat(certificate, given.controller, on_result=on_result)
     _print(found, given)
@@ -76,16 +76,6 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
             print(printable(f"{title}: {line}"), file=sys.stderr)
     print("equal to the certificate" if not results else "not equal to the certificate", file=sys.stderr)
     return EXIT_INCOMPLETE if results else EXIT_OK
-
-
-def read(file: Path) -> Verification:
-    """The certificate in ``file``; raises :class:`InputError` if it is none."""
-    try:
-        return from_json(file.read_bytes(), Verification)
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
-    except Malformed as problem:
-        raise InputError(f"{file} is not a certificate: {problem}.", "damaged", file) from None
 
 
 @contextmanager

@@ -57,7 +57,8 @@ def contradictions(run: Run) -> list[str]:
         case = cases.get(entry.about.id)
         if case is None or case.status is not Status.DONE or SPREAD in entry.about.roles:
             continue
-        shown = {name: float(np.max(np.abs(entry.torque[:, axis]), initial=0.0)) for axis, name in ((1, "B3"), (2, "B4"))}
+        torques = np.max(np.abs(entry.torque[:, 1:]), axis=0, initial=0.0)
+        shown = {"B3": float(torques[0]), "B4": float(torques[1])}
         shown["B5"] = float(np.max(entry.error[entry.motion[:, 0] >= entry.about.window[0]], initial=0.0))
         for name, value in shown.items():
             told = getattr(case.measurements, name)
