@@ -4,6 +4,7 @@ bit."""
 import logging
 import math
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,10 @@ from support.refusals import refusal
 
 from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
+from orchestrator.api import verification
 from orchestrator.api.built_in import built_in
 from orchestrator.benchmark import certificate as certificates
-from orchestrator.benchmark.certificate import Verification, differences, identity, overall, seeds
+from orchestrator.benchmark.certificate import Spread, Verification, differences, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
@@ -175,7 +177,14 @@ def test_a_certificate_is_repeated(certificate, bench):
     assert refusal(bench.repeat, certificate, stranger).what == "other-controller"
 
 
-def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys):
+def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
+    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 920 cases
+    found = verified(bench, Controller(), draws=certificate.entropy, strict=True)
+    assert found.strict.cost == Spread(found.cost.mean, None) and certificate.strict is None
+    assert found.draws == certificate.draws[:1]
+
+
+def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, monkeypatch):
     file = str(Controller.built_in("DiagonalPID_C").archive.file)
     options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
     assert command.main([file, *options]) == EXIT_OK
@@ -184,6 +193,7 @@ def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys):
     assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
     assert "in a sandbox" in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
+    monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE
     said = capsys.readouterr().err
     assert "DIFFERENT: draws.1.cases" in said and "not equal to the certificate" in said

@@ -97,7 +97,7 @@ def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tupl
     client: Any = None
     try:
         client = _within(wait, lambda: Client(address, timeout=wait))  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as problem:
+    except (OSError, ValueError, TypeError, TimeoutError) as problem:  # TypeError: no certificates for TLS
         reason = str(problem)
     if client is None:
         gc.collect()  # a failed client closes itself when it is collected: not while the next one holds the lock
