@@ -1,6 +1,7 @@
-"""Mutated messages of workers, results.json and trajectories.npz: each is refused in one clear error, or makes sense.
+"""Mutated messages of workers, answers of controllers apart, results.json and trajectories.npz: each is refused in one
+clear error, or makes sense.
 
-    python benchmarks/fuzz.py                    3,000 messages, 300 results.json, 100 trajectories.npz
+    python benchmarks/fuzz.py                    10,000 messages, 10,000 answers, 300 results.json, 100 trajectories.npz
     python benchmarks/fuzz.py --seed 7 --messages 100000
 
 Counts what came of them. The exit code is 1 if anything but an error of the family was raised, or something was
@@ -12,9 +13,11 @@ from __future__ import annotations
 
 import argparse
 import copy
+import functools
 import io
 import json
 import math
+import os
 import random
 import sys
 import tempfile
@@ -33,6 +36,7 @@ from support.reports import RECORDINGS, results_of  # noqa: E402
 
 from orchestrator import compare  # noqa: E402
 from orchestrator.api import work  # noqa: E402
+from orchestrator.api.built_in import built_in  # noqa: E402
 from orchestrator.api.evaluation import Evaluation  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.cases import cases  # noqa: E402
@@ -41,7 +45,18 @@ from orchestrator.benchmark.results import Judgement, Measurements  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.codec import Malformed, pack, plain  # noqa: E402
 from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
-from orchestrator.execution.messages import Failed, Finished, Garbage, Inbox, Loaded, error_record  # noqa: E402
+from orchestrator.execution.apart import Apart, Over, Ready  # noqa: E402
+from orchestrator.execution.messages import (  # noqa: E402
+    Failed,
+    Finished,
+    FmuFiles,
+    Garbage,
+    Inbox,
+    Loaded,
+    error_record,
+)
+from orchestrator.fmi.archive import open_archive  # noqa: E402
+from orchestrator.fmi.port import LOST, WARNING, exchange_often  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.reporting.files import RESULTS, TRAJECTORIES  # noqa: E402
 from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
@@ -83,7 +98,7 @@ def mutated(document: Any, chance: random.Random) -> Any:
             other_parent, other = chance.choice(places)
             parent[key] = copy.deepcopy(other_parent[other])
         else:
-            parent[key] = chance.choice(NONSENSE)
+            parent[key] = copy.deepcopy(chance.choice(NONSENSE))
     return document
 
 
@@ -158,6 +173,9 @@ VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
 }
 """What workers send: a sample, how it is decoded, and what must be true of it."""
 
+REPLIES = (Ready(), Over(("a line",)), Over(error=error_record(FmuError("it failed", "fmi2DoStep", ("why",)))))
+"""What a controller apart sends beside the answers of its steps."""
+
 ENVELOPES = (Loaded(), Failed(0, error_record(FmuError("it failed", "fmi2DoStep", ("why",))), 0.1))
 
 
@@ -202,6 +220,40 @@ def read_message(data: bytes, kind: str) -> str:
             _, decode, check = VALUES[kind]
             check(decode(entry.value))
     return "accepted" if found else "waits for more"
+
+
+def answer(chance: random.Random) -> tuple[bytes, type[Ready | Over] | None]:
+    """What a controller apart might send, mutated, and the type of message that is due; None for the answer of a step,
+    which is four numbers."""
+    if chance.random() < 0.5:
+        data = np.array(chance.choices([0.0, 1.0, 2.0, 5.0, -1.0, 1e300, math.nan, math.inf], k=4)).tobytes()
+        return (damaged(data, chance) if chance.random() < 0.5 else data), None
+    body = _remade(pack(chance.choice(REPLIES)), chance)
+    framed = len(body).to_bytes(4, "big") + body
+    return (damaged(framed, chance) if chance.random() < 0.3 else framed), chance.choice([Ready, Over])
+
+
+@functools.cache
+def apart() -> Apart:
+    """The other side of the channel, without a process."""
+    archive = open_archive(built_in("DiagonalPID"))
+    return Apart(FmuFiles(archive.name, archive.sha256, str(archive.folder)), ())
+
+
+def read_answer(data: bytes, due: type[Ready | Over] | None) -> str:
+    """Take an answer in as the process of plant and judge does; says what became of it."""
+    near, far = os.pipe()
+    with open(near, "rb", 0) as source, open(os.devnull, "wb", 0) as nowhere:
+        os.write(far, data)
+        os.close(far)
+        own = apart()
+        own._requests, own._answers = nowhere.fileno(), source.fileno()
+        if due is not None:
+            check_sense(own._ask(lambda: None, due).lines)
+            return "accepted"
+        status = exchange_often(own._port(), 0, 1, 0.25e-3)
+    assert 0 <= status <= LOST
+    return "accepted" if status <= WARNING else "refused"
 
 
 def read_run(folder: Path) -> str:
@@ -262,7 +314,9 @@ def attempt(read: Callable[[], str], what: str, problems: list[str]) -> str:
         return f"{type(problem).__name__}!"
 
 
-def fuzz(seed: int, messages: int, results: int, recordings: int) -> tuple[dict[str, Counter[str]], list[str]]:
+def fuzz(
+    seed: int, messages: int, answers: int, results: int, recordings: int
+) -> tuple[dict[str, Counter[str]], list[str]]:
     """Outcomes by kind of input, and a line for each that is neither refused nor makes sense."""
     outcomes: defaultdict[str, Counter[str]] = defaultdict(Counter)
     problems: list[str] = []
@@ -270,6 +324,9 @@ def fuzz(seed: int, messages: int, results: int, recordings: int) -> tuple[dict[
     for number in range(messages):
         data, kind = message(chance)
         outcomes["messages"][attempt(partial(read_message, data, kind), f"message {number} ({kind})", problems)] += 1
+    for number in range(answers):
+        data, due = answer(chance)
+        outcomes["answers"][attempt(partial(read_answer, data, due), f"answer {number}", problems)] += 1
     with tempfile.TemporaryDirectory() as place:
         pristine = Path(place, "pristine")
         save_run(results_of(), RECORDINGS, pristine)
@@ -289,10 +346,10 @@ def fuzz(seed: int, messages: int, results: int, recordings: int) -> tuple[dict[
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, default in (("seed", 0), ("messages", 3000), ("results", 300), ("recordings", 100)):
+    for name, default in (("seed", 0), ("messages", 10000), ("answers", 10000), ("results", 300), ("recordings", 100)):
         parser.add_argument(f"--{name}", type=int, default=default, help=f"default: {default}")
     given = parser.parse_args()
-    outcomes, problems = fuzz(given.seed, given.messages, given.results, given.recordings)
+    outcomes, problems = fuzz(given.seed, given.messages, given.answers, given.results, given.recordings)
     for what, counted in outcomes.items():
         print(f"{what:18}", ", ".join(f"{count} {how}" for how, count in sorted(counted.items())))
     print(*problems, sep="\n")

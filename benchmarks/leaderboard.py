@@ -3,7 +3,8 @@
     python benchmarks/leaderboard.py                evaluate all with both builds of the plant and search for their
                                                     worst cases (about an hour), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
-    python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept
+    python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept and from the
+                                                    certificates in submissions/ (docs/publishing.md)
 
 The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results;
 nothing in the tables is typed.
@@ -24,14 +25,22 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
+from orchestrator.benchmark.certificate import Spread, Verification  # noqa: E402
 from orchestrator.benchmark.results import Results  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
+from orchestrator.errors import InputError  # noqa: E402
+from orchestrator.reporting.certificates import load_certificate  # noqa: E402
 from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
+
+SUBMISSIONS, VERIFIED = ROOT / "submissions", ROOT / "docs" / "publishing.md"
+"""Folders of others' controllers, each with its certificate; and where their table stands."""
+
+VERIFIED_HEAD = "| controller | V | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n" + 8 * "|---" + "|\n"
 
 PAGES = {
     "DitheredLQG": "controller_fmu/friction",
@@ -188,6 +197,47 @@ def broken(found: Mapping[str, Any]) -> str:
     )
 
 
+def submissions(folder: Path) -> list[tuple[str, Verification]]:
+    """The certificates in the folders inside ``folder`` with their names, the best first.
+
+    Raises :class:`InputError` for one that is damaged or not complete, or has neither its FMU nor a recipe beside it.
+    """
+    found = []
+    for place in sorted(path for path in folder.glob("*") if path.is_dir()):
+        known = load_certificate(place / "verification.json")
+        hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in place.glob("*.fmu")]
+        if not (known.complete and known.sandbox and known.cost.mean is not None):
+            raise InputError(f"{place.name}: the verification is not complete, or had no sandbox.", "submission", place)
+        if hashes != [known.controller.sha256] and (hashes or not (place / "README.md").is_file()):
+            raise InputError(f"{place.name} has neither the FMU of its certificate nor a recipe.", "submission", place)
+        found.append((place.name, known))
+    return sorted(found, key=place_of)
+
+
+def place_of(submission: tuple[str, Verification]) -> tuple[bool, float]:
+    """What the order of submissions goes by."""
+    known = submission[1]
+    return not all(entry.passed for entry in known.requirements.values()), known.cost.mean or 0.0
+
+
+def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
+    """The table of the submissions; mean and standard deviation over the draws."""
+    lines = []
+    for name, known in found:
+        verdicts = " ".join("holds" if entry.passed else "fails" for entry in known.requirements.values())
+        values = " | ".join(
+            spread(known.criteria[key], SHOWN[known.criteria[key].unit][0]) for key in ("B5", "B6", "B7")
+        )
+        cost, reference = spread(known.cost), spread(known.reference.cost)
+        lines.append(f"| {name} | **{cost}** | {reference} | {verdicts} | {values} | {known.source} |\n")
+    return VERIFIED_HEAD + "".join(lines)
+
+
+def spread(figure: Spread, factor: float = 1.0) -> str:
+    """Mean and standard deviation."""
+    return number(figure.mean, factor) + ("" if figure.sd is None else f" ± {number(figure.sd, factor)}")
+
+
 def with_table(text: str, table: str) -> str:
     """``text`` with ``table`` put between its marks."""
     before, begin, rest = text.partition(BEGIN)
@@ -198,7 +248,7 @@ def with_table(text: str, table: str) -> str:
 
 def pages(kept: Sequence[Figures]) -> dict[Path, str]:
     """The files that hold a table, with what they should say."""
-    tables = {README: leaderboard(kept)}
+    tables = {README: leaderboard(kept), VERIFIED: verified_table(submissions(SUBMISSIONS))}
     tables |= {ROOT / folder / "README.md": scorecard(kept, name) for name, folder in PAGES.items()}
     return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
 

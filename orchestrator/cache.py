@@ -76,6 +76,19 @@ def computing_code() -> tuple[str, ...]:
     return source_hash(PACKAGE / name for name in sources), *map(metadata.version, libraries)
 
 
+@functools.cache
+def code_hash() -> str:
+    """SHA-256 of all sources that a result goes through, and of the versions of libraries."""
+    rooms = source_hash(PACKAGE / name for name in ("execution", "api", "codec.py"))
+    return hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
+
+
+@functools.cache
+def plant_hash() -> str:
+    """SHA-256 of the manipulator's sources."""
+    return source_hash([PACKAGE.parent / "plant_fmu"])
+
+
 def source_hash(sources: Iterable[Path]) -> str:
     """SHA-256 of the names and contents of all files in ``sources`` (files or folders), compiled Python left out.
 

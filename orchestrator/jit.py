@@ -6,6 +6,7 @@ Machine code is cached in ``NUMBA_CACHE_DIR``; the processes that run simulation
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -56,3 +57,55 @@ def _call_status(_typingctx: Any, address: Any, arguments: Any) -> tuple[Any, Ca
 
 
 call_status: Callable[[int | np.int64, tuple[Any, ...]], int] = intrinsic(_call_status)
+
+
+ROUNDING = {1: "downward", 2: "upward", 3: "towards zero"}
+
+ARCHITECTURES = {
+    "x86_64": ("llvm.x86.sse.stmxcsr", 13, {1: 1, 2: 2, 3: 3}, 1 << 15 | 1 << 6),
+    "aarch64": ("llvm.aarch64.get.fpcr", 22, {1: 2, 2: 1, 3: 3}, 1 << 24),
+}
+"""By machine: what reads the control word, where in it the rounding mode begins and what its values stand for, and the
+bits that treat denormal numbers as zero. Elsewhere nothing is read."""
+
+CONTROL = ARCHITECTURES.get(platform.machine().replace("AMD64", "x86_64").replace("arm64", "aarch64"))
+
+
+def _arithmetic(_typingctx: Any) -> tuple[Any, Callable[..., Any]]:
+    """Rounding mode and treatment of denormal numbers, 0 as IEEE 754 has them by default."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, _values: Any) -> Any:
+        word, i32 = ir.IntType(64), ir.IntType(32)
+        if CONTROL is None:
+            return word(0)
+        name, shift, _, denormals = CONTROL
+        mask = word(3 << shift | denormals)
+        if CONTROL is not ARCHITECTURES["x86_64"]:
+            return builder.and_(
+                builder.call(builder.module.declare_intrinsic(name, (), ir.FunctionType(word, ())), ()), mask
+            )
+        memory, pointer = builder.alloca(i32), ir.IntType(8).as_pointer()
+        store = builder.module.declare_intrinsic(name, (), ir.FunctionType(ir.VoidType(), [pointer]))
+        builder.call(store, [builder.bitcast(memory, pointer)])
+        return builder.and_(builder.zext(builder.load(memory), word), mask)
+
+    return types.int64(), generate
+
+
+arithmetic: Callable[[], int] = intrinsic(_arithmetic)
+
+
+@compiled
+def arithmetic_now() -> int:
+    """The same for Python."""
+    return arithmetic()
+
+
+def arithmetic_words(changed: int) -> str:
+    """What is not as usual in a word that :func:`arithmetic` read."""
+    if CONTROL is None:
+        return ""
+    _, shift, modes, denormals = CONTROL
+    rounding = ROUNDING.get(modes.get(changed >> shift & 3, 0))
+    words = [f"rounding {rounding}"] if rounding else []
+    return " and ".join([*words, *(["denormal numbers are zero"] if changed & denormals else [])])

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 
 def printable(message: bytes | str | None) -> str:
     """Text without control and bidirectional formatting characters except line ends and tabs.
 
-    FMUs send bytes, not always UTF-8; control characters would steer a terminal.
+    FMUs send bytes, not always UTF-8; control characters would steer a terminal: a lone carriage return lets what
+    follows take the place of what was there.
     """
     text = message if isinstance(message, str) else (message or b"").decode(errors="replace")
-    return "".join(c if c.isprintable() or c in "\n\r\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
+    text = text.replace("\r\n", "\n")
+    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def file_name(text: str) -> str:
+    """Text as one part of a path: no separators, nothing that a shell or a terminal takes for its own, no dot first."""
+    return re.sub(r"[^\w.=+\-\[\], ]|^\.", "_", text)

@@ -2,12 +2,15 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -149,12 +152,16 @@ def test_a_scheduler_that_is_killed_keeps_what_is_finished(local, tmp_path):
     assert (tmp_path / "cases.csv").read_bytes() == local
 
 
-def test_workers_with_other_sources_are_refused_before_the_first_job(own, tmp_path):
+@pytest.mark.parametrize(
+    ("file", "what"),
+    [("orchestrator/loop/__init__.py", "other-code"), ("plant_fmu/flexible_manipulator/__init__.py", "other-plant")],
+)
+def test_workers_with_other_sources_are_refused_before_the_first_job(file, what, own, tmp_path):
     clone = copied_packages(tmp_path / "clone")
-    (clone / "orchestrator" / "loop" / "__init__.py").open("a").write("# edited\n")
+    (clone / file).open("a").write("# edited\n")
     with running(tmp_path, 1, clone) as other:
         error = refusal(next, cluster.run([job(own, "echo", b"x")], other.address))
-    assert error.what == "other-code" and error.value != cluster.code_identity()
+    assert error.what == what and error.where.startswith("The worker tcp://")
 
 
 def test_workers_without_the_package_are_refused(own):
@@ -168,24 +175,24 @@ def test_workers_without_the_package_are_refused(own):
                 raise self.answer
             return self.answer
 
-    assert refusal(cluster._check_workers, Client(), "tcp://s").what == "other-code"
+    assert refusal(cluster._check_workers, Client(), "tcp://s", 1.0).what == "other-version"
     Client.answer = OSError("the connection is closed")
-    refusal(cluster._check_workers, Client(), "tcp://s", kind=EnvironmentFault)
+    refusal(cluster._check_workers, Client(), "tcp://s", 1.0, kind=EnvironmentFault)
 
 
 def test_a_worker_refuses_other_code_and_another_fmu_than_announced(own, monkeypatch):
     given, content = job(own, "echo", b"x"), own.controller.content
     packed = cluster._packed(given)
     assert refusal(cluster._outcomes, cluster._run_remotely(packed, content, content), given).what == "changed"
-    monkeypatch.setattr(cluster, "code_identity", lambda: "another")
-    assert refusal(cluster._outcomes, cluster._run_remotely(packed, b"", b""), given).what == "other-code"
+    other = replace(cluster.identity(), platform="another")
+    monkeypatch.setattr(cluster, "identity", lambda: other)
+    assert refusal(cluster._outcomes, cluster._run_remotely(packed, b"", b""), given).what == "other-platform"
 
 
 def test_a_cluster_without_workers_is_an_environment_fault(own, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "WORKER_TIME", 0.1)
     monkeypatch.setattr(cluster, "LOOK", 0.05)
     with running(tmp_path, 0) as empty:
-        outcomes = cluster.run([job(own, "echo", b"x")], empty.address)
+        outcomes = cluster.run([job(own, "echo", b"x")], empty.address, 5.0)
         assert refusal(next, outcomes, kind=EnvironmentFault).what == "no-worker"
 
 
@@ -218,11 +225,34 @@ def test_what_a_worker_sends_is_checked(answer, own):
     refusal(cluster._outcomes, answer, job(own, "echo", b"x"), kind=Malformed)
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "ftp://127.0.0.1:1", "tcp://127.0.0.1"])
-def test_an_address_where_nobody_answers(address, monkeypatch):
-    monkeypatch.setattr(cluster, "CONNECT_TIME", 0.5)
-    error = refusal(list, cluster.run([], address))
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nonsense", "ftp://127.0.0.1:1", "tcp://127.0.0.1"]
+)
+def test_an_address_where_nobody_answers(address):
+    error = refusal(list, cluster.run([], address, 0.5))
     assert (error.what, error.where) == ("no-scheduler", address)
+
+
+def test_a_server_that_says_nothing_is_given_up():
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        error = refusal(list, cluster.run([], address, 0.5))
+    assert error.what == "no-scheduler" and "no answer within 0.5 s" in str(error)
+
+
+def test_workers_that_say_nothing_are_given_up():
+    class Client:
+        def run(self, function, on_error):
+            threading.Event().wait(30.0)
+
+    assert "within 0.2 s" in str(refusal(cluster._check_workers, Client(), "tcp://s", 0.2, kind=EnvironmentFault))
+
+
+def test_what_a_worker_says_of_itself_is_checked():
+    answers = [b"", pack({"version": "1"}), pack(cluster.identity())[:-1], {"version": "1"}]
+    for answer in answers:
+        client = SimpleNamespace(run=lambda *_, answer=answer, **__: {"tcp://w": answer})
+        assert refusal(cluster._check_workers, client, "tcp://s", 1.0).what == "other-version"
 
 
 def test_dask_is_not_installed(monkeypatch):

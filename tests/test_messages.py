@@ -23,7 +23,7 @@ from orchestrator.execution.messages import (
     error_of,
     error_record,
     frame,
-    read_order,
+    read_frame,
     readable,
 )
 
@@ -116,9 +116,9 @@ def test_an_order_arrives_and_one_that_is_cut_short_does_not():
     with near, far:
         far.sendall(frame(order) + frame(order)[:-1])
         far.shutdown(socket.SHUT_WR)
-        assert read_order(near.fileno()) == order
+        assert read_frame(near.fileno(), Order) == order
         with pytest.raises(EOFError):
-            read_order(near.fileno())
+            read_frame(near.fileno(), Order)
 
 
 def test_readable_is_what_can_be_read():

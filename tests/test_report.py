@@ -26,7 +26,7 @@ from orchestrator.reporting.payload import ROWS, report_payload, script_json
 from orchestrator.reporting.recording import MOTION_INTERVALS, TORQUE_INTERVALS
 from orchestrator.reporting.repeat import simulate_command
 from orchestrator.reporting.report_page import facts, report_html
-from orchestrator.reporting.run import Run
+from orchestrator.reporting.run import Run, contradictions
 from orchestrator.reporting.wording import collapsed, remarks, requirement_rows
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
@@ -241,3 +241,13 @@ def test_fragments_say_what_the_tables_say():
     assert "7.5 mm" in page.text and "2 s" in page.text
     ((name, source),) = page.active
     assert base64.b64decode(source.removeprefix("data:image/svg+xml;base64,")).decode() == svg
+
+
+def test_recordings_that_do_not_belong_to_the_results_are_told_in_red(quick):
+    run = quick._run()
+    assert contradictions(run) == [] and "note wrong" not in report_html(run)
+    changed_recordings = tuple(replace(entry, motion=0.5 * entry.motion) for entry in run.recordings)
+    worst = run.results.criteria["B5"].worst_case.id
+    told = contradictions(replace(run, recordings=changed_recordings))
+    assert any(line.startswith(f"{worst}: B5 is ") for line in told)
+    assert "note wrong" in report_html(replace(run, recordings=changed_recordings))

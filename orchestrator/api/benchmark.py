@@ -20,6 +20,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
+from ..benchmark.certificate import Verification
 from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
@@ -46,6 +47,7 @@ from .robustness import OnProgress, find_worst_case, sought
 from .running import Runner
 from .selection import shown
 from .simulation import Simulation
+from .verification import repeat, verify
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -99,6 +101,8 @@ class Benchmark:
         Whether FMUs run without network and with read-only files (needs bubblewrap).
     scheduler : str, optional
         Address of a Dask scheduler, ``"tcp://host:port"``, to evaluate on its cluster.
+    wait : float
+        Seconds to wait for a silent scheduler or worker, and for the first worker.
 
     Raises
     ------
@@ -115,11 +119,12 @@ class Benchmark:
     memory_limit: float = 2e9
     sandbox: bool = False
     scheduler: str | None = None
+    wait: float = cluster.WAIT
 
     def __post_init__(self) -> None:
         if self.seed < 0 or (self.workers is not None and self.workers < 1):
             raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
-        for name in ("timeout", "memory_limit"):
+        for name in ("timeout", "memory_limit", "wait"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
@@ -162,7 +167,7 @@ class Benchmark:
     ) -> Case:
         """The case of a pose ``q_a`` [rad], anywhere in the workspace, a system and a test, varied if wanted."""
         wanted = self.rules.test(test)
-        pose = case_list.configuration(self.rules, *q_a)
+        pose = case_list.configuration(self.rules, *q_a, self.seed)
         member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, wanted)
         found = case_list.case(self.rules, pose, member, wanted, self.seed)
         return found if variation is None else self.varied(found, variation)
@@ -180,7 +185,7 @@ class Benchmark:
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
-        return checking.findings(controller, lambda: self._bench(controller), self.rules, self.cases[0].scenario)
+        return checking.findings(controller, lambda: self.bench(controller), self.rules, self.cases[0].scenario)
 
     def evaluate(
         self,
@@ -237,7 +242,7 @@ class Benchmark:
             timing = RunTiming(
                 start.isoformat(timespec="seconds"),
                 time.perf_counter() - begin,
-                self._workers,
+                self.processes,
                 sum(run.result.time for run in runs),
                 sum(run.wall_time for run in runs),
                 computing_time,
@@ -259,7 +264,7 @@ class Benchmark:
                 evaluation.save(target)  # before the recordings: whatever happens now, the results are there
             if recordings:
                 wanted = shown(self.rules, self.nominal, self.seed, runs, results.scorecard)
-                evaluation = replace(evaluation, recordings=record_shown(wanted, bench, self._workers))
+                evaluation = replace(evaluation, recordings=record_shown(wanted, bench, self.processes))
                 if target is not None:
                     evaluation.save(target)
         return evaluation
@@ -393,8 +398,66 @@ class Benchmark:
                     remove(target / name)
                 found.save(target)  # before the recordings: whatever happens now, the answer is there
                 if recordings:
-                    save_recordings(record_shown(worst, bench, self._workers), target)
+                    save_recordings(record_shown(worst, bench, self.processes), target)
         return found
+
+    def verify(
+        self,
+        controller: Controller | None = None,
+        *,
+        draws: str | None = None,
+        count: int = 3,
+        strict: bool = False,
+        protocol: str | Path = "verification",
+        on_result: OnResult | None = None,
+    ) -> Verification:
+        """Evaluate where the controller can reach neither judge nor draws: the result one can trust.
+
+        The controller runs in a new process for each simulation, in the sandbox where there is one; plant, noise and
+        judge are in a process that never loads it. The draws are made after its FMU has been read. It runs on this
+        machine, and nothing is written.
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID.
+        draws : str, optional
+            What the draws follow from, such as a date or a beacon published after the controller; fresh entropy by
+            default.
+        count : int
+            Number of draws.
+        strict : bool
+            Whether to run the list of the protocol ``strict`` as well, moved by the first draw.
+        protocol : str or path
+            What is run once per draw.
+        on_result : callable, optional
+            ``on_result(result, done, total)`` is called for each case, those of the reference included.
+
+        Returns
+        -------
+        Verification
+            The certificate: mean and spread over the draws beside those of the reference, and what repeats it.
+
+        Raises
+        ------
+        InputError
+            If the controller cannot be used, or there is no sandbox though one was asked for.
+        FmuError
+            If the controller refuses its first sample.
+        EnvironmentFault
+            If this machine fails.
+        """
+        return verify(replace(self, protocol=protocol), controller or Controller(), draws, count, strict, on_result)
+
+    def repeat(
+        self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
+    ) -> Verification:
+        """Do the verification of a ``certificate`` again, with the FMU it is about (by default the paper's PID).
+
+        :func:`~orchestrator.benchmark.certificate.differences` compares the two. Raises :class:`InputError` if the FMU
+        is another one, and what :meth:`verify` raises.
+        """
+        return repeat(self, certificate, None if controller is None else Path(controller), on_result)
 
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
@@ -405,7 +468,7 @@ class Benchmark:
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
         controller = controller or Controller()
-        bench = self._bench(controller)
+        bench = self.bench(controller)
         wanted = self.case(case) if isinstance(case, str) else case
         sample_time = controller_sample_time(
             bench.controller, wanted.scenario.sample_time, controller.given_sample_time
@@ -419,17 +482,19 @@ class Benchmark:
         return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
 
     @property
-    def _workers(self) -> int:
+    def processes(self) -> int:
+        """How many processes at a time."""
         return self.workers or available_cores()
 
-    def _bench(self, controller: Controller) -> Bench:
+    def bench(self, controller: Controller) -> Bench:
+        """Manipulator and controller, and the conditions they run under."""
         limits = Limits(memory=int(self.memory_limit))
         return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
     def _prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
         """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
         controller = controller or Controller()
-        bench = self._bench(controller)
+        bench = self.bench(controller)
         T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
         return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
 
@@ -439,9 +504,9 @@ class Benchmark:
         if folder is not None:
             prepare_folder(folder)
         execute = (
-            functools.partial(cluster.run, address=self.scheduler)
+            functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
             if self.scheduler
-            else functools.partial(pool.run, workers=self._workers)
+            else functools.partial(pool.run, workers=self.processes)
         )
         with store.opened(folder) as known:
             yield Runner(self.rules, bench, execute, known, keep_going)

@@ -52,7 +52,8 @@ Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
 class Bench:
     """The two FMUs and the conditions they run under.
 
-    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take.
+    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take. If ``apart``, the process of plant and judge
+    never loads the controller.
     """
 
     plant: Archive
@@ -61,6 +62,7 @@ class Bench:
     timeout: float = 60.0
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
+    apart: bool = False
 
     def job(
         self,
@@ -86,14 +88,13 @@ class Bench:
     ) -> Job:
         """A job of this bench with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
-        return Job(
-            self.plant, self.controller, function, packed, time_limits, decode, largest, self.limits, self.sandbox
-        )
+        own = (self.limits, self.sandbox, self.apart)
+        return Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
 
     @property
     def conditions(self) -> str:
         """What a failure may depend on beside its key: limits, and whether there is a sandbox."""
-        return json.dumps([self.timeout, self.limits.memory, self.limits.output, self.sandbox])
+        return json.dumps([self.timeout, self.limits.memory, self.limits.output, self.sandbox, self.apart])
 
 
 @dataclass(frozen=True)

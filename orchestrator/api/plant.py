@@ -15,10 +15,10 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.cases import case_named
 from ..benchmark.protocol import load
-from ..cache import source_hash
+from ..cache import plant_hash
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
-from .built_in import DEFAULT_CONTROLLER, ROOT, built_in
+from .built_in import DEFAULT_CONTROLLER, built_in
 from .campaign import Bench, simulate
 
 PYTHON: Final = "python"
@@ -78,7 +78,7 @@ def choose(wanted: str | Path) -> Plant:
 
 
 def _own(build: Literal["python", "native"]) -> Plant:
-    return Plant(open_archive(built_in(FMUS[build])), build, source_hash([ROOT / "plant_fmu"]))
+    return Plant(open_archive(built_in(FMUS[build])), build, plant_hash())
 
 
 def _automatic() -> Plant:

@@ -56,7 +56,7 @@ def shown(
     sample_time = runs[0].case.scenario.sample_time
 
     def in_pose(name: str, role: str, duration: float | None = None) -> Shown:
-        pose = cases.configuration(protocol, *POSE)
+        pose = cases.configuration(protocol, *POSE, seed)
         system = cases.system(protocol, nominal, seed, pose.index, name, test)
         case = cases.case(protocol, pose, system, test, seed)
         scenario = replace(case.scenario, sample_time=sample_time)

@@ -22,12 +22,14 @@ class Configuration:
 
 
 class Disturbance(Struct):
-    """What a system's disturbance leaves open: direction of the force [rad], start of the chirp [s], its sweep [Hz]."""
+    """What a system's disturbance leaves open: direction of the force [rad], start of the chirp [s], its sweep [Hz], by
+    how much the force is ``late`` [s]."""
 
     phi_F: Finite
     t_3: Finite
     f_start: Finite
     f_stop: Finite
+    late: Finite = 0.0
 
 
 @dataclass(frozen=True)

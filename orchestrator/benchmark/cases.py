@@ -10,6 +10,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
+import msgspec
 import numpy as np
 
 from ..errors import InputError
@@ -18,12 +19,12 @@ from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
 from .case import Case, Configuration, Disturbance, System, Test
 from .protocol import Protocol
 
-DRAWS, NOISE = 0, 1
-"""Last seed word of the two random streams of a configuration and system."""
+DRAWS, NOISE, JITTER = range(3)
+"""Last seed word of the random streams of a configuration and system."""
 
 
-def grid(protocol: Protocol) -> tuple[Configuration, ...]:
-    """The configurations of a protocol."""
+def grid(protocol: Protocol, seed: int = 0) -> tuple[Configuration, ...]:
+    """The configurations of a protocol; ``seed`` moves them if it has a jitter."""
 
     def axis(limits: tuple[float, float], points: int) -> list[float]:
         return [float(angle) for angle in np.radians(np.linspace(*limits, points))]
@@ -31,7 +32,22 @@ def grid(protocol: Protocol) -> tuple[Configuration, ...]:
     q_a1 = axis(protocol.workspace.q_a1_deg, protocol.grid.q_a1_points)
     q_a2 = axis(protocol.workspace.q_a2_deg, protocol.grid.q_a2_points)
     listed = [(math.radians(first), math.radians(second)) for first, second in protocol.grid.also_deg]
-    return tuple(Configuration(k, *angles) for k, angles in enumerate([*product(q_a1, q_a2), *listed]))
+    poses = (Configuration(k, *angles) for k, angles in enumerate([*product(q_a1, q_a2), *listed]))
+    return tuple(_moved(protocol, pose, seed) for pose in poses) if protocol.jitter.pose_deg else tuple(poses)
+
+
+def _moved(protocol: Protocol, pose: Configuration, seed: int) -> Configuration:
+    """``pose``, moved by the protocol's jitter; one beyond an end of the workspace is mirrored there."""
+    reach = math.radians(protocol.jitter.pose_deg)
+    moves = stable_stream(_seed_words(seed, pose.index, "", JITTER)).uniform(-reach, reach, 2)
+    angles = []
+    for angle, ends in zip(
+        moves + (pose.q_a1, pose.q_a2), (protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg), strict=True
+    ):
+        low, high = np.radians(ends)
+        mirrored = 2 * low - angle if angle < low else 2 * high - angle if angle > high else angle
+        angles.append(float(np.clip(mirrored, low, high)))
+    return Configuration(pose.index, angles[0], angles[1])
 
 
 def cases(
@@ -47,7 +63,7 @@ def cases(
     """
     found = tuple(
         case(protocol, pose, system(protocol, nominal, seed, pose.index, name, test), test, seed)
-        for pose in grid(protocol)
+        for pose in grid(protocol, seed)
         for test in protocol.tests
         if not test.poses or pose.index in test.poses
         for name in protocol.sets[test.systems]
@@ -57,7 +73,7 @@ def cases(
     return tuple(replace(case, scenario=replace(case.scenario, sample_time=sample_time)) for case in found)
 
 
-def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration:
+def configuration(protocol: Protocol, q_a1: float, q_a2: float, seed: int = 0) -> Configuration:
     """The pose (q_a1, q_a2) [rad], with the grid's index if it is a grid point and -1 otherwise.
 
     Raises :class:`InputError` outside the workspace.
@@ -67,7 +83,7 @@ def configuration(protocol: Protocol, q_a1: float, q_a2: float) -> Configuration
         if not low - 1e-9 <= math.degrees(value) <= high + 1e-9:
             message = f"{name} = {math.degrees(value):g} deg is outside the workspace, {low:g} to {high:g} deg."
             raise InputError(message, "outside-workspace", name, value)
-    for point in grid(protocol):
+    for point in grid(protocol, seed):
         if math.isclose(point.q_a1, q_a1, abs_tol=1e-9) and math.isclose(point.q_a2, q_a2, abs_tol=1e-9):
             return point
     return Configuration(-1, q_a1, q_a2)
@@ -78,7 +94,7 @@ def case_named(protocol: Protocol, nominal: Mapping[str, float], seed: int, id: 
 
     Raises :class:`InputError` if the protocol has no such configuration, system or test.
     """
-    poses = grid(protocol)
+    poses = grid(protocol, seed)
     match = re.fullmatch(r"c(\d+)\.(\w+)\.(\w+)", id)
     if not match or int(match[1]) >= len(poses):
         example = f"c{len(poses) - 1:02d}.{protocol.sets[protocol.tests[0].systems][0]}.{protocol.tests[0].name}"
@@ -102,6 +118,12 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
         deviations = {symbol: (float(pair[0]), float(pair[1])) for symbol, pair in draws.items()}
     elif name in protocol.systems:
         deviations = {symbol: (sign, sign) for symbol, sign in protocol.systems[name].items()}
+        if protocol.jitter.system:
+            moves = {symbol: 1.0 - protocol.jitter.system * stream.uniform(0.0, 1.0, 2) for symbol in deviations}
+            deviations = {
+                symbol: (sign * float(moves[symbol][0]), sign * float(moves[symbol][1]))
+                for symbol, (sign, _) in deviations.items()
+            }
     else:
         known = (*protocol.systems, "random_1", "random_2", "...")
         message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}."
@@ -110,7 +132,12 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):
             parameters[f"{symbol}[{axis}]"] *= 1.0 + protocol.uncertainty[symbol] * deviation
-    return System(name, tuple(parameters.items()), _draw(protocol, stream) if test.draws else _listed(protocol, test))
+    disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
+    jitter = protocol.jitter
+    if jitter.direction_deg or jitter.force_time:
+        turn, late = stream.uniform(-1.0, 1.0, 2) * (math.radians(jitter.direction_deg), jitter.force_time)
+        disturbance = msgspec.structs.replace(disturbance, phi_F=float(disturbance.phi_F + turn), late=float(late))
+    return System(name, tuple(parameters.items()), disturbance)
 
 
 def case(protocol: Protocol, configuration: Configuration, system: System, test: Test, seed: int) -> Case:
@@ -141,6 +168,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         ),
         abort_distance=loop.abort_distance,
         longest_hold=loop.sample_time,
+        stop_time=max(each.duration for each in protocol.tests),
     )
     if test.disturbed:
         phi_F = disturbance.phi_F
@@ -154,7 +182,9 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
                 f_stop=disturbance.f_stop,
             ),
             pulse=Pulse(
-                force=(rules.force * math.cos(phi_F), rules.force * math.sin(phi_F)), start=rules.t_1, stop=rules.t_2
+                force=(rules.force * math.cos(phi_F), rules.force * math.sin(phi_F)),
+                start=rules.t_1 + disturbance.late,
+                stop=rules.t_2 + disturbance.late,
             ),
         )
     return Case(configuration, system, test, scenario)

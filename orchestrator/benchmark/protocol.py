@@ -24,6 +24,7 @@ FILES = resources.files(__package__) / "protocols"
 
 Range = tuple[Finite, Finite]
 Bits = Annotated[int, msgspec.Meta(ge=0, le=52)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Sign = Annotated[int, msgspec.Meta(ge=-1, le=1)]
 
 
@@ -71,6 +72,17 @@ class Disturbances(Struct):
     t_3_range: Range
     t_4: Finite
     chirp_frequencies: Range
+
+
+class Jitter(Struct):
+    """By how much a draw may move what is listed: poses on both axes [degrees], mirrored at the workspace's ends; the
+    parameters of systems inwards, as a share of their half-widths; the direction of the force [degrees]; and its begin
+    and end together [s]."""
+
+    pose_deg: NonNegative = 0.0
+    system: Share = 0.0
+    direction_deg: NonNegative = 0.0
+    force_time: NonNegative = 0.0
 
 
 class Stability(Struct):
@@ -128,6 +140,7 @@ class Protocol(Struct):
     criteria: dict[str, Criterion]
     reference: dict[str, Finite]
     extends: str = ""
+    jitter: Jitter = Jitter()
 
     @property
     def sample_time(self) -> Fraction:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from ..codec import to_json
 from ..conformance.finding import Finding, Severity
 from . import options
 from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK, remedy
-from .tables import terminal
+from .tables import safe, terminal
 from .values import Parser
 
 COLOURS = {Severity.OK: "green", Severity.NOTE: "cyan", Severity.WARNING: "yellow", Severity.ERROR: "red"}
@@ -43,13 +42,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(name: str, findings: Sequence[Finding], console: Console) -> None:
-    table = Table(title=escape(name), title_justify="left", box=None, pad_edge=False)
+    table = Table(title=safe(name), title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     table.add_column("subject", no_wrap=True)
     table.add_column("finding", overflow="fold")
     for finding in findings:
         colour = COLOURS[finding.severity]
         advice = " ".join(filter(None, (finding.remedy, remedy(finding))))
-        text = escape(finding.text) + (f"\n[italic]{escape(advice)}[/italic]" if advice else "")
-        table.add_row(f"[{colour}]{finding.severity.value}[/{colour}]", escape(finding.subject), text)
+        text = safe(finding.text) + (f"\n[italic]{safe(advice)}[/italic]" if advice else "")
+        table.add_row(f"[{colour}]{finding.severity.value}[/{colour}]", safe(finding.subject), text)
     console.print(table)

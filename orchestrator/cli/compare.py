@@ -15,6 +15,7 @@ from ..reporting.files import RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write
 from ..reporting.robustness import Robustness
 from ..reporting.run import Run, load_run
 from ..reporting.spread import Spread
+from ..text import printable
 from .comparison_tables import show_comparison, show_spreads, show_worst
 from .guard import EXIT_OK
 from .tables import terminal
@@ -71,7 +72,7 @@ def _finished(paths: Sequence[Path]) -> list[tuple[Run | Spread | Robustness, Pa
             except InputError as problem:
                 last = problem
                 if len(paths) > 1:
-                    print(f"left out: {problem}", file=sys.stderr)
+                    print(printable(f"left out: {problem}"), file=sys.stderr)
     if not found and last is not None:
         raise last
     return found

@@ -15,6 +15,7 @@ from ..codec import to_json
 from ..reporting.files import CASES, RESULTS, TRAJECTORIES, seed_folder
 from ..reporting.spread import Spread
 from ..reporting.wording import number
+from ..text import file_name
 from . import options, outputs
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .progress import progress
@@ -98,7 +99,7 @@ def folder_name(bench: Benchmark, controller: Controller, only: Sequence[str]) -
         readable = ""
     if any(unusual):
         readable += "-" + hashlib.sha256(repr(unusual).encode()).hexdigest()[:6]
-    return name + readable.replace("/", "_")
+    return file_name(name + readable)
 
 
 LONGEST_NAME = 60
@@ -139,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="do not give up after three failures of one kind, and run again what failed in an earlier run",
     )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    options.add_cluster(parser)
     parser.add_argument("--json", action="store_true", help="print results.json, or spread.json, instead of tables")
     outputs.add_options(parser)
     return parser

@@ -12,6 +12,7 @@ COMMANDS = {
     "evaluate": "run a protocol, print the scorecard, write results and report",
     "simulate": "one case in full: signals, plot, figures",
     "robustness": "the worst case: search, margins, robustness radius",
+    "verify": "the result one can trust: draws nobody knew, a judge nobody reaches",
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",
     "report": "the report of a finished evaluation again, or figures of it",

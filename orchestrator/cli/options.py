@@ -9,6 +9,7 @@ from ..api.benchmark import Benchmark, available_cores
 from ..api.controller import Controller
 from ..benchmark import protocol
 from ..errors import InputError
+from ..execution.cluster import WAIT
 from ..fmi.controller_files import read_mapping, read_parameters
 from .values import MOST, assignment, connection, natural, number, seeds, time
 
@@ -127,6 +128,18 @@ def add_jobs(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_cluster(parser: argparse.ArgumentParser) -> None:
+    """Where else to run."""
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    parser.add_argument(
+        "--wait",
+        type=number(most=MOST, positive=True),
+        default=WAIT,
+        metavar="SECONDS",
+        help=f"how long to wait for a silent cluster, or one without workers (default: {WAIT:g})",
+    )
+
+
 def benchmark(options: argparse.Namespace) -> Benchmark:
     """The benchmark that the options describe; those that a command does not have keep their defaults."""
     return Benchmark(
@@ -139,6 +152,7 @@ def benchmark(options: argparse.Namespace) -> Benchmark:
         memory_limit=options.memory_limit * 1e6,
         sandbox=options.sandbox,
         scheduler=getattr(options, "scheduler", None),
+        wait=getattr(options, "wait", WAIT),
     )
 
 

@@ -18,13 +18,13 @@ EVERY = 8
 
 
 @contextmanager
-def progress(protocol: Protocol) -> Iterator[OnResult]:
-    """A live progress bar; the function it gives is told each result."""
+def progress(protocol: Protocol | None = None) -> Iterator[OnResult]:
+    """A live progress bar; the function it gives is told each result. With a protocol it shows V so far."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("cases  V so far {task.fields[cost]}"),
+        TextColumn("cases  V so far {task.fields[cost]}" if protocol is not None else "cases"),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
@@ -41,7 +41,7 @@ def progress(protocol: Protocol) -> Iterator[OnResult]:
                 results.clear()
             results.append(result)
             bar.update(task, completed=done, total=total)
-            if done % EVERY == 0 or done == total:
+            if protocol is not None and (done % EVERY == 0 or done == total):
                 cost = estimate(protocol, results)
                 bar.update(task, cost="-" if cost is None else f"{cost:.1f}")
 

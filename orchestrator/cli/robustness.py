@@ -125,7 +125,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-list", action="store_true", help="begin with the nominal system, not with the list")
     options.add_jobs(parser)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    options.add_cluster(parser)
     parser.add_argument(
         "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-strict-robustness)"
     )

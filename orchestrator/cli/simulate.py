@@ -21,7 +21,7 @@ from ..loop.trajectory import Status
 from ..reporting import trajectory_files
 from ..reporting.files import prepare_folder
 from ..reporting.run import load_run
-from ..text import printable
+from ..text import file_name, printable
 from . import options
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .values import Parser, number
@@ -102,7 +102,7 @@ def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulatio
     varied = "-varied" if simulation.varied else ""
     pose = simulation.case.configuration
     angles = f"-{math.degrees(pose.q_a1):g}_{math.degrees(pose.q_a2):g}" if pose.index < 0 else ""
-    return f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}"
+    return file_name(f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}")
 
 
 def _free(folder: Path) -> Path:

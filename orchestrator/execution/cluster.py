@@ -8,41 +8,53 @@ result depends on its task alone. What comes back are bytes, decoded here like t
 from __future__ import annotations
 
 import gc
-import hashlib
 import logging
+import platform
+import queue
 import tempfile
+import threading
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from .. import __version__
-from ..cache import PACKAGE, cache_folder, computing_code, source_hash
-from ..codec import Malformed, Struct, pack, unpack
+from ..cache import cache_folder, code_hash, plant_hash
+from ..codec import Malformed, Struct, pack, plain, unpack
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from ..fmi.trace import Place
+from ..text import printable
 from .job import Died, Done, Job, Limits, Outcome
 from .messages import ErrorRecord, Failed, Finished, FmuFiles, Order, error_of, error_record
 from .supervision import run_isolated
 
-CONNECT_TIME = 15.0
-"""Seconds to wait for the scheduler."""
-
-WORKER_TIME = 60.0
-"""Seconds to wait for the first worker."""
+WAIT = 60.0
+"""Seconds to wait for the scheduler's and the workers' first words, and for the first worker."""
 
 LOOK = 1.0
 """Seconds between two looks whether there is one."""
 
+T = TypeVar("T")
+
 logger = logging.getLogger(__name__)
 
 
-class RemoteJob(Struct, frozen=True):
-    """A job as it is sent to a worker of the cluster, with the code of the client, which the worker must have, too."""
+class Identity(Struct, frozen=True):
+    """What numbers depend on, and the two sides have to share: the package's version, the hashes of its code and of the
+    plant's sources, the platform."""
 
+    version: str
     code: str
+    plant: str
+    platform: str
+
+
+class RemoteJob(Struct, frozen=True):
+    """A job as it is sent to a worker of the cluster, with the identity of the client, which must be the worker's."""
+
+    client: Identity
     order: Order
     limits: Limits
     largest: int
@@ -56,15 +68,21 @@ class RemoteAnswer(Struct, frozen=True):
     error: ErrorRecord | None = None
 
 
-def code_identity() -> str:
-    """Version and hash of the code that results depend on, and that the two sides have to share."""
-    rooms = source_hash(PACKAGE / name for name in ("execution", "api", "codec.py"))
-    code = hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
-    return f"{__version__}, code {code[:12]}"
+def identity() -> Identity:
+    """Of this installation."""
+    return Identity(__version__, code_hash(), plant_hash(), f"{platform.system()} {platform.machine()}")
 
 
-def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], None, None]:
+def packed_identity() -> bytes:
+    """What a worker is asked for."""
+    return pack(identity())
+
+
+def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on the cluster whose scheduler is at ``address`` (``tcp://host:port``).
+
+    Its scheduler and workers may keep silent for ``wait`` [s], and as long it may be without workers. An address
+    ``tls://host:port`` takes certificates from Dask's configuration.
 
     Yields (number of the job, outcome) as they come; closing the generator closes the client, with which the scheduler
     forgets what is left. Raises :class:`InputError` if Dask is not installed, the scheduler does not answer, or a
@@ -78,14 +96,14 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what matters is said below, in one sentence
     client: Any = None
     try:
-        client = Client(address, timeout=CONNECT_TIME)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as problem:
+        client = _within(wait, lambda: Client(address, timeout=wait))  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError, TimeoutError) as problem:  # TypeError: no certificates for TLS
         reason = str(problem)
     if client is None:
         gc.collect()  # a failed client closes itself when it is collected: not while the next one holds the lock
         raise InputError(f"There is no Dask scheduler at {address}: {reason}.", "no-scheduler", address)
     with client:
-        _check_workers(client, address)
+        _check_workers(client, address, wait)
         archives = {archive.sha256: archive for job in jobs for archive in (job.plant, job.controller)}
         # As tasks and not as scattered data: the scheduler makes them anew where the worker that held them is lost.
         contents = {
@@ -117,41 +135,73 @@ def run(jobs: Sequence[Job], address: str) -> Generator[tuple[int, Outcome], Non
                 yield number, outcome
 
 
-def _check_workers(client: Any, address: str) -> None:
-    """Wait for a worker, and refuse those with other code: their numbers would be others."""
-    deadline = time.monotonic() + WORKER_TIME
+def _within(seconds: float, ask: Callable[[], T]) -> T:
+    """What ``ask`` returns or raises; :class:`TimeoutError` if it does neither in time, as where a server is silent."""
+    answers: queue.SimpleQueue[tuple[T | None, BaseException | None]] = queue.SimpleQueue()
+
+    def run() -> None:
+        try:
+            answers.put((ask(), None))
+        except BaseException as problem:  # it is raised where it is waited for
+            answers.put((None, problem))
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        found, problem = answers.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(f"no answer within {seconds:g} s") from None
+    if problem is not None:
+        raise problem
+    return found  # type: ignore[return-value]  # one of the two is there
+
+
+def _check_workers(client: Any, address: str, wait: float) -> None:
+    """Wait for a worker, and refuse those whose numbers would be others."""
+    deadline = time.monotonic() + wait
+    told = False
     while True:
         try:
-            found: dict[str, str | Exception] = client.run(code_identity, on_error="return")
+            found = _within(wait, lambda: client.run(packed_identity, on_error="return"))
         except Exception as problem:  # whatever a worker without this package has to offer
-            message = f"The workers of the cluster at {address} do not say which code they have: {problem}."
+            message = f"The workers of the cluster at {address} do not say who they are: {problem}."
             raise EnvironmentFault(message, "cluster") from problem
         if found:
             break
         if time.monotonic() > deadline:
-            raise EnvironmentFault(f"The cluster at {address} has had no worker for {WORKER_TIME:g} s.", "no-worker")
-        logger.info("waiting for workers of the cluster at %s", address)
+            raise EnvironmentFault(f"The cluster at {address} has had no worker for {wait:g} s.", "no-worker")
+        if not told:
+            logger.info("waiting for workers of the cluster at %s, %g s at most", address, wait)
+        told = True
         time.sleep(LOOK)
-    for worker, code in found.items():
-        _check_code(code, f"The worker {worker} of the cluster at {address}")
+    for worker, answer in found.items():
+        whose = f"The worker {worker} of the cluster at {address}"
+        try:
+            theirs = unpack(answer, Identity) if isinstance(answer, bytes) else None
+        except Malformed:
+            theirs = None
+        if theirs is None:
+            message = f"{whose} does not have this package, or another version: {printable(str(answer))[:200]}."
+            raise InputError(message, "other-version", whose)
+        _check_identity(theirs, whose)
 
 
-def _check_code(code: str | Exception, whose: str) -> None:
-    if code != code_identity():
-        found = f"version {code}" if isinstance(code, str) else f"another version or none ({code})"
-        message = f"{whose} has {found}, not {code_identity()}: its numbers would not be comparable."
-        raise InputError(message, "other-code", whose, code)
+def _check_identity(theirs: Identity, whose: str) -> None:
+    for name, own in plain(identity()).items():
+        other = getattr(theirs, name)
+        if other != own:
+            message = f"{whose} has another {name}, {other[:16]} and not {own[:16]}: its numbers could be others."
+            raise InputError(message, f"other-{name}", whose, other)
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(code_identity(), job.order(), job.limits, job.largest, job.sandbox))
+    return pack(RemoteJob(identity(), job.order(), job.limits, job.largest, job.sandbox))
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
     """On a worker: open the FMUs and run the job in processes of its own."""
     try:
         remote = unpack(packed, RemoteJob)
-        _check_code(remote.code, "The client")
+        _check_identity(remote.client, "The client")
         job = Job(
             _open(remote.order.plant, plant),
             _open(remote.order.controller, controller),

@@ -40,7 +40,11 @@ class Job:
     time_limits : tuple of float
         Seconds of wall time, one per task.
     sandbox : bool
-        Whether the worker runs in a :mod:`~orchestrator.execution.sandbox`.
+        Whether the process that loads the controller runs in a :mod:`~orchestrator.execution.sandbox`.
+    apart : bool
+        Whether that is another one than the worker, a new one for each simulation.
+    core : int
+        The processor for both, -1 for any.
     """
 
     plant: Archive
@@ -52,6 +56,8 @@ class Job:
     largest: int = 1 << 16
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
+    apart: bool = False
+    core: int = -1
 
     def rest(self, first: int) -> Job:
         """The same job from task ``first`` on."""
@@ -62,12 +68,13 @@ class Job:
             decode=lambda index, value: self.decode(first + index, value),
         )
 
-    def order(self) -> Order:
-        """What is sent to a worker."""
+    def order(self, apart: tuple[str, ...] = ()) -> Order:
+        """What is sent to a worker; ``apart`` is the command that starts a process for the controller."""
         plant, controller = (
-            FmuFiles(archive.name, archive.sha256, str(archive.folder)) for archive in (self.plant, self.controller)
+            FmuFiles(archive.name, archive.sha256, str(archive.folder), digests)
+            for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
-        return Order(plant, controller, self.work, self.tasks, self.time_limits)
+        return Order(plant, controller, self.work, self.tasks, self.time_limits, apart, self.core)
 
 
 class Done(msgspec.Struct, frozen=True):

@@ -81,15 +81,25 @@ def started(job: Job, stop: threading.Event) -> Iterator[Child]:
             output, output_end = map(stack.enter_context, map(FileIO, os.pipe(), "rw"))
             trace = stack.enter_context(closing(SharedTrace()))
             ends = far.fileno(), output_end.fileno(), trace.file
-            process = _SandboxedProcess(job, ends) if job.sandbox else _ForkedProcess(job, ends, stop)
+            apart = (*_fence(job), *boot("controller_host")) if job.apart else ()
+            inside = job.sandbox and not job.apart
+            process = _SandboxedProcess(job, ends) if inside else _ForkedProcess(job, ends, stop)
             stack.callback(process.kill)
             far.close()
             output_end.close()
         except OSError as problem:
             raise _cannot_start(problem.strerror or str(problem)) from problem
         with suppress(ConnectionError):  # it has ended already; its output tells why
-            _send(near, frame(job.order()), stop)
+            _send(near, frame(job.order(apart)), stop)
         yield Child(process, near.fileno(), output.fileno(), trace)
+
+
+def _fence(job: Job) -> list[str]:
+    """The words before a command that put it in the sandbox of ``job``, if there is to be one."""
+    if not job.sandbox:
+        return []
+    # Of a plant that somebody else steps nothing is shown.
+    return sandbox.command((job.controller.folder,) if job.apart else (job.plant.folder, job.controller.folder))
 
 
 def _send(channel: socket.socket, data: bytes, stop: threading.Event) -> None:
@@ -275,7 +285,7 @@ class _SandboxedProcess:
     """A worker in a sandbox, started from nothing."""
 
     def __init__(self, job: Job, descriptors: tuple[int, ...]) -> None:
-        command = [*sandbox.command(job), *boot("sandboxed", *descriptors)]
+        command = [*_fence(job), *boot("sandboxed", *descriptors)]
         self._process = _spawned(command, descriptors[1], descriptors, sandbox.environment(environment()))
         self.tree = ProcessTree(self._process.pid)
 

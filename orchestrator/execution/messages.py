@@ -9,11 +9,14 @@ from __future__ import annotations
 import os
 import select
 import struct
+import sys
 from collections.abc import Iterable, Iterator
-from typing import Literal
+from typing import Literal, TypeVar
 
 from ..codec import Malformed, Natural, NonNegative, Struct, convert, pack, unpack
 from ..errors import BenchmarkError, EnvironmentFault, FmuError, InputError
+
+T = TypeVar("T")
 
 CHUNK = 1 << 20
 OVERHEAD = 1 << 17
@@ -32,21 +35,28 @@ LONGEST_TEXT, LONGEST_LINE, MOST_LINES = 16_000, 500, 40
 
 
 class FmuFiles(Struct, frozen=True):
-    """An FMU that is extracted to ``folder``."""
+    """An FMU that is extracted to ``folder``; ``digests`` are the SHA-256 of the files to check when it is loaded."""
 
     name: str
     sha256: str
     folder: str
+    digests: dict[str, str] = {}
 
 
 class Order(Struct, frozen=True):
-    """What a worker is to do: call the function ``work`` ("module:function") for each task."""
+    """What a worker is to do: call the function ``work`` ("module:function") for each task.
+
+    If ``apart`` has words, the controller is loaded by a process that they start, a new one for each simulation, and
+    never by the worker. ``core`` is the processor for both, -1 for any.
+    """
 
     plant: FmuFiles
     controller: FmuFiles
     work: str
     tasks: tuple[bytes, ...]
     time_limits: tuple[NonNegative, ...]
+    apart: tuple[str, ...] = ()
+    core: int = -1
 
 
 class ErrorRecord(Struct, frozen=True):
@@ -140,19 +150,25 @@ def write_all(descriptor: int, data: bytes) -> None:
         view = view[os.write(descriptor, view) :]
 
 
-def read_order(descriptor: int) -> Order:
-    """The order that the owner of this process sends, read to its end."""
+def read_frame(descriptor: int, kind: type[T], largest: int = sys.maxsize) -> T:
+    """The message that the other side sends, read to its end.
+
+    Raises :class:`EOFError` if that is gone, :class:`~orchestrator.codec.Malformed` for anything but a ``kind``.
+    """
 
     def read(size: int) -> bytes:
         data = b""
         while len(data) < size:
             piece = os.read(descriptor, size - len(data))
             if not piece:
-                raise EOFError("the owner of this process is gone")
+                raise EOFError("the other side of the channel is gone")
             data += piece
         return data
 
-    return unpack(read(LENGTH.unpack(read(LENGTH.size))[0]), Order)
+    (length,) = LENGTH.unpack(read(LENGTH.size))
+    if length > largest:
+        raise Malformed(f"a message of {length} bytes, where {largest} are the most")
+    return unpack(read(length), kind)
 
 
 class Garbage(Exception):

@@ -14,7 +14,6 @@ from typing import Any
 
 from ..cache import PACKAGE, VARIABLE, cache_folder
 from ..errors import InputError
-from .job import Job
 
 OPTIONS = (
     *("--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
@@ -36,8 +35,8 @@ GIVEN = ".given"
 sandbox, however that or its owner ends."""
 
 
-def command(job: Job) -> list[str]:
-    """The words before a command that let it run in a sandbox with what ``job`` needs.
+def command(fmus: Iterable[Path]) -> list[str]:
+    """The words before a command that let it run in a sandbox with the extracted ``fmus``.
 
     Raises :class:`InputError` where there is no sandbox on this machine.
     """
@@ -47,7 +46,7 @@ def command(job: Job) -> list[str]:
     cache = cache_folder()
     start = (program, *OPTIONS, *_mounts(cache), "--chdir", "/tmp")
     _check(start)
-    return [*start, *_given(job, cache), "--"]
+    return [*start, *_given(fmus, cache), "--"]
 
 
 def environment(outside: Mapping[str, str]) -> dict[str, str]:
@@ -79,9 +78,9 @@ def _is_below(path: str, folders: Iterable[str]) -> bool:
     return any(Path(path).is_relative_to(folder) for folder in folders)
 
 
-def _given(job: Job, cache: Path) -> list[str]:
-    """Options that show compiled code and the job's FMUs, and nothing else of the cache."""
-    folders = (cache / "numba", job.plant.folder, job.controller.folder)
+def _given(fmus: Iterable[Path], cache: Path) -> list[str]:
+    """Options that show compiled code and the FMUs, and nothing else of the cache."""
+    folders = (cache / "numba", *fmus)
     inside = {folder: os.path.join(os.path.realpath(cache), GIVEN, folder.relative_to(cache)) for folder in folders}
     return [word for folder in inside if folder.is_dir() for word in ("--ro-bind", str(folder), inside[folder])]
 

@@ -8,11 +8,16 @@ import shutil
 from .sandbox import given_folder
 
 
-def main(channel: int, output: int, trace: int) -> None:
-    """Fill the cache of this sandbox, then live the life of a worker with these descriptors."""
+def fill_cache() -> None:
+    """Fill the cache of this sandbox, if it is one."""
     given = given_folder()
     if given.is_dir():
         shutil.copytree(given, given.parent, symlinks=True, dirs_exist_ok=True)
+
+
+def main(channel: int, output: int, trace: int) -> None:
+    """Fill the cache, then live the life of a worker with these descriptors."""
+    fill_cache()
     from . import worker  # not before: its imports load compiled code from the cache
 
     worker.main(channel, output, trace, os.getcwd(), os.getppid())

@@ -11,13 +11,15 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import NoReturn
 
 from ..errors import BenchmarkError
 from ..fmi import trace
-from ..fmi.archive import reopen
+from ..fmi.archive import check_files, reopen
 from ..fmi.slaves import Slave, load, log
-from .messages import Failed, Finished, FmuFiles, Loaded, error_record, frame, read_order, write_all
+from .apart import Apart
+from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, frame, read_frame, write_all
 from .process_tree import bind_to_parent
 from .shared_trace import SharedTrace
 
@@ -25,7 +27,7 @@ MOST_DESCRIPTORS = 65536
 FAREWELL = 10.0
 """Seconds that a worker whose tasks are done waits for its owner to end it."""
 
-Work = Callable[[Slave, Slave, bytes], bytes]
+Work = Callable[[Slave, Slave | Apart, bytes], bytes]
 
 
 def main(channel: int, output: int, shared: int, folder: str, parent: int) -> NoReturn:
@@ -47,7 +49,9 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     os.closerange(3, channel)
     os.closerange(channel + 1, min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
-    order = read_order(channel)
+    order = read_frame(channel, Order)
+    if order.core >= 0:
+        os.sched_setaffinity(0, {order.core})
     os.chdir(folder)  # an empty one: what works in the user's only would fail elsewhere
     module, _, function = order.work.partition(":")
     work: Work = getattr(importlib.import_module(module), function)
@@ -56,7 +60,8 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     index = 0
     try:
         _alarm(order.time_limits[0])
-        plant, controller = _load(order.plant, trace.PLANT), _load(order.controller, trace.CONTROLLER)
+        plant = _load(order.plant, trace.PLANT)
+        controller = Apart(order.controller, order.apart) if order.apart else _load(order.controller, trace.CONTROLLER)
         write_all(channel, frame(Loaded()))
         for index, task in enumerate(order.tasks):  # noqa: B007 - the handler below needs the index
             surroundings.restore()
@@ -74,6 +79,8 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
 
 
 def _load(files: FmuFiles, side: int) -> Slave:
+    with contextlib.suppress(FileNotFoundError):  # what is missing, the loader says better
+        check_files(files.name, Path(files.folder), files.digests)
     return load(reopen(files.name, files.sha256, files.folder), side)
 
 

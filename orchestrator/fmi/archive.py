@@ -6,6 +6,7 @@ is written outside the cache folder.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import io
 import os
@@ -15,6 +16,7 @@ import stat
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -60,6 +62,17 @@ class Archive:
     kind: str
     content: bytes | None = field(default=None, repr=False)
     """The file's bytes, unless it is large: what is needed to extract it again when the cache has been deleted."""
+
+    @functools.cached_property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 by name of all files in it."""
+        with self.opened() as archive:
+            files = (member for member in archive.infolist() if not member.is_dir())
+            return {file.filename: hashlib.sha256(archive.read(file)).hexdigest() for file in files}
+
+    def opened(self) -> zipfile.ZipFile:
+        """Its contents, to be closed."""
+        return zipfile.ZipFile(io.BytesIO(self.content) if self.content is not None else self.file)
 
     @property
     def name(self) -> str:
@@ -121,6 +134,13 @@ def reopen(name: str, sha256: str, folder: str) -> Archive:
     return Archive(Path(name), sha256, Path(folder), description, _kind(name, description))
 
 
+def check_files(name: str, folder: Path, digests: Mapping[str, str]) -> None:
+    """Raise :class:`~orchestrator.errors.EnvironmentFault` if a file in ``folder`` is not what ``digests`` say."""
+    for file, digest in digests.items():
+        if hashlib.sha256((folder / file).read_bytes()).hexdigest() != digest:
+            raise EnvironmentFault(f"{name} was changed after it was opened: {file} is another file.", "cache-lost")
+
+
 def restore(archive: Archive) -> bool:
     """Extract ``archive`` again if its files are not as they were; returns whether that was so.
 
@@ -128,7 +148,7 @@ def restore(archive: Archive) -> bool:
     :class:`~orchestrator.errors.EnvironmentFault` if its file is gone, too.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(archive.content) if archive.content is not None else archive.file) as opened:
+        with archive.opened() as opened:
             if _is_intact(archive.folder, opened) and archive.library.is_file():
                 return False
         with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
@@ -253,9 +273,9 @@ def _is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
     for member in archive.infolist():
         path = folder / member.filename
         try:
-            if not member.is_dir() and zlib.crc32(path.read_bytes()) != member.CRC:
+            if not member.is_dir() and path.read_bytes() != archive.read(member):
                 return False
-        except OSError:
+        except (OSError, zipfile.BadZipFile, zlib.error):
             return False
     return True
 

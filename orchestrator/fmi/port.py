@@ -1,7 +1,8 @@
 """Native access to an instantiated slave from the compiled loop: one exchange of values around one step.
 
 FMI 1, 2 and 3 co-simulation differ in how a step is called. Model Exchange controllers are stepped here too, from event
-to event: every sample is one, since inputs jump there, and between two of them the solver integrates if there is one.
+to event: every sample is one, since inputs jump there, and between two of them the solver integrates if there is one. A
+slave in another process is reached through two pipes, one write and one read per step.
 """
 
 from __future__ import annotations
@@ -24,8 +25,22 @@ TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
 """What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
 the step, or goes on asking for another event iteration. No status an FMU can return is as large."""
 
-CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3 = range(4)
-"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange."""
+LOST = 2**32 + 3
+"""What stepping reports of a slave in another process that is gone, or sends what is no answer."""
+
+CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3, REMOTE = range(5)
+"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange; or in
+another process."""
+
+REQUESTS, ANSWERS = range(2)
+"""Entries of ``Port.functions`` of a remote slave: descriptors of the pipes there and back. Its ``set_values`` and
+``get_values`` are the C functions write and read."""
+
+END, GO_ON, LEAVE = 0.0, 1.0, 2.0
+"""First number of a request: terminate and end, step, or end at once."""
+
+REQUEST_BYTES, ANSWER_BYTES = 24, 32
+"""Sizes of a request (what to do, two signals) and of its answer (call, status, two signals), all float64."""
 
 SET_TIME, ENTER_EVENTS, UPDATE, ENTER_CONTINUOUS, COMPLETED = range(5)
 """Functions of Model Exchange in ``Port.functions``."""
@@ -110,6 +125,8 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
     Returns the last call made (SET, STEP or GET) and its status; a status above WARNING ends the exchange.
     """
     port.trace[SIDE] = port.side
+    if port.stepping == REMOTE:
+        return _exchange_remote(port)
     if port.stepping == EVENTS or port.stepping == EVENTS_3:
         return _exchange_events(port, count, time, step, read)
     written = _write(port, count) if count > 0 else 0
@@ -124,6 +141,22 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
         return STEP, stepped
     got = _read(port) if read else 0
     return GET, max(written, stepped, got)
+
+
+@inlined
+def _exchange_remote(port: Port) -> tuple[int, int]:
+    """The other process knows the time: it counts the steps."""
+    port.trace[CALL] = 1 + STEP
+    at, fields = port.info.ctypes.data, port.info
+    fields[0], fields[1], fields[2] = GO_ON, port.input_values[0], port.input_values[1]
+    if call_status(port.set_values, (port.functions[REQUESTS], at, np.int64(REQUEST_BYTES))) != REQUEST_BYTES:
+        return STEP, LOST
+    if call_status(port.get_values, (port.functions[ANSWERS], at, np.int64(ANSWER_BYTES))) != ANSWER_BYTES:
+        return STEP, LOST
+    if not (SET <= fields[0] <= GET and 0.0 <= fields[1] <= LOST):
+        return STEP, LOST
+    port.output_values[0], port.output_values[1] = fields[2], fields[3]
+    return int(fields[0]), int(fields[1])
 
 
 @inlined

@@ -15,14 +15,14 @@ import numpy as np
 
 from ..fmi.port import GET, WARNING, Port, exchange
 from ..fmi.trace import SAMPLE
-from ..jit import compiled
+from ..jit import arithmetic, compiled
 from .plan import Plan
 from .signals import ChirpSignal, PulseSignal, amplify, chirp, pulse, quantize, saturate
 
 ABSURD = 1e12
 """A torque [N.m] beyond any physical one; a controller that asks for more has failed, not saturated."""
 
-FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILED = range(5)
+FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILED, ARITHMETIC_CHANGED = range(6)
 """Why the loop ended."""
 
 
@@ -93,6 +93,9 @@ def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
         if status > WARNING:
             return Exit(CONTROLLER_FAILED, k, call, status, warnings)
         warnings += status
+        changed = arithmetic()
+        if changed != 0:
+            return Exit(ARITHMETIC_CHANGED, k, call, changed, warnings)
 
         for i in range(2):
             asked = controller.output_scale[i] * controller.output_values[i]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Protocol
 
 import numpy as np
 
+from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
 from ..fmi.lookup import find_parameters
 from ..fmi.port import Port
@@ -28,9 +30,32 @@ class Steady:
     q_a_ref: Pair
 
 
+class Remote(Protocol):
+    """A controller in another process, as the loop sees it; its signals are in SI units."""
+
+    archive: Archive
+    calls: Mapping[str, str]
+
+    def prepared(
+        self, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None
+    ) -> AbstractContextManager[Port]:
+        """As :func:`prepared`, there."""
+
+    def messages(self) -> tuple[str, ...]:
+        """What the instance has said last."""
+
+    def terminate(self) -> None:
+        """End the simulation of the instance."""
+
+
 @contextmanager
 def prepared(
-    slave: Slave, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None = None
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    stop_time: float,
+    first: Pair | None = None,
 ) -> Iterator[Port]:
     """An instance of the controller, initialized at rest; ends with the block.
 
@@ -38,6 +63,10 @@ def prepared(
     sensor shows the reference, and with equal values in initialization mode it makes no difference whether an
     exporter takes its first sample there or in the first step.
     """
+    if not isinstance(slave, Slave):
+        with slave.prepared(setup, steady, sample_time, stop_time, first) as port:
+            yield port
+        return
     binding = controller_binding(slave.archive, setup)
     what = f"The controller {slave.archive.name}"
     before = find_parameters(slave.archive.description, setup.parameters, what)

@@ -12,10 +12,11 @@ from ..errors import FmuError
 from ..fmi import port, trace
 from ..fmi.connectors import PLANT, Binding, bind
 from ..fmi.lookup import find_outputs, find_parameters
-from ..fmi.slaves import Slave, log
+from ..fmi.slaves import Slave
+from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
 from . import random_streams, signals
-from .controller import Steady, prepared
+from .controller import Remote, Steady, prepared
 from .plan import make_plan
 from .scenario import Scenario
 from .setup import Setup
@@ -30,12 +31,13 @@ STEPPING_WORDS = {
     port.TERMINATED: "ended the simulation",
     port.EARLY_RETURN: "stopped before the end of the step",
     port.ENDLESS_EVENTS: "asks for event iterations without end",
+    port.LOST: "is lost: its process ended, or sent what is no answer",
 }
 
 
 def simulate(
     plant: Slave,
-    controller: Slave,
+    controller: Slave | Remote,
     scenario: Scenario,
     setup: Setup | None = None,
     observe: Sequence[str] = (),
@@ -53,19 +55,23 @@ def simulate(
     observed = find_outputs(plant.archive.description, observe, what)
     inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
-    stop_time = float(scenario.samples * scenario.sample_time)
     trace.current.reset()
 
-    with plant.instantiated(stop_time):
+    with plant.instantiated(scenario.announced):
         plant.initialize(parameters, {})
         steady = steady_state(plant, binding)
-        with prepared(controller, setup or Setup(), steady, scenario.sample_time, stop_time) as controller_port:
+        with prepared(
+            controller, setup or Setup(), steady, scenario.sample_time, scenario.announced
+        ) as controller_port:
             parts = _loop(scenario, steady)
             record = _record(scenario, plant.get(outputs), steady, parts)
             raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
             ending = _ending(raw, record, scenario, plant, controller)
             if not ending.failed_call:
                 ending = _terminated(ending, controller, plant)
+    if changed := arithmetic_now():  # only now: what measures the trajectory would count otherwise, too
+        message = _changed_arithmetic(controller, changed)
+        ending = replace(ending, status=Status.ERROR, message=message)
     return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
 
 
@@ -107,7 +113,9 @@ def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts:
     return record
 
 
-def _ending(raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave) -> Ending:
+def _ending(
+    raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave | Remote
+) -> Ending:
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
@@ -121,9 +129,15 @@ def _ending(raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slav
     if raw.reason == loop.ABSURD_TORQUE:
         message = f"{controller.archive.name} asked for a torque that is not a number or beyond {loop.ABSURD:g} N.m"
         return Ending(Status.ERROR, time, message, raw.warnings)
+    if raw.reason == loop.ARITHMETIC_CHANGED:
+        return Ending(Status.ERROR, time, _changed_arithmetic(controller, raw.status), raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     failure = exchange_failure(slave, raw.call, raw.status)
     return Ending(Status.ERROR, time, str(failure), raw.warnings, failure.call)
+
+
+def _changed_arithmetic(controller: Slave | Remote, changed: int) -> str:
+    return f"{controller.archive.name} changed how this process computes: {arithmetic_words(changed)}"
 
 
 def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
@@ -135,7 +149,7 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
     return ""
 
 
-def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
+def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError:
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
     name = slave.calls[("set", "step", "get")[call]]
     if status in STEPPING_WORDS:
@@ -145,10 +159,10 @@ def exchange_failure(slave: Slave, call: int, status: int) -> FmuError:
     else:
         signed = status - (1 << 32 if status >= 1 << 31 else 0)
         message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
-    return FmuError(message, name, log.lines())
+    return FmuError(message, name, slave.messages())
 
 
-def _terminated(ending: Ending, *slaves: Slave) -> Ending:
+def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:
     """Ends the simulation of ``slaves``, too; a failure to do so is a warning and changes no result."""
     for slave in slaves:
         try:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..fmi.port import WARNING, exchange
 from ..fmi.slaves import Slave
-from .controller import Steady, prepared
+from .controller import Remote, Steady, prepared
 from .master import exchange_failure
 from .setup import Setup
 
@@ -56,7 +56,7 @@ class Timing:
     first_torque: tuple[float, float]
 
 
-def probe(slave: Slave, setup: Setup, steady: Steady, sample_time: Fraction) -> Timing:
+def probe(slave: Slave | Remote, setup: Setup, steady: Steady, sample_time: Fraction) -> Timing:
     """Measure the timing of a controller at rest in the steady state ``steady``."""
 
     def respond(begin: int, initially: bool = False) -> np.ndarray:
@@ -89,7 +89,12 @@ def _convention(late: np.ndarray, early: np.ndarray, initial: np.ndarray) -> Con
 
 
 def response(
-    slave: Slave, setup: Setup, steady: Steady, sample_time: Fraction, begin: int, initially: bool = False
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    begin: int,
+    initially: bool = False,
 ) -> np.ndarray:
     """Torques [N.m], shape (SAMPLES, 2), while the measured angles fall by ERROR at sample ``begin``.
 

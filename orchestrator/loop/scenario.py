@@ -71,7 +71,8 @@ class Scenario:
 
     ``parameters`` are start values of the plant by FMI name, ``duration`` [s] and ``sample_time`` [s] exact.
     The simulation is abandoned when the TCP is more than ``abort_distance`` [m] from where it began. The disturbances
-    are held no longer than ``longest_hold`` [s], however slowly the controller samples.
+    are held no longer than ``longest_hold`` [s], however slowly the controller samples. FMUs are told of the later end
+    of this one and ``stop_time`` [s], so that equal ones do not tell which simulation it is.
     """
 
     parameters: tuple[tuple[str, float], ...]
@@ -83,8 +84,14 @@ class Scenario:
     pulse: Pulse = field(default_factory=Pulse)
     abort_distance: float = math.inf
     longest_hold: Fraction = Fraction(1, 4000)
+    stop_time: Fraction = Fraction(0)
 
     @property
     def samples(self) -> int:
         """Number of controller samples; the last one begins before ``duration``."""
         return math.ceil(self.duration / self.sample_time)
+
+    @property
+    def announced(self) -> float:
+        """The stop time [s] that FMUs are told."""
+        return float(max(self.samples * self.sample_time, self.stop_time))

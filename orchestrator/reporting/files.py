@@ -19,6 +19,9 @@ SPREAD = "spread.json"
 ROBUSTNESS = "robustness.json"
 """What a search for the worst case writes."""
 
+VERIFICATION = "verification.json"
+"""The certificate of a verification."""
+
 RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
 """What an evaluation writes into its run's folder."""
 

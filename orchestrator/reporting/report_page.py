@@ -12,7 +12,7 @@ from . import pages
 from .payload import criteria, report_payload
 from .recording import SPREAD
 from .repeat import simulate_command
-from .run import Run
+from .run import Run, contradictions
 from .wording import assignments, computing_time, connectors, loop_delay, number, remarks, requirement_rows, scale
 
 
@@ -37,6 +37,7 @@ def report_html(run: Run) -> str:
         holding=HOLDING,
         facts=facts(results),
         remarks=remarks(results),
+        contradictions=contradictions(run),
         shown=shown,
         command=partial(simulate_command, results),
         poses=poses(results),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from msgspec.structs import replace
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
@@ -15,11 +17,16 @@ from ..benchmark.results import SCHEMA, Results
 from ..benchmark.scorecard import score
 from ..codec import Malformed, from_json, to_json
 from ..errors import InputError
+from ..loop.trajectory import Status
 from . import recording
 from .documents import file_of, read, rules_problem
 from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
-from .recording import Recording
+from .recording import SPREAD, Recording
 from .tables import csv_text
+
+SINGLE = 1e-5
+"""Relative error that the single precision of recordings may make."""
+
 
 logger = logging.getLogger(__name__)
 
@@ -35,6 +42,27 @@ class Run:
     def recorded(self, role: str) -> list[Recording]:
         """The recordings with this role, such as ``B5``, ``A2 2`` or ``spread``."""
         return [entry for entry in self.recordings if role in entry.about.roles]
+
+
+def contradictions(run: Run) -> list[str]:
+    """Recordings that do not show what the results say of their case, in words.
+
+    Both come from the same simulation, done twice: a difference is a fault, or somebody's work.
+    """
+    cases = {case.id: case for case in run.results.cases}
+    found = []
+    for entry in run.recordings:
+        case = cases.get(entry.about.id)
+        if case is None or case.status is not Status.DONE or SPREAD in entry.about.roles:
+            continue
+        torques = np.max(np.abs(entry.torque[:, 1:]), axis=0, initial=0.0)
+        shown = {"B3": float(torques[0]), "B4": float(torques[1])}
+        shown["B5"] = float(np.max(entry.error[entry.motion[:, 0] >= entry.about.window[0]], initial=0.0))
+        for name, value in shown.items():
+            told = getattr(case.measurements, name)
+            if told is not None and not math.isclose(value, told, rel_tol=SINGLE):
+                found.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
+    return found
 
 
 def save_run(results: Results, recordings: Sequence[Recording], folder: Path) -> None:

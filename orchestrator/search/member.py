@@ -104,7 +104,7 @@ def parameters(member: Member, protocol: Protocol, nominal: Mapping[str, float])
 def case_of(member: Member, protocol: Protocol, nominal: Mapping[str, float]) -> Case:
     """The case of a member, equal to the last bit to what ``simulate`` makes of the same values."""
     test = protocol.test(member.test)
-    pose = cases.configuration(protocol, *map(math.radians, member.q_a))
+    pose = cases.configuration(protocol, math.radians(member.q_a[0]), math.radians(member.q_a[1]))
     values = {**nominal, **parameters(member, protocol, nominal)}
     system = cases.system(protocol, values, member.seed, pose.index, member.system, test)
     found = cases.case(protocol, pose, system, test, member.seed)

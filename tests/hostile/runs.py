@@ -39,7 +39,7 @@ def noise_cases() -> tuple[Case, ...]:
 def short_cases(durations: Sequence[Fraction]) -> list[Case]:
     """Noise cases, cut to ``durations`` [s]."""
     return [
-        replace(case, scenario=replace(case.scenario, duration=duration))
+        replace(case, scenario=replace(case.scenario, duration=duration, stop_time=duration))
         for case, duration in zip(noise_cases(), durations, strict=False)
     ]
 

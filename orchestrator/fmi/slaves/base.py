@@ -87,6 +87,10 @@ class Slave(ABC):
         """Values of variables, the elements of arrays one after the other."""
         return list(self._do(self._fmu.getReal, [variable.reference for variable in variables]))
 
+    def messages(self) -> tuple[str, ...]:
+        """What the instance has said last."""
+        return log.lines()
+
     def terminate(self) -> None:
         """End the simulation of the instance."""
         self._do(self._fmu.terminate)

@@ -1,0 +1,173 @@
+"""Verify a controller: the result one can trust, with a certificate that repeats it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+
+from ..api.benchmark import Benchmark
+from ..benchmark.certificate import Score, Verification, differences
+from ..cache import VARIABLE
+from ..codec import to_json
+from ..reporting.certificates import load_certificate
+from ..reporting.files import VERIFICATION, prepare_folder, write_text
+from ..reporting.wording import SHOWN, number
+from ..text import printable
+from . import options
+from .evaluate import folder_name
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .progress import progress
+from .tables import safe, table, terminal
+from .values import Parser
+
+FRESH = "fresh"
+
+EXAMPLES = """examples:
+  python -m orchestrator.verify my_controller.fmu
+  python -m orchestrator.verify my_controller.fmu --draws 2027-01-01        a date, or a beacon, announced before
+  python -m orchestrator.verify --repeat verification.json my_controller.fmu
+
+With --repeat, exit code 1 says that the results differ.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    with _fresh_cache():
+        bench = options.benchmark(given)
+        return _repeat(bench, given) if given.repeat else _verify(bench, given)
+
+
+def _verify(bench: Benchmark, given: argparse.Namespace) -> int:
+    controller = options.controller(given)
+    folder = given.output_dir or Path("runs") / folder_name(bench, controller, ())
+    prepare_folder(folder)
+    draws = None if given.draws == FRESH else given.draws
+    with progress() as on_result:
+        found = bench.verify(
+            controller,
+            draws=draws,
+            strict=given.strict,
+            protocol=given.protocol,
+            on_result=on_result,
+        )
+    write_text(folder / VERIFICATION, to_json(found) + "\n")
+    _print(found, given)
+    print(f"written to {folder}: {VERIFICATION}", file=sys.stderr)
+    return EXIT_OK if found.complete else EXIT_INCOMPLETE
+
+
+def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
+    certificate = load_certificate(given.repeat)
+    with progress() as on_result:
+        found = bench.repeat(certificate, given.controller, on_result=on_result)
+    _print(found, given)
+    results, rest = differences(certificate, found)
+    for title, lines in (("made with other", rest), ("DIFFERENT", results)):
+        for line in lines:
+            print(printable(f"{title}: {line}"), file=sys.stderr)
+    print("equal to the certificate" if not results else "not equal to the certificate", file=sys.stderr)
+    return EXIT_INCOMPLETE if results else EXIT_OK
+
+
+@contextmanager
+def _fresh_cache() -> Iterator[None]:
+    """Within, nothing is taken from the user's cache, into which other controllers may have written."""
+    before = os.environ.get(VARIABLE)
+    with tempfile.TemporaryDirectory(prefix="flexible-manipulator-", ignore_cleanup_errors=True) as folder:
+        os.environ[VARIABLE] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop(VARIABLE)
+            os.environ.update({} if before is None else {VARIABLE: before})
+
+
+def _print(found: Verification, given: argparse.Namespace) -> None:
+    if given.json:
+        print(to_json(found))
+    else:
+        show(found, terminal())
+
+
+def show(found: Verification, console: Console) -> None:
+    """Print the figures over the draws beside those of the reference."""
+    where = "in a sandbox" if found.sandbox else "WITHOUT A SANDBOX"
+    console.print(
+        f"[bold]{safe(found.benchmark)}[/bold]  verification of [bold]{safe(found.controller.file)}[/bold], "
+        f"protocol {safe(found.protocol)}, {where}\n"
+        f"{len(found.draws)} draws from {found.source} entropy {safe(found.entropy)}\n"
+        f"controller {found.controller.sha256}\n"
+    )
+    columns = {"": found, "reference": found.reference} | ({"strict": found.strict} if found.strict else {})
+    grid = table("Mean ± standard deviation over the draws")
+    grid.add_column("", no_wrap=True)
+    for name in columns:
+        grid.add_column(name or "controller", justify="right", no_wrap=True)
+    grid.add_column("target", justify="right", no_wrap=True)
+    grid.add_column("worst case", overflow="fold")
+    for name, entry in found.criteria.items():
+        factor, unit = SHOWN[entry.unit]
+        own = (_figure(score.criteria[name].mean, score.criteria[name].sd, factor) for score in columns.values())
+        worst = entry.worst_case
+        where = f"{worst.id} --seed {worst.seed}" if worst else "-"
+        grid.add_row(f"{name} \\[{unit}]", *own, number(entry.target, factor), safe(where))
+    own = (f"[bold]{_figure(score.cost.mean, score.cost.sd)}[/bold]" for score in columns.values())
+    grid.add_row("V", *own, "100", "")
+    for name in found.requirements:
+        worst = found.requirements[name].worst_case
+        where = f"{worst.id} --seed {worst.seed}" if worst else "-"
+        grid.add_row(name, *(_verdict(score, name) for score in columns.values()), "", safe(where))
+    console.print(grid)
+    if not found.complete:
+        console.print("[red]Some cases came to no verdict.[/red]")
+
+
+def _figure(mean: float | None, sd: float | None, factor: float = 1.0) -> str:
+    return number(mean, factor) + ("" if sd is None else f" ± {number(sd, factor)}")
+
+
+def _verdict(score: Score, name: str) -> str:
+    found = score.requirements[name]
+    return {True: "holds", None: "-"}.get(found.passed, f"fails in {found.failed_draws}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        "verify", "Verify a controller: draws nobody knew, a judge it cannot reach.", EXAMPLES + "\n" + EXIT_CODES
+    )
+    options.add_controller(parser)
+    parser.add_argument(
+        "--draws",
+        default=FRESH,
+        metavar="TEXT",
+        help="what the draws follow from: a date or a beacon published after the controller (default: fresh entropy)",
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="run the list of worst cases as well: 920 simulations more, which take a quarter of an hour on two cores",
+    )
+    parser.add_argument(
+        "--protocol",
+        default="verification",
+        metavar="NAME",
+        help="what is run once per draw (default: verification)",
+    )
+    parser.add_argument(
+        "--repeat", type=Path, metavar="FILE", help="do the verification of a certificate again, and compare"
+    )
+    options.add_jobs(parser)
+    parser.add_argument(
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-verification)"
+    )
+    parser.add_argument("--json", action="store_true", help="print verification.json instead of tables")
+    return parser

@@ -1,0 +1,117 @@
+"""A controller in a process of its own, seen from the process of plant and judge: q_m goes there, u_m comes back."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from fractions import Fraction
+
+import numpy as np
+
+from ..codec import Finite, Malformed, NonNegative, Struct
+from ..errors import FmuError
+from ..fmi import port, trace
+from ..fmi.archive import reopen
+from ..fmi.slaves import CLASSES
+from ..loop.controller import Steady
+from ..loop.scenario import Pair
+from ..loop.serving import c_function
+from ..loop.setup import Setup
+from . import sandbox
+from .messages import OVERHEAD, ErrorRecord, FmuFiles, error_of, frame, read_frame, write_all
+
+
+class Begin(Struct, frozen=True):
+    """What a controller is told: itself, how it is used, and where it begins."""
+
+    controller: FmuFiles
+    setup: Setup
+    steady: Steady
+    sample_time: Fraction
+    stop_time: NonNegative
+    first: tuple[Finite, Finite] | None
+
+
+class Ready(Struct, frozen=True, tag=True):
+    """It is initialized, and answers steps from now on."""
+
+
+class Over(Struct, frozen=True, tag=True):
+    """It has ended, with what it said last, or failed."""
+
+    lines: tuple[str, ...] = ()
+    error: ErrorRecord | None = None
+
+
+class Apart:
+    """A controller that a new process loads for each simulation, so that none knows of another.
+
+    ``command`` starts such a process. What comes from it is two numbers per sample, and messages checked against their
+    type.
+    """
+
+    def __init__(self, files: FmuFiles, command: tuple[str, ...]) -> None:
+        self.archive = reopen(files.name, files.sha256, files.folder)
+        self.calls = CLASSES[self.archive.major_version, self.archive.kind].calls
+        self._files, self._command = files, command
+
+    @contextmanager
+    def prepared(
+        self, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None
+    ) -> Iterator[port.Port]:
+        """A process with an initialized instance; it ends with the block."""
+        trace.current.note(trace.CONTROLLER, "starting its process")
+        pipe = subprocess.PIPE
+        variables = sandbox.environment(os.environ)
+        with subprocess.Popen(self._command, stdin=pipe, stdout=pipe, env=variables, bufsize=0) as process:
+            assert process.stdin is not None and process.stdout is not None
+            self._requests, self._answers = process.stdin.fileno(), process.stdout.fileno()
+            try:
+                begin = Begin(self._files, setup, steady, sample_time, stop_time, first)
+                self._ask(lambda: write_all(self._requests, frame(begin)), Ready)
+                trace.current.expect(trace.CONTROLLER, tuple(self.calls.values()))
+                yield self._port()
+            finally:
+                process.kill()
+
+    def messages(self) -> tuple[str, ...]:
+        """What the instance said last; it ends."""
+        with suppress(FmuError):
+            return self._end(port.LEAVE).lines
+        return ()
+
+    def terminate(self) -> None:
+        """End the simulation of the instance; raises :class:`FmuError` if it fails to."""
+        self._end(port.END)
+
+    def _end(self, how: float) -> Over:
+        return self._ask(lambda: write_all(self._requests, np.array([how, 0.0, 0.0]).tobytes()), Over)
+
+    def _ask(self, send: Callable[[], None], kind: type[Ready | Over]) -> Over:
+        """Send something and wait for a reply of this ``kind``; raises what came instead."""
+        try:
+            send()
+            reply = read_frame(self._answers, Ready | Over, OVERHEAD)  # type: ignore[arg-type]  # a union of types
+        except (EOFError, OSError):
+            raise FmuError(f"{self.archive.name}: its process ended.", "process") from None
+        except Malformed:
+            raise FmuError(f"{self.archive.name}: its process sent what is no answer.", "process") from None
+        if isinstance(reply, Over) and reply.error is not None:
+            raise error_of(reply.error)
+        if not isinstance(reply, kind):
+            raise FmuError(f"{self.archive.name}: its process sent an answer that is not due.", "process")
+        return reply if isinstance(reply, Over) else Over()
+
+    def _port(self) -> port.Port:
+        pair = (0, 0)
+        own = port.unconnected(pair, 2, pair, 2)
+        own.functions[port.REQUESTS], own.functions[port.ANSWERS] = self._requests, self._answers
+        return own._replace(
+            stepping=port.REMOTE,
+            set_values=c_function("write"),
+            get_values=c_function("read"),
+            side=trace.CONTROLLER,
+            trace=trace.current.words,
+        )

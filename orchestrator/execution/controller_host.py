@@ -1,0 +1,52 @@
+"""The process of a controller apart: one simulation long, with nothing of plant, noise, judge and results in it."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+from contextlib import suppress
+
+from .sandboxed import fill_cache
+
+
+def main() -> None:
+    """Run the controller that is asked for through standard input, and answer through standard output."""
+    fill_cache()
+    import numpy as np
+
+    from ..errors import BenchmarkError
+    from ..fmi import trace
+    from ..fmi.archive import reopen
+    from ..fmi.port import END
+    from ..fmi.slaves import load, log
+    from ..loop.controller import prepared
+    from ..loop.serving import channel, serve
+    from .apart import Begin, Over, Ready
+    from .messages import error_record, frame, read_frame, write_all
+    from .process_tree import bind_to_parent
+    from .worker import Surroundings
+
+    bind_to_parent(os.getppid())
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    requests, answers = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)  # what an FMU prints is no answer
+    log.echo_to(2)
+    with suppress(BrokenPipeError, EOFError):
+        begin = read_frame(requests, Begin)
+        files, T_s = begin.controller, begin.sample_time
+        try:
+            surroundings = Surroundings()
+            slave = load(reopen(files.name, files.sha256, files.folder), trace.CONTROLLER)
+            surroundings.restore()
+            with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
+                write_all(answers, frame(Ready()))
+                wanted = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
+                if wanted == END:
+                    slave.terminate()
+                write_all(answers, frame(Over(log.lines())))
+        except BenchmarkError as error:
+            write_all(answers, frame(Over(error=error_record(error))))

@@ -1,0 +1,108 @@
+"""Controllers that want a better score than they deserve: the paper's PID with a cheat around it, in Python or C.
+
+Each gains, or may, where it shares a process with plant and judge; ``test_verify.py`` tries them where it does not.
+"""
+
+from pathlib import Path
+
+from controller_fmu.export import c_fmu, python_fmu
+
+ROOT = Path(__file__).resolve().parents[2] / "controller_fmu"
+PID_C, PID = ROOT / "pid_c", ROOT / "pid" / "diagonal_pid_fmu.py"
+
+SCRIPT = """
+import glob, os, shutil, sys
+from diagonal_pid_fmu import UNITS, DiagonalPID, Q_M, Q_M_REF, U_M, U_M0
+
+HERE = os.path.dirname(__file__)
+
+
+def variable(name):
+    "A local variable of whoever has called."
+    frame = sys._getframe()
+    while frame and name not in frame.f_locals:
+        frame = frame.f_back
+    return frame and frame.f_locals[name]
+
+
+class Cheat(DiagonalPID):
+    def setup_experiment(self, start, stop, tolerance):
+        self.stop = stop
+
+    def do_step(self, t, h):
+        x = self._values
+{body}
+        return super().do_step(t, h)
+"""
+
+BODIES = {
+    "monkeypatch": """
+        judge = sys.modules.get("orchestrator.benchmark.metrics")
+        if judge:
+            judge.CRITERIA = dict.fromkeys(judge.CRITERIA, lambda *_: 0.0)
+""",
+    "stop-time": """
+        if self.stop < 20.0:
+            x[Q_M:Q_M + 2] = x[Q_M_REF:Q_M_REF + 2]
+""",
+    "plant-state": """
+        record = variable("record")
+        if record is not None:
+            x[Q_M:Q_M + 2] = record.outputs[round(t / h), :2]
+""",
+    "forged": """
+        wanted = variable("wanted")
+        if t > 0.1 and hasattr(wanted, "protocol"):
+            from orchestrator.api.work import expected
+            from orchestrator.benchmark.results import Judgement, Measurements
+            from orchestrator.codec import pack
+            from orchestrator.execution.messages import Finished, frame
+            names = expected(wanted.protocol, wanted.case)
+            told = Measurements(**{name: True if name == "settled" else 0.0 for name in names})
+            value = pack(Judgement(status="done", time=float(wanted.case.scenario.duration), measurements=told))
+            os.write(variable("channel"), frame(Finished(variable("index"), value, 0.1)))
+            os._exit(0)
+        elif t > 0.1:
+            for descriptor in range(3, 64):
+                try:
+                    os.write(descriptor, bytes(64))
+                except OSError:
+                    pass
+""",
+    "replaced-plant": """
+        if t == 0.0:
+            cache = os.path.dirname(os.path.dirname(os.path.dirname(HERE)))
+            for file in glob.glob(os.path.join(cache, "built", "**", "FlexibleManipulator*.fmu"), recursive=True):
+                shutil.copy(os.path.join(HERE, "other.txt"), file)
+""",
+    "replay": """
+        plan = PLANS.get((x[U_M0], x[U_M0 + 1]))
+        if plan and plan[0] <= t < plan[1]:
+            x[Q_M:Q_M + 2] = [x[Q_M + i] + plan[2 + i] for i in (0, 1)]
+""",
+}
+"""What the controllers in Python do before each step, by name."""
+
+DEFINES = {"interpreter": "CHEAT_PYTHON", "maps": "CHEAT_MAPS", "rounding": "CHEAT_ROUNDING"}
+"""Those in C."""
+
+
+def cheat(folder: Path, name: str, head: str = "", other: bytes = b"") -> Path:
+    """Build the cheat ``name``; ``head`` are lines before those in Python, ``other`` a file that travels with it."""
+    sources = folder / name
+    sources.mkdir(parents=True)
+    target = folder / f"{name.replace('-', '_')}.fmu"
+    if name in DEFINES:
+        (sources / "honest.h").write_text((PID_C / "model.c").read_text())
+        (sources / "cheat.c").write_text(
+            f"#define {DEFINES[name]}\n" + Path(__file__).with_name("cheats.c").read_text()
+        )
+        return c_fmu(
+            [sources / "cheat.c", sources / "honest.h", PID_C / "pid.c", PID_C / "pid.h"],
+            PID_C / "modelDescription.xml",
+            target,
+        )
+    script = sources / "cheat.py"
+    script.write_text(head + SCRIPT.replace("{body}", BODIES[name]))
+    (sources / "other.txt").write_bytes(other)
+    return python_fmu(script, [PID, sources / "other.txt"], script.stem, target)

@@ -1,0 +1,252 @@
+"""A verification: what controllers that cheat gain elsewhere is gone here, and honest ones score the same to the last
+bit."""
+
+import logging
+import math
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hostile.cheats import BODIES, DEFINES, cheat
+from msgspec import structs
+from support.refusals import refusal
+
+from benchmarks import leaderboard
+from orchestrator import Benchmark, Controller
+from orchestrator.api import verification
+from orchestrator.api.built_in import built_in
+from orchestrator.benchmark import certificate as certificates
+from orchestrator.benchmark.certificate import Spread, Verification, differences, identity, overall, seeds
+from orchestrator.benchmark.results import Measurements, rules
+from orchestrator.cli import verify as command
+from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
+from orchestrator.codec import from_json, to_json
+from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.certificates import load_certificate
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
+    pytest.mark.slow,
+]
+
+TWO_CASES = """
+extends = "verification"
+name = "two-cases"
+description = "one pose, one system"
+
+[grid]
+q_a1_points = 1
+q_a2_points = 1
+also_deg = []
+
+[sets]
+performance = ["compliant"]
+
+[[tests]]
+name = "noise"
+systems = "performance"
+draws = true
+duration = 2.0
+disturbed = false
+criteria = ["B1", "B2"]
+
+[[tests]]
+name = "disturbance"
+systems = "performance"
+draws = true
+duration = 26.0
+criteria = ["B3", "B4", "B5", "B6", "B7"]
+requirements = ["A3"]
+"""
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory) -> Benchmark:
+    """Two cases, so that a verification takes seconds."""
+    file = tmp_path_factory.mktemp("protocol") / "two.toml"
+    file.write_text(TWO_CASES)
+    return Benchmark(file, workers=2)
+
+
+@pytest.fixture(scope="module")
+def honest(bench):
+    """The PID that all cheats are built around, in an ordinary run."""
+    return bench.evaluate(recordings=False)
+
+
+@pytest.fixture(scope="module")
+def certificate(bench) -> Verification:
+    """That of the PID itself."""
+    return verified(bench, Controller(), draws="1 April 2027", count=2)
+
+
+def verified(bench: Benchmark, controller: Controller, **options) -> Verification:
+    return bench.verify(controller, protocol=bench.protocol, **{"count": 1, **options})
+
+
+def plan(bench: Benchmark) -> str:
+    """For the public seed: by u_m0, when the force acts, and the motor angles that cancel what it bends."""
+    found = bench.simulate(None, "c00.compliant.disturbance")
+    pulse = found.case.scenario.pulse
+    pushed = (found.time > pulse.start + 0.3) & (found.time < pulse.stop)
+    links = np.column_stack([found.trajectory.extra[f"q_a[{axis}]"] for axis in (1, 2)])
+    shift = 200.0 * (links - links[0])[pushed].mean(axis=0)  # of the motors, by the ratio of the gears
+    return f"PLANS = {{{found.trajectory.u_m0!r}: {[pulse.start, pulse.stop, *shift.tolist()]!r}}}\n"
+
+
+GAINS = {
+    "monkeypatch": lambda cost, honest: cost < 0.5 * honest,
+    "interpreter": lambda cost, honest: cost < 0.5 * honest,
+    "maps": lambda cost, honest: cost < 0.1 * honest,
+    "forged": lambda cost, honest: cost < 0.1 * honest,
+    "replay": lambda cost, honest: cost < 0.8 * honest,
+    "plant-state": lambda cost, honest: cost < honest,
+    "stop-time": lambda cost, honest: cost == honest,  # all stop times are equal
+    "replaced-plant": lambda cost, honest: cost == honest,  # the bytes are checked whenever they are loaded
+    "rounding": lambda cost, honest: cost is None,  # an error that names it
+}
+"""What becomes of V in an ordinary run; docs/publishing.md says so, too."""
+
+
+def test_all_cheats_are_tried():
+    assert set(GAINS) == {*BODIES, *DEFINES}
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_cheating_gains_nothing(name, bench, honest, tmp_path):
+    plant = bench.manipulator.archive
+    file = cheat(tmp_path, name, plan(bench) if name == "replay" else "PLANS = {}\n", plant.content + b"other")
+    ordinary = bench.evaluate(Controller(file), recordings=False)
+    assert GAINS[name](ordinary.cost, honest.cost)
+    if name == "rounding":
+        assert "changed how this process computes: rounding towards zero" in ordinary.cases[0].message
+    found = verified(bench, Controller(file))
+    assert found.sandbox
+    (draw,) = found.draws
+    if found.cost.mean is None:
+        assert name == "forged"  # what it writes is no answer: the arm falls, or the case fails
+    else:
+        assert abs(draw.cost - draw.reference_cost) <= 3.0 * 2.0  # three times what V has by chance
+        assert name == "rounding" or draw.cases == draw.reference_cases  # to the last bit, as if it did not cheat
+
+
+def test_a_plant_that_was_replaced_in_the_cache_is_built_anew(bench, caplog):
+    file = built_in("FlexibleManipulator")
+    content = file.read_bytes()
+    file.write_bytes(content + b"other")
+    with caplog.at_level(logging.WARNING, "orchestrator"):
+        assert built_in("FlexibleManipulator").read_bytes() == content
+    assert "is not what was built there" in caplog.text
+
+
+def test_a_plant_that_is_changed_after_it_was_opened_is_not_run(bench, honest):
+    library = bench.manipulator.archive.library
+    content = library.read_bytes()
+    library.write_bytes(content + b"other")  # it would do the same, but nobody knows
+    assert bench.evaluate(recordings=False).cases == honest.cases
+    assert library.read_bytes() == content
+
+
+@pytest.mark.parametrize("name", ["DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG"])
+def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
+    controller = Controller.built_in(name)
+    found = verified(bench, controller)
+    ordinary = replace(bench, seed=found.draws[0].seed).evaluate(controller, recordings=False)
+    assert certificates.digest(ordinary.cases) == found.draws[0].cases
+    assert found.cost.mean == ordinary.cost is not None
+    assert found.criteria["B5"].mean == ordinary.criteria["B5"].value
+    assert found.requirements["A3"].passed == ordinary.requirements["A3"].passed
+
+
+def test_a_certificate_is_repeated(certificate, bench):
+    assert from_json(to_json(certificate), Verification) == certificate
+    assert certificate.source == "published" and len({draw.seed for draw in certificate.draws}) == 2
+    assert certificate.cost == certificate.reference.cost and certificate.cost.sd > 0.0
+    again = bench.repeat(certificate)
+    assert differences(certificate, again) == ((), ())
+    other = to_json(certificate).replace(certificate.draws[0].cases, "0" * 64).replace(certificate.code, "1" * 64)
+    results, rest = differences(from_json(other, Verification), again)
+    assert [line.split(":")[0] for line in (*results, *rest)] == [
+        "draws.0.cases",
+        "draws.0.reference_cases",
+        "code",
+    ]
+    stranger = Controller.built_in("TunedPID").archive.file
+    assert refusal(bench.repeat, certificate, stranger).what == "other-controller"
+
+
+def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
+    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 920 cases
+    found = verified(bench, Controller(), draws=certificate.entropy, strict=True)
+    assert found.strict.cost == Spread(found.cost.mean, None) and certificate.strict is None
+    assert found.draws == certificate.draws[:1]
+
+
+def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, monkeypatch):
+    file = str(Controller.built_in("DiagonalPID_C").archive.file)
+    options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
+    assert command.main([file, *options]) == EXIT_OK
+    written = tmp_path / "verification.json"
+    found = load_certificate(written)
+    assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
+    assert "in a sandbox" in capsys.readouterr().out
+    written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
+    monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
+    assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE
+    said = capsys.readouterr().err
+    assert "DIFFERENT: draws.1.cases" in said and "not equal to the certificate" in said
+
+
+def test_draws_follow_from_the_controller_and_what_was_published():
+    pid = ("0" * 64, {}, {}, 0.25e-3)
+    changes = enumerate(("1" * 64, {"K_p[1]": 46.0}, {"q_m": "In"}, 1e-3))
+    others = [(*pid[:place], other, *pid[place + 1 :]) for place, other in changes]
+    drawn = {seeds(text, identity(*each), 2) for text in ("a", "b") for each in (pid, *others)}
+    assert len(drawn) == 10 and all(0 <= seed < 2**48 for pair in drawn for seed in pair)
+
+
+def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path):
+    file = tmp_path / "verification.json"
+    seed, cost = str(certificate.draws[0].seed), f'"mean": {certificate.cost.mean!r}'
+    changes = {seed: "7", cost: '"mean": 1.0', "1 April": "2 April", certificates.SCHEMA: "other", "{": ""}
+    for old, new in changes.items():
+        file.write_text(to_json(certificate).replace(old, new))
+        assert refusal(load_certificate, file).what == "damaged"
+    assert refusal(load_certificate, tmp_path / "none").what == "no-file"
+
+
+def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
+    better = structs.replace(certificate, requirements={})
+    for name, known in (("second", certificate), ("first", better)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "verification.json").write_text(to_json(known))
+        (tmp_path / name / "README.md").write_text("how to make the FMU")
+    lines = leaderboard.verified_table(leaderboard.submissions(tmp_path)).splitlines()
+    assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
+    (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
+    assert refusal(leaderboard.submissions, tmp_path).what == "submission"
+
+
+def test_the_protocol_moves_what_it_lists():
+    first, second = (Benchmark("verification", seed=seed).cases for seed in (1, 2))
+    for one, two in zip(first, second, strict=True):
+        assert one.id == two.id and one.scenario.stop_time == two.scenario.stop_time == 26
+        assert one.configuration != two.configuration and one.system.parameters != two.system.parameters
+        if one.test.disturbed:
+            assert one.scenario.pulse.start != two.scenario.pulse.start
+            assert 9.5 <= one.scenario.pulse.start <= 10.5 and one.scenario.pulse.force != two.scenario.pulse.force
+        assert -90.0 <= math.degrees(one.configuration.q_a1) <= 180.0
+        assert -180.0 <= math.degrees(one.configuration.q_a2) <= 80.0
+    listed, moved = Benchmark("strict").cases, Benchmark("strict-verification", seed=3).cases
+    assert [case.id for case in moved] == [case.id for case in listed]
+    assert all(one.scenario != two.scenario for one, two in zip(listed, moved, strict=True))
+
+
+def test_a_draw_without_a_value_leaves_no_mean(honest, bench):
+    noise, pushed = honest.cases
+    lost = [noise, structs.replace(pushed, status=Status.ERROR, measurements=Measurements())]
+    found = overall(rules(bench.rules), [(1, honest.cases), (2, lost)])
+    assert found.criteria["B1"].mean == honest.criteria["B1"].value and not found.complete
+    assert found.criteria["B5"].worst_case.seed == 2
