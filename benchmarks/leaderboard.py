@@ -16,14 +16,17 @@ import argparse
 import hashlib
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+import build_fmus  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.benchmark.certificate import Spread, Verification  # noqa: E402
 from orchestrator.benchmark.results import Results  # noqa: E402
@@ -50,6 +53,9 @@ PAGES = {
 }
 """The project's controllers by the name of their FMU, and where their page is."""
 
+FMUS = Path("build", "fmus")
+"""Below the folder of the project, in which the commands are run."""
+
 BASELINE = "DiagonalPID"
 HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
 WORST_HEAD = (
@@ -61,6 +67,8 @@ SEARCHED = ("B5", "B6", "B7")
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
 
+IN_C = {"TunedPID": "DiagonalPID_C", "DiagonalPID": "DiagonalPID_C"}
+
 Figures = Mapping[str, Any]
 """What is kept of a ``results.json``, under the same names."""
 
@@ -70,14 +78,16 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 
 def evaluate(name: str, folder: Path) -> dict[str, Any]:
     """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found."""
-    controller = Controller.built_in(name)
+    controller = built(name)
     hashes = {}
     for plant in ("native", "python"):
         results = Benchmark(plant=plant).evaluate(controller, folder=folder / plant / name, recordings=False).results
         hashes[plant] = hashlib.sha256((folder / plant / name / "cases.csv").read_bytes()).hexdigest()
     assert hashes["native"] == hashes["python"], "the native plant gives other results"
-    strict = Benchmark("strict").evaluate(controller, folder=folder / "strict" / name, recordings=False).results
-    found = Benchmark().robustness(controller, folder=folder / "robustness" / name)
+    searched = searched_as(name)
+    strict, place = Benchmark("strict"), folder / "strict" / name
+    listed = strict.evaluate(searched, folder=place, recordings=False).results
+    found = strict.robustness(searched, folder=place, recordings=False)
     return {
         "guid": controller.archive.description.guid,
         "plant": results.plant.sha256,
@@ -86,9 +96,30 @@ def evaluate(name: str, folder: Path) -> dict[str, Any]:
         "controller": _part(results.controller, "file", "sha256", "fmi_version", "generation_tool"),
         **_part(results, "benchmark", "protocol", "seed"),
         **_scorecard(results),
-        "strict": _scorecard(strict),
+        "strict": _scorecard(listed),
         "robustness": _found(found),
     }
+
+
+def built(name: str) -> Controller:
+    """One of the project's controllers, in the place that the commands in the tables name."""
+    build_fmus.build(name, FMUS)
+    return Controller(FMUS / f"{name}.fmu")
+
+
+def searched_as(name: str) -> Controller:
+    """The controller that is searched for: a PID in C, whose torques are those of the one in Python to the last bit
+    (tests/test_c_controllers.py), and which is faster."""
+    if name not in IN_C:
+        return built(name)
+    own, in_c = built(name), built(IN_C[name])
+    common = _starts(in_c)
+    return replace(in_c, parameters={key: value for key, value in _starts(own).items() if value != common[key]})
+
+
+def _starts(controller: Controller) -> dict[str, float]:
+    variables = controller.archive.description.modelVariables
+    return {each.name: float(each.start) for each in variables if each.causality == "parameter"}
 
 
 def _scorecard(results: Results) -> dict[str, Any]:
@@ -114,8 +145,9 @@ def _part(of: object, *names: str) -> dict[str, Any]:
 
 
 def standing(figures: Figures) -> tuple[bool, float]:
-    """What the order goes by, as in a comparison: those that hold all requirements first, then V."""
-    return not all(entry["passed"] for entry in figures["stability"].values()), figures["cost"]
+    """What the order goes by: those first for which no system was found that breaks a requirement, then V found."""
+    found = figures["robustness"]
+    return not all(entry["passed"] for entry in found["requirements"].values()), found["cost"]
 
 
 def name_of(figures: Figures) -> str:
@@ -164,7 +196,7 @@ def _margin(margin: Mapping[str, Any], factor: float) -> str:
 
 
 def leaderboard(kept: Sequence[Figures]) -> str:
-    """The README's table, in the order that a comparison has."""
+    """The README's table, in the order of what was found."""
     links = [(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing)]
     return WORST_HEAD + "".join(worst_row(*link) for link in links)
 
@@ -260,6 +292,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="only write the tables from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
     options = parser.parse_args()
+    os.chdir(ROOT)
     kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
     for name in () if options.table else options.names or PAGES:
         new = evaluate(name, options.runs)

@@ -42,10 +42,12 @@ def test_the_model_based_controllers_reach_what_was_wanted(name, most):
     assert all(requirement["passed"] for requirement in figures["stability"].values())
 
 
-def test_those_that_fail_a_requirement_come_last():
+def test_those_that_were_found_to_fail_come_last():
+    (known,) = (figures for figures in KEPT if leaderboard.name_of(figures) == "TunedPID")
+
     def figures(name, cost, passed=True):
-        kept = {"controller": {"file": f"{name}.fmu"}, "cost": cost, "stability": {"A1": {"passed": passed}}}
-        return kept | {"criteria": {"B1": {"value": 1.0, "unit": "s", "share": 1.0}}}
+        found = {**known["robustness"], "cost": cost, "requirements": {"A1": {"passed": passed}}}
+        return {**known, "controller": {"file": f"{name}.fmu"}, "robustness": found}
 
     kept = [figures("TunedPID", 110.0), figures("DiagonalPID", 50.0, False), figures("ManipulatorLQG", 90.0)]
     lines = leaderboard.leaderboard(kept).splitlines()[2:]
