@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .api.comparing import compare
     from .api.controller import Controller
     from .api.evaluation import Evaluation
+    from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
@@ -32,6 +33,7 @@ __all__ = [
     "Evaluation",
     "FmuError",
     "InputError",
+    "LinearModel",
     "Robustness",
     "Simulation",
     "Spread",
@@ -44,6 +46,7 @@ _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".api.controller",
     "Evaluation": ".api.evaluation",
+    "LinearModel": ".api.linear_model",
     "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",
     "Spread": ".reporting.spread",

@@ -12,6 +12,7 @@ COMMANDS = {
     "evaluate": "run a protocol, print the scorecard, write results and report",
     "simulate": "one case in full: signals, plot, figures",
     "robustness": "the worst case: search, margins, robustness radius",
+    "linearize": "A, B, C, D of the plant at a pose",
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",
     "report": "the report of a finished evaluation again, or figures of it",
