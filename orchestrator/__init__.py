@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from controller_fmu import controller_from_state_space
+
     from .api.benchmark import Benchmark
     from .api.comparing import compare
     from .api.controller import Controller
@@ -40,6 +42,7 @@ __all__ = [
     "Variation",
     "__version__",
     "compare",
+    "controller_from_state_space",
 ]
 
 _HOMES = {
@@ -52,6 +55,7 @@ _HOMES = {
     "Spread": ".reporting.spread",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
+    "controller_from_state_space": "controller_fmu",
 }
 """Modules that define public names: imported when first used, so that importing the package is free; the other names
 are errors."""
