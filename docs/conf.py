@@ -35,7 +35,7 @@ CONTENTS = {
         "Installation <docs/install>",
         *(f"docs/{page}" for page in ("evaluate", "robustness", "check", "report", "compare", "python", "running")),
     ],
-    "Write a controller": ["docs/exporting", "controller_fmu/starters/*/README", "examples/**", "docs/interface"],
+    "Write a controller": ["docs/exporting", "docs/design", "controller_fmu/starters/*/README", "examples/**", "docs/interface"],
     "Reference": ["docs/timing", "docs/plant", "docs/api", "docs/results", "docs/paper"],
     "Controllers": ["controller_fmu/*/README"],
     "Project": ["CONTRIBUTING", "CHANGELOG"],
