@@ -174,6 +174,7 @@ REFUSED = {
     ),
     "cubic": (lambda: ((*ONE, T_S), {"interpolation": "cubic"}), errors.ScheduleError, "cubic"),
     "back": (lambda: ((*ONE, T_S), {"anti_windup": np.eye(2)}), errors.ShapeError, "anti_windup"),
+    "one point": (lambda: ((A, B, C, D, T_S), {"points": POINTS[0]}), errors.ShapeError, "points"),
     "folder": (lambda: ((*ONE, T_S), {"out": "nowhere/x.fmu"}), errors.TargetError, "nowhere"),
 }
 

@@ -107,7 +107,7 @@ def controller_from_state_space(
         count, states = law.B.shape[:2]
         backs = np.zeros((count, states + 2, 2))
         if anti_windup is not None:
-            backs[:, :states] = _shaped("anti_windup", anti_windup, (count, states, 2))
+            backs[:, :states] = _shaped("anti_windup", anti_windup, (count, states, 2), (states, 2))
         data = {
             "T_s": law.T_s,
             "limit": _shaped("torque_limit", torque_limit, (2,)).tolist(),
@@ -124,11 +124,17 @@ def controller_from_state_space(
         return (_in_c if language == "c" else _in_python)(data, Path(name), target)
 
 
-def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+def _shaped(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
+    """``value`` as an array of one of the ``shapes``, without NaN."""
     try:
-        return np.broadcast_to(np.array(value, dtype=float), shape)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name} has the shape {np.shape(value)}, not {shape}", value=name) from None
+        found = np.array(value, dtype=float)
+    except (TypeError, ValueError) as problem:
+        raise ShapeError(f"{name} is not made of numbers: {problem}", value=name) from None
+    if found.shape not in shapes:
+        raise ShapeError(f"{name} has the shape {found.shape}, not {' or '.join(map(str, shapes))}", value=name)
+    if np.any(np.isnan(found)):
+        raise ShapeError(f"{name} holds what is not a number", value=name)
+    return found
 
 
 def _schedule(points: Any, count: int, interpolation: str) -> dict[str, Any]:
@@ -141,8 +147,6 @@ def _schedule(points: Any, count: int, interpolation: str) -> dict[str, Any]:
             raise ScheduleError(f"there are {count} controllers, and no points that they are for", value="points")
         points = np.zeros((1, 2))
     points = _shaped("points", points, (count, 2))
-    if not np.all(np.isfinite(points)):
-        raise ScheduleError("the points are not finite", value="points")
     return {"points": points.tolist(), "cells": _cells(points) if interpolation == "linear" else []}
 
 
@@ -151,13 +155,19 @@ def _cells(points: np.ndarray) -> list[dict[str, Any]]:
 
     try:
         triangles = Delaunay(points)
-    except (QhullError, ValueError):
-        remedy = "give three that do not lie on a line, or use the nearest one"
-        raise ScheduleError("the points span no triangle to interpolate in", value="points", remedy=remedy) from None
-    return [
+    except (QhullError, ValueError):  # fewer than three, or infinite
+        found = []
+    else:
+        found = list(zip(triangles.simplices, triangles.transform, strict=True))
+    cells = [
         {"corner": corner.tolist(), "inverse": transform[:2].tolist(), "origin": transform[2].tolist()}
-        for corner, transform in zip(triangles.simplices, triangles.transform, strict=True)
+        for corner, transform in found
+        if np.all(np.isfinite(transform))
     ]
+    if not cells:
+        remedy = "give three that do not lie on a line, or use the nearest one"
+        raise ScheduleError("the points span no triangle to interpolate in", value="points", remedy=remedy)
+    return cells
 
 
 def _in_c(data: dict[str, Any], folder: Path, target: Path) -> Path:
