@@ -43,8 +43,11 @@ def torques(A, B, C, D, back, signals):
 
 @pytest.mark.parametrize("language", [pytest.param("c", marks=needs_compiler), "python"])
 @pytest.mark.parametrize(("interpolation", "weights"), [("nearest", (1, 0, 0, 0)), ("linear", (0.65, 0.25, 0.1, 0))])
-def test_torques_are_those_of_the_recursion(language, interpolation, weights, tmp_path):
+def test_torques_are_those_of_the_recursion(language, interpolation, weights, tmp_path, monkeypatch):
     """Up to rounding: limited, scheduled, from the start and from restored states; other steps are refused."""
+    if language == "c":
+        strict = "-Wall -Wextra -Wno-unused-parameter -pedantic -Werror"
+        monkeypatch.setenv("CC", f"{' '.join(find_compiler())} {strict}")
     file = controller_from_state_space(
         *(A, B, C, D, T_S),
         out=tmp_path / "scheduled.fmu",
@@ -156,6 +159,9 @@ REFUSED = {
     "points": (lambda: ((A, B, C[:2], D, T_S), {}), errors.ShapeError, "C"),
     "nan": (lambda: ((*ONE[:3], np.full((2, 2), np.nan), T_S), {}), errors.ShapeError, "D"),
     "words": (lambda: (("no.mat",), {}), errors.SystemFileError, ""),
+    "complex": (lambda: ((*ONE[:3], 1j * ONE[3], T_S), {}), errors.ShapeError, "D"),
+    "builder": (lambda: ((*ONE, T_S), {"language": "rust"}), errors.LinearSystemError, "rust"),
+    "nothing": (lambda: ((1.0, 2.0, 3.0, 4.0, T_S), {}), errors.ShapeError, "A"),
     "dictionary": (lambda: ((3.0,), {}), errors.ShapeError, ""),
     "no T_s": (lambda: (ONE, {}), errors.SampleTimeError, "None"),
     "continuous": (lambda: ((signal.StateSpace(*ONE), None, None, None, T_S), {}), errors.SampleTimeError, ""),

@@ -12,13 +12,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from controller_fmu.errors import ScheduleError, ShapeError, located
+from controller_fmu.errors import LinearSystemError, ScheduleError, ShapeError, located
 from controller_fmu.export.archive import check_target
 from controller_fmu.export.c_fmu import c_fmu
 from controller_fmu.export.compiler import find_compiler
 from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.export.python_fmu import python_fmu
-from controller_fmu.export.systems import contents, stacked
+from controller_fmu.export.systems import contents, real, stacked
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "state_space"
 INTERPOLATIONS = ("nearest", "linear")
@@ -98,6 +98,8 @@ def controller_from_state_space(
     """
     target, system = Path(out), A
     check_target(target)
+    if language not in (None, *BUILDERS):
+        raise LinearSystemError(f"there is no builder {language!r}", value=str(language), nearest=tuple(BUILDERS))
     if isinstance(A, str | Path):
         system = contents(Path(A))
         points = system.get("points") if points is None else points
@@ -121,15 +123,12 @@ def controller_from_state_space(
         if language == "python":
             logger.warning("No C compiler found: the controller runs in Python, which is slower.")
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as name:
-        return (_in_c if language == "c" else _in_python)(data, Path(name), target)
+        return BUILDERS[language](data, Path(name), target)
 
 
 def _shaped(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
     """``value`` as an array of one of the ``shapes``, without NaN."""
-    try:
-        found = np.array(value, dtype=float)
-    except (TypeError, ValueError) as problem:
-        raise ShapeError(f"{name} is not made of numbers: {problem}", value=name) from None
+    found = real(name, value)
     if found.shape not in shapes:
         raise ShapeError(f"{name} has the shape {found.shape}, not {' or '.join(map(str, shapes))}", value=name)
     if np.any(np.isnan(found)):
@@ -218,3 +217,6 @@ def _braced(value: Iterable[Any] | float) -> str:
         return "INFINITY" if value == math.inf else repr(value)
     inner = [_braced(item) for item in value]
     return "{" + (",\n" if any(isinstance(item, Sequence) for item in value) else ", ").join(inner) + "}"
+
+
+BUILDERS = {"c": _in_c, "python": _in_python}

@@ -74,7 +74,7 @@ def stacked(system: Any, B: Any, C: Any, D: Any, T_s: float | None, method: str 
     if B is not None:
         parts = [(system, B, C, D, 0.0 if method else T_s)]
     elif isinstance(system, Mapping):
-        own = next((float(np.squeeze(system[name])) for name in SAMPLE_TIME if name in system), None)
+        own = _number(next((system[name] for name in SAMPLE_TIME if name in system), None))
         parts = [(system["A"], system["B"], system["C"], system.get("D"), own)]
     else:
         several = system if isinstance(system, Sequence) else [system]
@@ -97,6 +97,14 @@ def stacked(system: Any, B: Any, C: Any, D: Any, T_s: float | None, method: str 
             remedy = "its torque runs away while the drive is at its limit: change the weights of its design"
             raise UnstableError(what, value=f"{radius:.6g}", remedy=remedy)
     return LinearControllers(A, B, C, D, time)
+
+
+def _number(value: Any) -> float | None:
+    """The sample time in a file [s]; None if there is none."""
+    try:
+        return None if value is None else float(np.squeeze(value))
+    except (TypeError, ValueError):
+        raise SampleTimeError("the sample time is not a number", value=str(value)) from None
 
 
 def _matrices(system: Any) -> tuple[Any, Any, Any, Any, float | None]:
@@ -127,23 +135,30 @@ def _sample_time(own: float | None, given: float | None, method: str | None) -> 
 
 def _checked(A: Any, B: Any, C: Any, D: Any) -> list[np.ndarray]:
     """The matrices with a dimension for the points in front; D is zero if it is None."""
-    try:
-        found = [np.array(matrix, dtype=float) for matrix in (A, B, C, np.zeros((2, 2)) if D is None else D)]
-    except (TypeError, ValueError) as problem:
-        raise ShapeError(f"a matrix is not made of numbers: {problem}") from None
+    found = [real(name, matrix) for name, matrix in zip(MATRICES, (A, B, C, 0.0 if D is None else D), strict=True)]
     found = [matrix[None] if matrix.ndim == 2 else matrix for matrix in found]
-    points, states = max(len(matrix) for matrix in found if matrix.ndim), found[0].shape[-1] if found[0].ndim else 0
+    points, states = max(len(matrix) if matrix.ndim else 1 for matrix in found), found[0].shape[-1:] or (0,)
     if D is None:
         found[3] = np.zeros((points, 2, 2))
-    for name, matrix, shape in zip(MATRICES, found, ((states,) * 2, (states, 2), (2, states), (2, 2)), strict=True):
+    for name, matrix, shape in zip(MATRICES, found, (2 * states, (*states, 2), (2, *states), (2, 2)), strict=True):
         if matrix.shape != (points, *shape):
-            what = f"{name} has the shape {matrix.shape[1:]}, not {shape}: two errors in, two torques out"
+            what = f"{name} has the shape {matrix.shape[-2:]}, not {shape}: two errors in, two torques out"
             if matrix.shape[1:] == shape:
                 what = f"there are {len(matrix)} matrices {name}, not {points}"
             raise ShapeError(what, value=name)
         if not np.all(np.isfinite(matrix)):
             raise ShapeError(f"{name} holds what is not a finite number", value=name)
     return found
+
+
+def real(name: str, value: Any) -> np.ndarray:
+    """``value`` as an array of real numbers."""
+    if np.iscomplexobj(value):
+        raise ShapeError(f"{name} is complex", value=name)
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError) as problem:
+        raise ShapeError(f"{name} is not made of numbers: {problem}", value=name) from None
 
 
 def _discretized(continuous: Sequence[np.ndarray], T_s: float, method: str) -> tuple[np.ndarray, ...]:
