@@ -70,6 +70,30 @@ class TargetError(BuildError):
     """The FMU cannot be written where it is wanted."""
 
 
+class LinearSystemError(BuildError):
+    """A linear system cannot become a controller."""
+
+
+class SystemFileError(LinearSystemError):
+    """A file does not hold a linear system."""
+
+
+class ShapeError(LinearSystemError):
+    """The matrices do not fit each other, or hold what is not a finite number."""
+
+
+class SampleTimeError(LinearSystemError):
+    """The sample time is missing or contradicts itself, or a continuous system comes without a method."""
+
+
+class UnstableError(LinearSystemError):
+    """The controller by itself is unstable."""
+
+
+class ScheduleError(LinearSystemError):
+    """The points of a schedule are missing, or cannot be interpolated between."""
+
+
 class StarterError(ControllerFmuError):
     """A starter kit cannot be copied."""
 

@@ -38,7 +38,13 @@ CONTENTS = {
             for page in ("evaluate", "robustness", "check", "publishing", "report", "compare", "python", "running")
         ),
     ],
-    "Write a controller": ["docs/exporting", "controller_fmu/starters/*/README", "examples/**", "docs/interface"],
+    "Write a controller": [
+        "docs/exporting",
+        "docs/design",
+        "controller_fmu/starters/*/README",
+        "examples/**",
+        "docs/interface",
+    ],
     "Reference": ["docs/timing", "docs/plant", "docs/api", "docs/results", "docs/paper"],
     "Controllers": ["controller_fmu/*/README"],
     "Project": ["CONTRIBUTING", "CHANGELOG"],

@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from controller_fmu import controller_from_state_space
+
     from .api.benchmark import Benchmark
     from .api.comparing import compare
     from .api.controller import Controller
     from .api.evaluation import Evaluation
+    from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
@@ -32,23 +35,27 @@ __all__ = [
     "Evaluation",
     "FmuError",
     "InputError",
+    "LinearModel",
     "Robustness",
     "Simulation",
     "Spread",
     "Variation",
     "__version__",
     "compare",
+    "controller_from_state_space",
 ]
 
 _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".api.controller",
     "Evaluation": ".api.evaluation",
+    "LinearModel": ".api.linear_model",
     "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",
     "Spread": ".reporting.spread",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
+    "controller_from_state_space": "controller_fmu",
 }
 """Modules that define public names: imported when first used, so that importing the package is free; the other names
 are errors."""

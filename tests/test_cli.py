@@ -160,9 +160,10 @@ REFUSED = {
     "simulate": "--configuration 0 200 | --case c01.compliant.noise --system sticky | --t-1 5 --t-2 4 | "
     "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "
     "--from nowhere --case c00.compliant.noise",
+    "linearize": "--configuration 0 200 | --system soft | --output absent.txt | --friction dry",
     "report": "nowhere",
     "compare": "nowhere elsewhere",
-    "new": "python my/controller",
+    "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat",
 }
 
 

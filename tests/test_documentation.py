@@ -56,6 +56,16 @@ def test_code_of_the_page_on_the_plant(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_code_of_the_page_on_design(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its LQG meets the target and the requirements, with the numbers that the page gives."""
+    monkeypatch.chdir(tmp_path)
+    evaluation = run_code(text("docs/design.md"), "docs/design.md")["evaluation"]
+    assert f"V = {evaluation.cost:.0f} " in text("docs/design.md")  # type: ignore[attr-defined]
+    assert all(requirement.passed for requirement in evaluation.requirements.values())  # type: ignore[attr-defined]
+    assert (tmp_path / "model.mat").is_file()
+
+
+@pytest.mark.slow
 def test_notebook(folder: Path) -> None:
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     notebook = nbformat.read(ROOT / "examples" / "first_steps.ipynb", as_version=4)

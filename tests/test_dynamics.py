@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.manipulators import constants, table, uncertain_tables, workspace
 
+from orchestrator.benchmark import linearization
 from plant_fmu.flexible_manipulator import dynamics, kinematics
 
 EPS = float(np.finfo(float).eps)
@@ -181,3 +182,22 @@ def python_accelerations(values, x, tau, F):
 def test_accelerations_solve_lagranges_equations(values, x, tau, F):
     expected, rounding = lagrange_accelerations(values, x, np.array(tau), np.array(F))
     assert np.all(np.abs(python_accelerations(values, x, tau, F) - expected) <= rounding)
+
+
+@given(values=uncertain_tables(), q=workspace)
+def test_the_linear_model_is_the_derivative_of_lagranges_equations(values, q):
+    """At rest, where friction sticks; by central differences, whose error is their step squared, and rounding."""
+    at = linearization.rest(values, q)
+    model = linearization.linearized(values, at, "sticking")
+    gamma = np.array([values["gamma[1]"], values["gamma[2]"]])
+
+    def moved(place, change):
+        z = np.array([*q, *at.q_m, 0.0, 0.0, 0.0, 0.0, *at.u_m, 0.0, 0.0, 0.0, 0.0])
+        z[place] += change
+        accelerations, _ = lagrange_accelerations(values, z[:8], gamma * z[8:10] + z[10:12], z[12:])
+        return np.concatenate([z[4:8], accelerations, z[2:4], evaluated(values, z[:2], (0.0, 0.0))[4]])
+
+    steps = [1e-6, 1e-6, 1e-4, 1e-4, *[1e-4] * 4, *[1.0] * 6]
+    slopes = np.column_stack([(moved(i, h) - moved(i, -h)) / (2.0 * h) for i, h in enumerate(steps)])
+    found = np.block([[model.A, model.B], [model.C, model.D]])
+    assert np.all(np.abs(found - slopes) <= 1e-5 * np.abs(slopes).max(axis=0))

@@ -19,7 +19,7 @@ FLOORS = (
     ("reporting",),
     ("api",),
     ("cli",),
-    ("__init__", "__main__", "evaluate", "simulate", "robustness", "verify", "check", "compare", "report"),
+    ("__init__", "__main__", "evaluate", "simulate", "robustness", "verify", "linearize", "check", "compare", "report"),
     ("tuning",),
 )
 """Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the

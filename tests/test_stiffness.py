@@ -4,40 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
 from support.closed_loops import PAPER
-from support.manipulators import T_S, at_rest, constants, tcp_distance, uncertain_tables
+from support.manipulators import T_S, at_rest, tcp_distance
 from support.refusals import refusal
 
-from orchestrator.benchmark.stiffness import linearized, require_integrable
-from plant_fmu.flexible_manipulator import dynamics, integrator
+from orchestrator.benchmark.stiffness import require_integrable
+from plant_fmu.flexible_manipulator import integrator
 from plant_fmu.flexible_manipulator.integrator import STATE
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
-
-
-@given(values=uncertain_tables(swapped_stiffness=False))
-def test_the_system_matrix_is_the_derivative_of_the_equations_of_motion(values):
-    """Without gravity, at straight gears, and far beyond their breakpoint."""
-    arm, joints = constants({**values, "g": 0.0})
-    q_a = np.array([0.3, -0.9])
-    n = np.array([joint.n for joint in joints])
-    for bent, far in ((False, 0.0), (True, 10.0 * max(joint.psi for joint in joints))):
-        rest = np.array([*q_a, *(n * (q_a - far)), 0.0, 0.0, 0.0, 0.0])
-        torques = [-dynamics.spring(joint, far) / joint.n for joint in joints]
-        columns = []
-        for state, step in enumerate([1e-8, 1e-8, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6]):
-            ends = []
-            for sign in (-1.0, 1.0):
-                x = rest.copy()
-                x[state] += sign * step
-                ends.append(np.array(integrator.derivative(arm, *joints, tuple(x), *torques, 0.0, 0.0)))
-            columns.append((ends[1] - ends[0]) / (2.0 * step))
-        numeric = np.column_stack(columns)
-        matrix = linearized(arm, joints, bent, float(np.sin(q_a[1])))
-        # Bent gears push the links, and their torque turns with these: that is left out, as gravity is.
-        states = slice(2, 8) if bent else slice(0, 8)
-        difference = np.abs(matrix - numeric)[:, states]
-        assert np.all(difference <= 1e-4 * np.abs(numeric).max(axis=0)[states])
 
 
 def blows_up(changes):

@@ -21,6 +21,7 @@ from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
 from ..benchmark.certificate import Verification
+from ..benchmark.linearization import Friction
 from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
@@ -41,6 +42,7 @@ from . import campaign, checking, document
 from .campaign import Bench
 from .controller import Controller
 from .evaluation import Evaluation
+from .linear_model import LinearModel, linear_model
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
 from .robustness import OnProgress, find_worst_case, sought
@@ -480,6 +482,47 @@ class Benchmark:
         plain = case_list.case(self.rules, wanted.configuration, wanted.system, wanted.test, self.seed).scenario
         varied = replace(plain, sample_time=scenario.sample_time) != scenario
         return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
+
+    def linearize(
+        self,
+        q_a: tuple[float, float],
+        system: str = "compliant",
+        *,
+        test: str = "disturbance",
+        variation: Variation | None = None,
+        sampled: bool = True,
+        delay: bool = True,
+        friction: Friction = "sticking",
+    ) -> LinearModel:
+        """The plant, linearized at rest: deviations of q_m and X by those of u_m, u_d and F.
+
+        Every element is the derivative of the benchmark's equations in closed form, exact up to rounding.
+
+        Parameters
+        ----------
+        q_a : tuple of float
+            Link angles [rad].
+        system, test, variation
+            As in :meth:`case_at`. Of the test and the variation count what they do to u_m: gain and delay.
+        sampled : bool
+            Whether the model is that of the samples: inputs held over the benchmark's sample time. Else it is
+            continuous, and has no delay.
+        delay : bool
+            Whether the sampled model has the loop's delay from u_m to the motor, as states behind the plant's.
+        friction : str
+            ``"sticking"``, the slope of eq. (8) at zero speed: the derivative at rest. Or ``"sliding"``, the viscous
+            part alone: an arm that moves, which is what a controller is designed for.
+
+        Raises
+        ------
+        InputError
+            As :meth:`case_at`; if the plant is an FMU of your own, whose equations are not known; or if the variation
+            delays the measurement.
+        """
+        if self.plant not in (AUTO, PYTHON, NATIVE):
+            message = f"The equations of {self.plant} are not known; only the benchmark's manipulator is linearized."
+            raise InputError(message, "no-equations", self.plant)
+        return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)
 
     @property
     def processes(self) -> int:

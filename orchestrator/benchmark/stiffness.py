@@ -7,10 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plant_fmu.flexible_manipulator.coefficients import Arm, Joint, arm, joint
+from plant_fmu.flexible_manipulator.coefficients import arm, joint
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..errors import InputError
+from .linearization import system_matrix
 
 FAST = ("k_low", "k_high", "d", "f_d", "f_c", "alpha")
 """Uncertain parameters whose upper end makes the manipulator's motion faster; of the others only the masses matter."""
@@ -65,40 +66,18 @@ def _is_integrable(nominal: Mapping[str, float], uncertainty: Mapping[str, float
     try:
         links, joints = arm(fastest), (joint(fastest, 1), joint(fastest, 2))
         coefficients = np.array([*links, *joints[0], *joints[1]])
+        sticking = [own.f_d + own.alpha * own.f_c for own in joints]
         substep = longest_substep(joints)
         if not np.all(np.isfinite(coefficients)) or substep * MOST_SUBSTEPS < MAX_SUBSTEP:
             return False
         with np.errstate(all="ignore"):
             return all(
-                _growth(substep * linearized(links, joints, bent, s_2)) <= GROWTH
-                for bent in (False, True)
+                _growth(substep * system_matrix(links, joints, stiffness, sticking, s_2)) <= GROWTH
+                for stiffness in ([own.k_1 for own in joints], [own.m_1 for own in joints])
                 for s_2 in (-1.0, 0.0, 1.0)
             )
     except (ArithmeticError, np.linalg.LinAlgError):
         return False
-
-
-def linearized(links: Arm, joints: tuple[Joint, Joint], bent: bool, s_2: float) -> np.ndarray:
-    """The system matrix of eq. (2) at rest, shape (8, 8), for the state (q_a, q_m and their speeds), without gravity.
-
-    ``bent`` gears have the stiffness k_high, the others k_low; ``s_2`` = sin q_a2.
-    """
-    J_12 = links.a_2 - links.b * s_2
-    inertia = np.array([[links.a_1 - 2.0 * links.b * s_2, J_12], [J_12, links.a_2]])
-    j_m, n, d, f_d, f_c, alpha = (
-        np.array([getattr(own, name) for own in joints]) for name in ("j_m", "n", "d", "f_d", "f_c", "alpha")
-    )
-    stiffness = np.array([own.m_1 if bent else own.k_1 for own in joints])
-    bending = np.hstack([np.eye(2), -np.diag(1.0 / n)])  # of the gears, by the angles of links and motors
-    torques = np.hstack([stiffness[:, None] * bending, d[:, None] * bending])
-    friction = np.hstack([np.zeros((2, 6)), np.diag(f_d + alpha * f_c)])
-    return np.vstack(
-        [
-            np.hstack([np.zeros((4, 4)), np.eye(4)]),
-            -np.linalg.solve(inertia, torques),
-            (torques / n[:, None] - friction) / j_m[:, None],
-        ]
-    )
 
 
 def _growth(scaled: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Begin a controller of one's own from a starter kit."""
+"""Begin a controller of one's own: from a starter kit, or of the matrices of a design."""
 
 from __future__ import annotations
 
@@ -6,25 +6,33 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from controller_fmu import starters
+from controller_fmu import controller_from_state_space, starters
 from controller_fmu.errors import ControllerFmuError
+from controller_fmu.export.state_space import INTERPOLATIONS
+from controller_fmu.export.systems import METHODS
 
 from ..errors import InputError
 from .guard import EXIT_OK
-from .values import Parser
+from .values import Parser, number
+
+STATE_SPACE = "statespace"
 
 EXAMPLES = """examples:
-  flexible-manipulator new python my_controller     a folder with a controller in Python
-  flexible-manipulator build my_controller          its FMU
-  flexible-manipulator evaluate my_controller/MyController.fmu"""
+  flexible-manipulator new python my_controller             a folder with a controller in Python
+  flexible-manipulator build my_controller                  its FMU
+  flexible-manipulator evaluate my_controller/MyController.fmu
+  flexible-manipulator new statespace gains.mat --out my.fmu
+                                                            the FMU of a linear controller: A, B, C, D, T_s"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    parser = Parser("new", "Begin a controller of your own from a starter kit.", EXAMPLES)
-    parser.add_argument("kind", choices=starters.KINDS, help="the language")
-    parser.add_argument("folder", type=Path, help="the folder to make; the controller is named after it")
+    parser = _parser()
     given = parser.parse_args(arguments)
+    if given.kind == STATE_SPACE:
+        return _state_space(given.folder, given.out or given.folder.with_suffix(".fmu"), vars(given))
+    if given.out is not None:
+        parser.error(f"--out is for {STATE_SPACE}")
     try:
         starters.copy(given.kind, given.folder)
     except ControllerFmuError as problem:
@@ -33,3 +41,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"written to {given.folder}: {files}", file=sys.stderr)
     print(f"flexible-manipulator build {given.folder}")
     return EXIT_OK
+
+
+def _state_space(file: Path, out: Path, given: dict[str, object]) -> int:
+    how = {name: given[name] for name in ("T_s", "method", "interpolation")}
+    try:
+        print(controller_from_state_space(file, out=out, **how))  # type: ignore[arg-type]  # as the parser says
+    except ControllerFmuError as problem:
+        raise InputError(str(problem), "bad-system", problem.where or file, problem.value, problem.nearest) from None
+    return EXIT_OK
+
+
+def _parser() -> Parser:
+    parser = Parser("new", "Begin a controller of your own: from a starter kit, or of matrices.", EXAMPLES)
+    parser.add_argument(
+        "kind", choices=(*starters.KINDS, STATE_SPACE), help=f"the language, or {STATE_SPACE} for a linear controller"
+    )
+    parser.add_argument(
+        "folder",
+        type=Path,
+        metavar="FOLDER|FILE",
+        help="the folder to make, after which the controller is named; "
+        f"for {STATE_SPACE} the .mat, .npz or .json file with A, B, C, D, T_s",
+    )
+    group = parser.add_argument_group(STATE_SPACE)
+    group.add_argument("--out", type=Path, metavar="FMU", help="the FMU to write (default: beside the file)")
+    group.add_argument(
+        "--sample-time",
+        type=number(positive=True),
+        metavar="SECONDS",
+        dest="T_s",
+        help="the sample time, where the file has none, or that to sample a continuous controller with",
+    )
+    group.add_argument("--method", choices=METHODS, help="how to sample a continuous controller")
+    group.add_argument(
+        "--interpolation",
+        choices=INTERPOLATIONS,
+        default=INTERPOLATIONS[0],
+        help="between the points of a schedule (default: the nearest one)",
+    )
+    return parser

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping, Sequence
 
+from ..benchmark.linearization import Mode
 from ..benchmark.results import CaseResult, Results
 from ..loop.trajectory import Ending
 from . import pages
@@ -67,3 +69,10 @@ def simulation_fragment(title: str, ending: Ending, result: CaseResult, figure_s
         # An image cannot run what a script in it says.
         image="data:image/svg+xml;base64," + base64.b64encode(figure_svg.encode()).decode("ascii"),
     )
+
+
+def linear_fragment(title: str, at: Mapping[str, Sequence[float]], modes: Sequence[Mode]) -> str:
+    """Where a model is linearized, and frequencies and damping of its motions."""
+    units = {"q_a": "rad", "q_m": "rad", "u_m": "N.m", "X": "m"}
+    rest = [(f"{name} [{units[name]}]", pair) for name, pair in at.items()]
+    return pages.filled("linear_fragment.html", title=title, at=rest, modes=modes)

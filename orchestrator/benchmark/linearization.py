@@ -1,0 +1,160 @@
+"""The equations of motion (2)-(11) linearized at rest in closed form, and sampled as the loop samples them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from plant_fmu.flexible_manipulator.coefficients import Arm, Joint, arm, joint
+
+from ..loop.scenario import Delays, Pair
+
+Friction = Literal["sticking", "sliding"]
+
+AXES = (1, 2)
+STATES = tuple(f"{name}[{axis}]" for name in ("q_a", "q_m", "w_a", "w_m") for axis in AXES)
+INPUTS = tuple(f"{name}[{axis}]" for name in ("u_m", "u_d", "F") for axis in AXES)
+OUTPUTS = tuple(f"{name}[{axis}]" for name in ("q_m", "X") for axis in AXES)
+
+
+class Rest(NamedTuple):
+    """The steady state: link angles and motor angles [rad], commanded torques [N.m], position of the tool [m]."""
+
+    q_a: Pair
+    q_m: Pair
+    u_m: Pair
+    X: Pair
+
+
+class Matrices(NamedTuple):
+    """``dx/dt`` (or the next ``x``) ``= A x + B u``, ``y = C x + D u``, and the names of the states."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    states: tuple[str, ...]
+
+
+class Mode(NamedTuple):
+    """A motion of the linear system: frequency [Hz], and damping ratio, 1 for one that does not swing."""
+
+    frequency: float
+    damping: float
+
+
+def rest(parameters: Mapping[str, float], q_a: Pair) -> Rest:
+    """The plant's steady state at the link angles ``q_a`` [rad], as the plant solves for it."""
+    from plant_fmu.flexible_manipulator import equilibrium, kinematics  # loads Numba
+
+    links, joints = arm(parameters), (joint(parameters, 1), joint(parameters, 2))
+    found = equilibrium.solve(links, joints, q_a)
+    X: Pair = kinematics.tcp(links, *q_a)  # type: ignore[no-untyped-call]  # as it is written in its FMU
+    return Rest(q_a, found.q_m, found.u_m, X)
+
+
+def linearized(parameters: Mapping[str, float], at: Rest, friction: Friction, gain: Pair = (1.0, 1.0)) -> Matrices:
+    """The derivatives of eq. (2)-(11) ``at`` rest: A of shape (8, 8), B (8, 6), C (4, 8), D (4, 6), which is zero.
+
+    Each is the derivative of a term in closed form: at rest, the Coriolis torques (3h) have none, and the inertia's
+    multiplies torques that are in balance. ``sticking`` friction has the slope of eq. (8) at zero speed, f_d + alpha
+    f_c; ``sliding`` friction that of the viscous part alone, f_d. ``gain`` multiplies u_m.
+    """
+    from plant_fmu.flexible_manipulator.kinematics import tool_torque  # loads Numba
+
+    links, joints = arm(parameters), (joint(parameters, 1), joint(parameters, 2))
+    (s_1, c_1), (s_12, c_12) = ((math.sin(angle), math.cos(angle)) for angle in (at.q_a[0], sum(at.q_a)))
+    bent = [angle - motor / own.n for angle, motor, own in zip(at.q_a, at.q_m, joints, strict=True)]
+    stiffness = [
+        own.k_1 + 3.0 * own.k_3 * delta**2 if abs(delta) <= own.psi else own.m_1
+        for own, delta in zip(joints, bent, strict=True)
+    ]
+    weight = links.c_2 * s_12 * np.ones((2, 2)) - np.diag([links.c_1 * c_1, 0.0])
+    brake = [own.f_d + (own.alpha * own.f_c if friction == "sticking" else 0.0) for own in joints]
+    s_2 = math.sin(at.q_a[1])
+    pushes = ((1.0, 0.0), (0.0, 1.0))
+    jacobian = np.array([tool_torque(links, s_1, c_1, s_12, c_12, *F) for F in pushes])  # type: ignore[no-untyped-call]
+    B, C = np.zeros((8, 6)), np.zeros((4, 8))
+    B[4:6, 4:] = np.linalg.solve(inertia(links, s_2), jacobian.T)
+    for axis, own in enumerate(joints):
+        B[6 + axis, axis], B[6 + axis, 2 + axis] = gain[axis] * own.gamma / own.j_m, 1.0 / own.j_m
+        C[axis, 2 + axis] = 1.0
+    C[2:, :2] = jacobian
+    return Matrices(system_matrix(links, joints, stiffness, brake, s_2, weight), B, C, np.zeros((4, 6)), STATES)
+
+
+def inertia(links: Arm, s_2: float) -> np.ndarray:
+    """Inertia matrix of the links [kg.m2], shape (2, 2); ``s_2`` = sin q_a2."""
+    J_12 = links.a_2 - links.b * s_2
+    return np.array([[links.a_1 - 2.0 * links.b * s_2, J_12], [J_12, links.a_2]])
+
+
+def system_matrix(
+    links: Arm,
+    joints: tuple[Joint, Joint],
+    stiffness: Sequence[float],
+    friction: Sequence[float],
+    s_2: float,
+    gravity: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """The system matrix of eq. (2) at rest, shape (8, 8), for the state (q_a, q_m and their speeds).
+
+    ``stiffness`` [N.m/rad] and ``friction`` [N.m.s/rad] are the slopes of gears and motor friction, one an axis,
+    ``gravity`` [N.m/rad] that of the gravity torques, shape (2, 2); ``s_2`` = sin q_a2.
+    """
+    j_m, n, d = (np.array([getattr(own, name) for own in joints]) for name in ("j_m", "n", "d"))
+    bending = np.hstack([np.eye(2), -np.diag(1.0 / n)])  # of the gears, by the angles of links and motors
+    torques = np.hstack([np.asarray(stiffness)[:, None] * bending, d[:, None] * bending])
+    braking = np.hstack([np.zeros((2, 6)), np.diag(friction)])
+    falling = np.hstack([gravity * np.ones((2, 2)), np.zeros((2, 6))])
+    return np.vstack(
+        [
+            np.hstack([np.zeros((4, 4)), np.eye(4)]),
+            -np.linalg.solve(inertia(links, s_2), torques + falling),
+            (torques / n[:, None] - braking) / j_m[:, None],
+        ]
+    )
+
+
+def sampled(model: Matrices, T_s: Fraction, delays: Delays) -> Matrices:
+    """``model`` with its inputs held over ``T_s`` [s], and u_m acting after ``delays`` [s], of which any part of a
+    sample is exact. The torques under way are states behind the others: ``u_m[1] k-1`` was commanded a sample ago."""
+    states, size = len(model.A), sum(lags := [math.ceil(delay / T_s) for delay in delays])
+    A, B = np.zeros((states + size, states + size)), np.zeros((states + size, model.B.shape[1]))
+    A[:states, :states], B[:states] = held(model.A, model.B, T_s)
+    names, first = list(model.states), states
+    for axis, (delay, lag) in enumerate(zip(delays, lags, strict=True)):
+        if lag:
+            # Of what is under way, the oldest acts first, and the next one over the rest of the sample.
+            late = held(model.A, model.B[:, [axis]], lag * T_s - delay)[1][:, 0]
+            A[:states, first + lag - 1] = B[:states, axis] - late
+            B[:states, axis] = 0.0
+            B[first, axis] = 1.0
+            A[range(first + 1, first + lag), range(first, first + lag - 1)] = 1.0
+            (B[:states, axis] if lag == 1 else A[:states, first + lag - 2])[:] = late
+        names += [f"{INPUTS[axis]} k-{age}" for age in range(1, lag + 1)]
+        first += lag
+    return Matrices(A, B, np.hstack([model.C, np.zeros((len(model.C), size))]), model.D, tuple(names))
+
+
+def held(A: np.ndarray, B: np.ndarray, time: Fraction) -> tuple[np.ndarray, np.ndarray]:
+    """Zero-order hold over ``time`` [s]: the state's transition matrix, and what a constant input adds."""
+    from scipy.linalg import expm  # takes longer to load than all else here
+
+    exponent = np.zeros((len(A) + B.shape[1],) * 2)
+    exponent[: len(A)] = np.hstack([A, B]) * float(time)
+    result = expm(exponent)
+    return result[: len(A), : len(A)], result[: len(A), len(A) :]
+
+
+def modes(A: np.ndarray, sample_time: float | None) -> tuple[Mode, ...]:
+    """The motions of a system matrix, slowest first; conjugate poles are one, and torques under way none."""
+    poles = np.linalg.eigvals(A).astype(complex)
+    if sample_time is not None:
+        poles = np.log(poles[np.abs(poles) > 1e-6]) / sample_time
+    sizes = [(abs(pole), pole.real) for pole in poles.tolist() if pole.imag >= 0.0]
+    return tuple(Mode(size / (2.0 * math.pi), -real / size if size > 0.0 else 1.0) for size, real in sorted(sizes))
