@@ -33,7 +33,10 @@ html_show_copyright = False
 CONTENTS = {
     "Use": [
         "Installation <docs/install>",
-        *(f"docs/{page}" for page in ("evaluate", "robustness", "check", "publishing", "report", "compare", "python", "running")),
+        *(
+            f"docs/{page}"
+            for page in ("evaluate", "robustness", "check", "publishing", "report", "compare", "python", "running")
+        ),
     ],
     "Write a controller": ["docs/exporting", "controller_fmu/starters/*/README", "examples/**", "docs/interface"],
     "Reference": ["docs/timing", "docs/plant", "docs/api", "docs/results", "docs/paper"],

@@ -225,7 +225,9 @@ def test_what_a_worker_sends_is_checked(answer, own):
     refusal(cluster._outcomes, answer, job(own, "echo", b"x"), kind=Malformed)
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nonsense", "ftp://127.0.0.1:1", "tcp://127.0.0.1"])
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nonsense", "ftp://127.0.0.1:1", "tcp://127.0.0.1"]
+)
 def test_an_address_where_nobody_answers(address):
     error = refusal(list, cluster.run([], address, 0.5))
     assert (error.what, error.where) == ("no-scheduler", address)
