@@ -69,7 +69,8 @@ class Apart:
             assert process.stdin is not None and process.stdout is not None
             self._requests, self._answers = process.stdin.fileno(), process.stdout.fileno()
             try:
-                begin = Begin(self._files, setup, steady, sample_time, stop_time, first)
+                seen = None if first is None else (float(first[0]), float(first[1]))
+                begin = Begin(self._files, setup, steady, sample_time, stop_time, seen)
                 self._ask(lambda: write_all(self._requests, frame(begin)), Ready)
                 trace.current.expect(trace.CONTROLLER, tuple(self.calls.values()))
                 yield self._port()

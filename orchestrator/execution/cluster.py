@@ -59,6 +59,7 @@ class RemoteJob(Struct, frozen=True):
     limits: Limits
     largest: int
     sandbox: bool
+    apart: bool
 
 
 class RemoteAnswer(Struct, frozen=True):
@@ -194,7 +195,7 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(identity(), job.order(), job.limits, job.largest, job.sandbox))
+    return pack(RemoteJob(identity(), job.order(), job.limits, job.largest, job.sandbox, job.apart))
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
@@ -212,6 +213,7 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.largest,
             remote.limits,
             remote.sandbox,
+            remote.apart,
         )
         sent = (
             Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found

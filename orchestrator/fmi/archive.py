@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import io
+import logging
 import os
 import re
 import shutil
@@ -28,6 +29,8 @@ from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
 from .compilation import compile_sources
 from .variables import variables
+
+logger = logging.getLogger(__name__)
 
 MOST_FILES = 10_000
 """Largest number of files in an archive."""
@@ -250,6 +253,7 @@ def _extract(file: Path, sha256: str) -> Path:
         fmpy.extract(str(file), str(scratch / "fmu"))
         with zipfile.ZipFile(file) as opened:
             if folder.is_dir() and not _is_intact(folder, opened):
+                logger.warning("%s in the cache is not what the file holds: it is extracted anew.", file.name)
                 os.rename(folder, scratch / "spoiled")
         os.rename(scratch / "fmu", folder)
     except OSError as problem:

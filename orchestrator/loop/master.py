@@ -159,7 +159,8 @@ def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError:
     else:
         signed = status - (1 << 32 if status >= 1 << 31 else 0)
         message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
-    return FmuError(message, name, slave.messages())
+    # Who is lost says no more, and may let wait for it.
+    return FmuError(message, name, () if status == port.LOST else slave.messages())
 
 
 def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:

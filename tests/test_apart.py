@@ -1,0 +1,70 @@
+"""A controller in a process of its own: the same numbers, whatever its kind, and every failure is told."""
+
+import sys
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from conftest import build_or_skip
+from hostile.cheats import PID_C
+from hostile.fmus import Fault
+from hostile.runs import STRUCK, bench, run, short_cases
+
+from controller_fmu.export import c_fmu
+from controller_fmu.export.dialects import Dialect
+from orchestrator.api import campaign
+from orchestrator.execution import sandbox
+from orchestrator.loop.scenario import Drive
+from orchestrator.loop.trajectory import Status
+
+pytestmark = [pytest.mark.skipif(sys.platform != "linux", reason="faults for Linux")]
+
+KINDS = [Dialect(1), Dialect(2, "ModelExchange"), Dialect(3, arrays=True), Dialect(3, "ModelExchange")]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
+    sources = [PID_C / name for name in ("model.c", "pid.c", "pid.h")]
+    file = build_or_skip(lambda: c_fmu(sources, PID_C / "modelDescription.xml", tmp_path / "Pid.fmu", kind))
+    (case,) = short_cases((STRUCK,))
+    scenario = replace(case.scenario, drive=Drive(delay=(Fraction("0.0001"), Fraction(0))))
+    own = bench(plant_file, file, limit=120.0)
+    one, other = campaign.simulate(own, scenario), campaign.simulate(replace(own, apart=True), scenario)
+    assert one.ending == other.ending and len(one.command) == 200
+    for name in ("q_m", "X", "measured", "command", "torque"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+    timing = campaign.rehearse(case, replace(own, apart=True)).timing
+    assert timing == campaign.rehearse(case, own).timing and timing.latency == 0
+
+
+FAULTS = [
+    (Fault("segfault"), Status.ERROR, "is lost: its process ended"),
+    (Fault("exit:0"), Status.ERROR, "is lost: its process ended"),
+    (Fault("kill-parent"), Status.CRASHED, "ended by SIGKILL"),
+    (Fault("garbage"), Status.ERROR, "is lost: its process ended, or sent what is no answer"),
+    (Fault("spin"), Status.TIMEOUT, "in the call 'fmi2DoStep' of the controller at t = 0.02 s"),
+    (Fault("status:3"), Status.ERROR, "fmi2DoStep returned error\n  hostile: as you wish"),
+    (Fault("status:1"), Status.DONE, ""),
+    (Fault("value:nan"), Status.ERROR, "a torque that is not a number"),
+    (Fault("abort", "initialize", 0.0), Status.ERROR, "its process ended"),
+    (Fault("status:3", "initialize", 0.0), Status.ERROR, "as you wish"),
+    (Fault("status:3", "terminate", 0.0), Status.DONE, "after its end"),
+    (Fault("grow"), Status.CRASHED, "of memory; the limit is 600 MB"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fault", "status", "words"), FAULTS, ids=str)
+def test_what_goes_wrong_there_is_told_here(fault, status, words, plant_file, faulty):
+    own = bench(plant_file, faulty(fault), limit=3.0)
+    own = replace(own, apart=True, limits=replace(own.limits, memory=600_000_000), sandbox=fault.what != "kill-parent")
+    (found,) = run(own, short_cases((STRUCK,)))
+    assert (found.result.status, words in found.result.message) == (status, True), found.result
+    assert "Traceback" not in found.result.message
+
+
+def test_the_plant_is_not_shown_to_a_controller_apart(plant_file, pid_file):
+    own = bench(plant_file, pid_file)
+    words = " ".join(sandbox.command((own.controller.folder,)))
+    assert own.controller.sha256 in words and own.plant.sha256 not in words
