@@ -56,7 +56,7 @@ from orchestrator.execution.messages import (  # noqa: E402
     error_record,
 )
 from orchestrator.fmi.archive import open_archive  # noqa: E402
-from orchestrator.fmi.port import LOST, WARNING, exchange_often  # noqa: E402
+from orchestrator.fmi.port import LOST, WARNING, exchange  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.reporting.files import RESULTS, TRAJECTORIES  # noqa: E402
 from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
@@ -251,7 +251,8 @@ def read_answer(data: bytes, due: type[Ready | Over] | None) -> str:
         if due is not None:
             check_sense(own._ask(lambda: None, due).lines)
             return "accepted"
-        status = exchange_often(own._port(), 0, 1, 0.25e-3)
+        port = own._port()
+        _, status = exchange(port, port.inputs.size, 0.0, 0.25e-3, True)
     assert 0 <= status <= LOST
     return "accepted" if status <= WARNING else "refused"
 
