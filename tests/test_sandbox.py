@@ -143,7 +143,8 @@ def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path)
     shutil.copytree(ROOT / "tests" / "hostile", tmp_path / "hostile")
     shutil.copy(ROOT / "build_fmus.py", tmp_path)
     (tmp_path / "script.py").write_text(SCRIPT.format(clone=str(clone)))
-    done = finished([sys.executable, "script.py", str(plant_file), str(pid_file)], folder=tmp_path)
+    words = [sys.executable, "script.py", str(plant_file), str(pid_file)]
+    done = finished(words, folder=tmp_path, environment={"PYTHONPATH": ""})
     assert done.stdout.strip() == str(clone / "orchestrator" / "__init__.py"), done.stderr
 
 

@@ -55,7 +55,7 @@ BENCHES = {
     "mapping": lambda bench: replace(bench, setup=Setup(mapping={"q_m[1]": "In1"})),
 }
 PROTOCOLS = {
-    "benchmark": with_fields(QUICK, benchmark="FlexibleManipulator-v2"),
+    "benchmark": with_fields(QUICK, benchmark="FlexibleManipulator-v0"),
     "settling": with_fields(QUICK, settling=with_fields(QUICK.settling, error=0.2e-3)),
     "stability": with_fields(QUICK, stability=with_fields(QUICK.stability, limit_cycle=20e-6)),
 }
