@@ -29,7 +29,7 @@ MOVES = 0.4
 JUMPS = 0.3
 """Share of the moves that go anywhere."""
 POSE_STEP, FORCE_STEP = 20.0, 30.0
-"""Standard deviation of a move [degrees]."""
+"""Standard deviation of the largest moves [degrees]; each is scaled by a uniform draw, so that there are small ones."""
 
 
 def children(member: Member, protocol: Protocol, stream: np.random.RandomState) -> list[Member]:
@@ -58,7 +58,7 @@ def _moved(q_a: tuple[float, float], protocol: Protocol, stream: np.random.Rando
     jump, stretch = stream.uniform(size=2)
     found = []
     for angle, (low, high) in zip(q_a, (protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg), strict=True):
-        anywhere, near = stream.uniform(low, high), angle + POSE_STEP * stream.standard_normal()
+        anywhere, near = stream.uniform(low, high), angle + POSE_STEP * stream.standard_normal() * stream.uniform()
         found.append(float(np.clip(round(anywhere if jump < JUMPS else near), low, high)))
     if jump < JUMPS and stretch < 0.5:
         found[1] = -90.0
@@ -69,7 +69,7 @@ def _disturbed(member: Member, protocol: Protocol, stream: np.random.RandomState
     """Another direction of the force, whole degrees, or the other sweep."""
     low, high = protocol.disturbance.chirp_frequencies
     turn, angle = stream.uniform(), stream.uniform(0.0, 180.0)
-    step = FORCE_STEP * stream.standard_normal()
+    step = FORCE_STEP * stream.standard_normal() * stream.uniform()
     before = math.degrees(member.phi_F) if member.phi_F is not None else 0.0
     if turn < JUMPS:
         return replace(member, sweep=(high, low) if member.sweep == (low, high) else (low, high))
