@@ -25,7 +25,7 @@ from orchestrator.loop.trajectory import Status
 from orchestrator.reporting import recording
 from orchestrator.search.archive import Archive
 from orchestrator.search.ascent import climb, explore
-from orchestrator.search.hunt import Hunt, effects, requirements, search, spread
+from orchestrator.search.hunt import Hunt, costs, effects, requirements, search, spread
 from orchestrator.search.margins import margins, radius
 from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
 from orchestrator.search.race import race
@@ -94,6 +94,21 @@ def test_a_controller_that_fails_only_there_is_found(planted):
     assert found is not None and planted(found) and height(DELAY, archive.found[found], STRICT.stability) > 0.5 * FAILED
 
 
+def hunt_of(of, budget, told=lambda *known: True):
+    """A search from the list of ``strict`` with the figures that ``of`` gives."""
+    listed = [of_case(case) for case in cases_of(STRICT, NOMINAL, 0)]
+    archive = Archive(STRICT, answers(of))
+    return Hunt(archive, rules(STRICT), listed, targets(STRICT), lambda member: "", told, budget)
+
+
+def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
+    hunt = hunt_of(lambda member: {"B6": len(member.system)} if STRICT.test(member.test).criteria else {}, 920)
+    search(hunt, 0)
+    spread(hunt)
+    found, listed = costs(hunt)
+    assert found == listed > 0.0 and set(hunt.archive.found) == set(hunt.listed)
+
+
 @pytest.mark.parametrize("budget", [924, 1000, 1300, 2000, 6000])
 def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
     """With a controller that fails everything beyond some gain and delay, and V above its target near the end."""
@@ -105,11 +120,7 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
         return hidden(member) | ({"limit_cycle_x": 1e-3, "limit_cycle_ratio": 1.0} if late or up or size > 1.1 else {})
 
     stages = []
-    cases = cases_of(STRICT, NOMINAL, 0)
-    hunt = Hunt(
-        Archive(STRICT, answers(of)), rules(STRICT), [of_case(case) for case in cases], targets(STRICT),
-        lambda member: "", lambda stage, simulations, worst: stages.append((stage, simulations)) or True, budget,
-    )  # fmt: skip
+    hunt = hunt_of(of, budget, lambda stage, simulations, worst: stages.append((stage, simulations)) or True)
     search(hunt, 0)
     spread(hunt)
     requirements(hunt)
