@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
     from .reporting.robustness import Robustness
     from .reporting.spread import Spread
+    from .reporting.tuning import Tuning
 
 __all__ = [
     "Benchmark",
@@ -39,6 +40,7 @@ __all__ = [
     "Robustness",
     "Simulation",
     "Spread",
+    "Tuning",
     "Variation",
     "__version__",
     "compare",
@@ -53,6 +55,7 @@ _HOMES = {
     "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",
     "Spread": ".reporting.spread",
+    "Tuning": ".reporting.tuning",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
     "controller_from_state_space": "controller_fmu",

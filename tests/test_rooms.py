@@ -19,7 +19,19 @@ FLOORS = (
     ("reporting",),
     ("api",),
     ("cli",),
-    ("__init__", "__main__", "evaluate", "simulate", "robustness", "verify", "linearize", "check", "compare", "report"),
+    (
+        "__init__",
+        "__main__",
+        "evaluate",
+        "simulate",
+        "robustness",
+        "verify",
+        "tune",
+        "linearize",
+        "check",
+        "compare",
+        "report",
+    ),
     ("tuning",),
 )
 """Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the

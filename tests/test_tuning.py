@@ -1,4 +1,4 @@
-"""The tuning: its objective, which candidate of a search is kept, and what data files say of their origin."""
+"""Tuning: its objective, what it adds to that, which candidate it keeps, and what data files say of their origin."""
 
 from __future__ import annotations
 
@@ -12,65 +12,154 @@ from support.closed_loops import GRID
 from test_pid import GAINS, STARTS
 
 import build_fmus
+from controller_fmu import tuning as scripts
 from controller_fmu.friction import tune as friction
 from controller_fmu.lqg import tune as lqg
 from controller_fmu.pid_tuned import tune as pid
-from controller_fmu.tuning import search
-from orchestrator import Benchmark, BenchmarkError, Evaluation
-from orchestrator.benchmark.results import Measurements
+from orchestrator import Benchmark, Controller, InputError
+from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.tuning import Tuning
+from orchestrator.search.candidates import NO_CYCLE, REFUSED, trial
+
+pytest.importorskip("optuna", reason="the extra tuning is not installed")
 
 TASKS = {task.shipped: task for task in (pid.TASK, lqg.TASK, friction.TASK)}
-TUNED = STARTS["TunedPID"]
-PAPERS = {f"{name}[{axis}]": pair[axis - 1] for name, pair in GAINS.items() for axis in (1, 2)}
+COMPILER = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+
+FEW = """
+extends = "paper"
+name = "{name}"
+[grid]
+q_a1_points = 1
+q_a2_points = 1
+[sets]
+performance = ["{system}"]
+low_friction = ["slippery"]
+[[tests]]
+name = "noise"
+systems = "performance"
+duration = 1.0
+disturbed = false
+criteria = ["B1", "B2"]
+[[tests]]
+name = "disturbance"
+systems = "performance"
+duration = 13.0
+criteria = ["B3", "B4", "B5", "B6", "B7"]
+[[tests]]
+name = "delay_2"
+systems = "low_friction"
+duration = 20.0
+axis = 2
+delay = "1.5e-3"
+requirements = ["A2", "A3"]
+"""
+VARY = {"K_d[2]": (0.05, 1.2, "log"), "z_p[2]": (0.6, 0.99)}
 
 
-def test_poses_of_the_search_are_none_of_the_protocols():
-    poses = {(case.configuration.q_a1, case.configuration.q_a2) for case in Benchmark(search.PROTOCOL).cases}
+@pytest.fixture
+def short(tmp_path):
+    """A protocol to judge by, and one to try candidates in."""
+    files = []
+    for name, system in (("whole", "nominal"), ("short", "compliant")):
+        files.append(tmp_path / f"{name}.toml")
+        files[-1].write_text(FEW.format(name=name, system=system))
+    return Benchmark(files[0]), files[1]
+
+
+def test_poses_of_the_objective_are_none_of_the_papers():
+    poses = {(case.configuration.q_a1, case.configuration.q_a2) for case in Benchmark("tuning").cases}
     assert len(poses) == 6
     assert not poses & {(pose.q_a1, pose.q_a2) for pose in GRID}
 
 
-def test_objective_is_the_cost_with_a_penalty_for_limit_cycles(quick):
-    def with_cycles(amplitude):
-        cases = tuple(
+def test_objective_is_the_cost_with_a_penalty_where_a_requirement_fails(quick):
+    rules = quick.results.rules
+
+    def with_cycles(amplitude, ratio):
+        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_ratio": ratio}
+        return [
             case
             if case.measurements.limit_cycle is None
-            else structs.replace(case, measurements=Measurements(limit_cycle_x=amplitude, limit_cycle_z=0.0))
+            else structs.replace(case, status=Status.DONE, measurements=structs.replace(case.measurements, **cycle))
             for case in quick.cases
-        )
-        return Evaluation(structs.replace(quick.results, cases=cases))
+        ]
 
-    stability_tests = sum(case.measurements.limit_cycle is not None for case in quick.cases)
-    assert stability_tests > 10
-    assert search.objective(with_cycles(9e-6)) == quick.cost
-    assert search.objective(with_cycles(math.e * 10e-6)) == pytest.approx(quick.cost + 4.0 * stability_tests)
-    assert search.objective(with_cycles(None)) == quick.cost + 100.0 * stability_tests
+    def found(*cycle):
+        return trial(rules, 0, {}, with_cycles(*cycle), whole=True)
+
+    tests = sum(case.measurements.limit_cycle is not None for case in quick.cases)
+    limit, ring_down = rules.stability.limit_cycle, rules.stability.ring_down
+    assert tests > 10
+    for holding in ((0.9 * limit, 1.0), (1e3 * limit, 0.99 * ring_down)):
+        assert (found(*holding).objective, found(*holding).holds) == (quick.cost, True)
+    assert found(math.e * limit, 1.0).objective == pytest.approx(quick.cost + (1.0 + 4.0) * tests)
+    assert found(1e6 * limit, math.e**0.1 * ring_down).objective == pytest.approx(quick.cost + (1.0 + 4.0) * tests)
+    assert found(None, None).objective == pytest.approx(quick.cost + NO_CYCLE * tests)
+    assert not found(None, None).holds
+    assert trial(rules, 0, {}, with_cycles(None, None), whole=False).objective == quick.cost, "a lower bound"
+    died = [structs.replace(quick.cases[0], status=Status.CRASHED, message="it died\nat noon"), *quick.cases[1:]]
+    assert (trial(rules, 0, {}, died, whole=True).objective, trial(rules, 0, {}, died, True).message) == (
+        REFUSED,
+        "it died",
+    )
 
 
-def test_a_candidate_beyond_a_limit_is_not_simulated(monkeypatch):
-    monkeypatch.setattr(Benchmark, "evaluate", lambda *_, **__: pytest.fail("simulated"))
-    task = replace(pid.TASK, start={**pid.START, "z_p[2]": 0.995})
-    assert search.objective_of(task)([0.0] * len(pid.START)) > search.REFUSED
-
-
-@pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
-def test_a_candidate_that_the_fmu_refuses_has_no_cost():
-    task = replace(lqg.TASK, start={**lqg.START, "effort[1]": 1e-12})
-    assert search.objective_of(task)([0.0] * len(lqg.START)) == search.REFUSED
-
-
+@COMPILER
 @pytest.mark.slow
-def test_the_best_candidate_that_holds_a1_to_a3_is_kept(capsys):
-    """The paper's PID fails A2 in its worst configuration, whatever a search's few tests made of it."""
-    task, only = replace(pid.TASK, start=TUNED), ("c07.slippery.gain_*", "c07.slippery.delay_*")
-    papers = (1.0, tuple(math.log(PAPERS[name] / TUNED[name]) for name in TUNED))
-    tuned = (2.0, (0.0,) * len(TUNED))
-    assert search.finalist(task, [tuned, papers], only) == (2.0, TUNED)
-    first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith("1.00: Evaluation(") and "A2 fails" in first
-    assert second.startswith("2.00: Evaluation(") and "A2 holds" in second
-    with pytest.raises(BenchmarkError, match="None of the 1 best candidates .* holds A1-A3"):
-        search.finalist(task, [papers], only)
+def test_a_search_finds_better_parameters_and_finds_them_again(short, tmp_path):
+    """Interrupted, it goes on with what is stored, and comes to the same answer; a broken candidate is one trial."""
+    goal, objective = short
+    controller = Controller.built_in("DiagonalPID_C")
+    told = []
+
+    def interrupt(entry, done, total):
+        told.append(entry)
+        if done == 15:
+            raise KeyboardInterrupt
+
+    options = {"trials": 30, "objective": objective, "folder": tmp_path / "first"}
+    with pytest.raises(KeyboardInterrupt):
+        goal.tune(controller, VARY, **options, on_trial=interrupt)
+    first = goal.tune(controller, VARY, **options)
+    other = goal.tune(controller, VARY, **{**options, "folder": tmp_path / "other"})
+    assert first.trials == other.trials and first.best == other.best
+    assert list(first.trials[: len(told)]) == told or first.judged, "counterexamples are counted from the beginning on"
+    assert [entry.number for entry in first.trials] == list(range(30))
+    assert first.trials[0].values == {"K_d[2]": GAINS["K_d"][1], "z_p[2]": GAINS["z_p"][1]}
+    best = first.best
+    assert best is not None and best.trial.objective < first.trials[0].objective
+    again = goal.evaluate(controller.with_parameters(first.parameters), recordings=False)
+    assert again.cost == best.cost and all(entry.passed for entry in again.requirements.values())
+    assert Tuning.load(tmp_path / "first") == first
+    assert Controller(controller.file, tmp_path / "first" / "best.toml").setup.parameters == first.parameters
+
+
+@COMPILER
+def test_what_the_fmu_refuses_costs_a_trial(short):
+    goal, objective = short
+    controller = Controller.built_in("DitheredLQG_C")
+    found = goal.tune(controller, {"effort[1]": (1e-12, 1.0, "log")}, trials=4, objective=objective, sampler="random")
+    refused = [entry for entry in found.trials if entry.message]
+    assert refused and all(entry.objective == REFUSED for entry in refused)
+    assert len(found.trials) == 4
+
+
+@pytest.mark.parametrize(
+    ("vary", "options", "what"),
+    [
+        ({}, {}, "nothing-varies"),
+        ({"K_x": (1.0, 2.0)}, {}, "no-parameter"),
+        ({"K_p[1]": (2.0, 1.0)}, {}, "bad-range"),
+        ({"K_p[1]": (0.0, 1.0, "log")}, {}, "bad-range"),
+        (VARY, {"sampler": "oracle"}, "no-sampler"),
+        (VARY, {"trials": 0}, "bad-number"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused(vary, options, what):
+    with pytest.raises(InputError) as problem:
+        Benchmark().tune(Controller(), vary, **options)
+    assert problem.value.what == what
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -78,12 +167,13 @@ def test_data_file_says_what_made_it(name, tmp_path):
     """Either the tuning of an earlier version, which is gone, or the script with all that is its own, as it is now."""
     task = TASKS[name]
     tuned = json.loads(task.file.read_text(encoding="utf-8"))["tuned"]
-    assert tuned.get("made_by") == "the tuning of version 0.1.0" or search.origin(task.script).items() <= tuned.items()
+    assert tuned.get("made_by") == "the tuning of version 0.1.0" or scripts.origin(task.script).items() <= tuned.items()
     written = replace(task, file=tmp_path / "data.json")
     written.file.write_bytes(task.file.read_bytes())
     first = next(iter(task.start))
-    search.write(written, {first: 1.5}, {"evaluations": 3})
+    scripts.write(written, {first: 1.5}, {"trials": 3})
     contents = json.loads(written.file.read_text(encoding="utf-8"))
-    assert contents["tuned"] == {**search.origin(task.script), "evaluations": 3}
+    assert contents["tuned"] == {**scripts.origin(task.script), "trials": 3}
     assert contents["parameters"] == {**STARTS[name], first: 1.5}
     assert task.start.keys() <= STARTS[name].keys(), "what is tuned is in the file"
+    assert all(low < task.start[each] < high for each, (low, high, _) in task.vary().items())

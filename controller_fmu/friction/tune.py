@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from controller_fmu.tuning.search import Task, main
+from controller_fmu.tuning import Task, main
 
 START = {
     "stiffness[1]": 4.4,
@@ -44,7 +44,7 @@ TASK = Task(
     shipped="DitheredLQG",
     fast="DitheredLQG_C",
     start=START,
-    spread=0.12,
+    reach=1.5,
     upper=UPPER,
 )
 

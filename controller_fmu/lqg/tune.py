@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from controller_fmu.tuning.search import Task, main
+from controller_fmu.tuning import Task, main
 
 START = {
     "stiffness[1]": 7.3,
@@ -37,7 +37,7 @@ TASK = Task(
     shipped="ManipulatorLQG",
     fast="DitheredLQG_C",
     start=START,
-    spread=0.12,
+    reach=1.5,
     fixed={"amplitude[1]": 0.0, "amplitude[2]": 0.0},
 )
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from controller_fmu.tuning.search import Task, main
+from controller_fmu.tuning import Task, main
 
 START = {
     "K_p[1]": 45.0,
@@ -27,7 +27,7 @@ TASK = Task(
     shipped="TunedPID",
     fast="DiagonalPID_C",
     start=START,
-    spread=0.2,
+    reach=2.0,
     upper={"z_p[1]": 0.99, "z_p[2]": 0.99},
 )
 

@@ -38,6 +38,8 @@ from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
 from ..reporting.robustness import Robustness
 from ..reporting.spread import Spread, spread_of
+from ..reporting.tuning import Tuning
+from ..search.candidates import Range
 from . import campaign, checking, document
 from .campaign import Bench
 from .controller import Controller
@@ -47,8 +49,10 @@ from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
 from .robustness import OnProgress, find_worst_case, sought
 from .running import Runner
-from .selection import shown
+from .selection import Shown, shown
 from .simulation import Simulation
+from .tuner import OnTrial
+from .tuning import tune
 from .verification import repeat, verify
 
 if TYPE_CHECKING:
@@ -233,7 +237,7 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        controller, bench, sample_time, cases = self._prepared(controller)
+        controller, bench, sample_time, cases = self.prepared(controller)
         cases, target = _chosen(cases, only), None if folder is None else Path(folder)
         start, begin = datetime.now(timezone.utc), time.perf_counter()
         with self._runner(bench, target, keep_going) as runner:
@@ -377,30 +381,78 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        own = replace(self, protocol=protocol)
-        controller, bench, T_s, cases = own._prepared(controller)
-        listed = cases if from_list else ()
-        wanted = sought(own.rules, listed, budget, only)
-        setting = Setting(
-            document.controller_record(bench, controller),
-            document.plant_record(self.manipulator, self.plant_parameters),
-            str(protocol),
-            self.seed,
-            None if T_s == own.rules.sample_time else float(T_s),
-        )
+        return self.searched(controller, budget, minutes, protocol, only, from_list, folder, recordings, on_progress)[0]
+
+    def tune(
+        self,
+        controller: Controller | None = None,
+        vary: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]] | None = None,
+        *,
+        trials: int = 200,
+        objective: str | Path = "tuning",
+        robust: int = 0,
+        sampler: str = "cmaes",
+        search_seed: int = 1,
+        folder: str | Path | None = None,
+        on_trial: OnTrial | None = None,
+    ) -> Tuning:
+        """Search for parameters of a controller that make V small while A1 to A3 hold.
+
+        Candidates are tried in a short protocol, and the best of them in this benchmark's own one, again and again:
+        what fails there is added to the short one. It needs the packages Optuna and cmaes (the extra ``tuning``).
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID. The search begins at its values.
+        vary : mapping
+            Ranges by parameter name, in the FMU's units: ``{"K_p[1]": (20, 80, "log"), "z_p[1]": (0.8, 0.99)}``.
+        trials : int
+            Candidates.
+        objective : str or path
+            The short protocol. V counts, and 4 for each factor e by which a limit cycle exceeds what A3 allows.
+        robust : int
+            Simulations of a search for the worst case of each candidate that holds the whole protocol, as
+            :meth:`robustness` makes it; what it finds is added to the objective, too. None by default.
+        sampler : str
+            Of Optuna: ``"cmaes"``, ``"tpe"`` or ``"random"``.
+        search_seed : int
+            Seed of the sampler.
+        folder : path, optional
+            Where finished simulations are stored as they come and found again: the same call goes on with an
+            interrupted search, and comes to the same answer. Answer, parameters (``best.toml``), Optuna's study, and
+            the evaluations of the best candidate are saved there, too.
+        on_trial : callable, optional
+            ``on_trial(trial, done, total)`` is called for each candidate.
+
+        Returns
+        -------
+        Tuning
+
+        Raises
+        ------
+        InputError
+            If controller, ranges, protocol or folder cannot be used.
+        FmuError, Crash
+            If the controller refuses, or does not survive, its first sample at the values that the search begins with.
+        EnvironmentFault
+            If Optuna is missing, or this machine or the cluster fails; what is finished is kept in ``folder``.
+        """
         target = None if folder is None else Path(folder)
-        with own._runner(bench, target) as runner:
-            if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
-                raise Crash(failure.result.message)
-            found, worst = find_worst_case(
-                runner, listed, wanted, own.nominal, setting, T_s, budget, minutes, on_progress
-            )
-            if target is not None:
-                for name in (TRAJECTORIES, REPORT):  # of another search
-                    remove(target / name)
-                found.save(target)  # before the recordings: whatever happens now, the answer is there
-                if recordings:
-                    save_recordings(record_shown(worst, bench, self.processes), target)
+        found = tune(
+            self,
+            controller or Controller(),
+            vary or {},
+            objective,
+            trials,
+            robust,
+            sampler,
+            search_seed,
+            target,
+            on_trial,
+        )
+        if target is not None:
+            found.save(target)
         return found
 
     def verify(
@@ -529,30 +581,71 @@ class Benchmark:
         """How many processes at a time."""
         return self.workers or available_cores()
 
+    @property
+    def execute(self) -> campaign.Execute:
+        """What runs jobs: processes of this machine, or the scheduler's."""
+        if self.scheduler:
+            return functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
+        return functools.partial(pool.run, workers=self.processes)
+
     def bench(self, controller: Controller) -> Bench:
         """Manipulator and controller, and the conditions they run under."""
         limits = Limits(memory=int(self.memory_limit))
         return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
 
-    def _prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
+    def prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
         """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
         controller = controller or Controller()
         bench = self.bench(controller)
         T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
         return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
 
+    def searched(
+        self,
+        controller: Controller | None,
+        budget: int,
+        minutes: float = math.inf,
+        protocol: str | Path = "strict",
+        only: Sequence[str] = (),
+        from_list: bool = True,
+        folder: str | Path | None = None,
+        recordings: bool = False,
+        on_progress: OnProgress | None = None,
+    ) -> tuple[Robustness, list[Shown]]:
+        """The answer of :meth:`robustness`, and the worst cases, each followed by that of the nominal arm."""
+        own = replace(self, protocol=protocol)
+        controller, bench, T_s, cases = own.prepared(controller)
+        listed = cases if from_list else ()
+        wanted = sought(own.rules, listed, budget, only)
+        setting = Setting(
+            document.controller_record(bench, controller),
+            document.plant_record(self.manipulator, self.plant_parameters),
+            str(protocol),
+            self.seed,
+            None if T_s == own.rules.sample_time else float(T_s),
+        )
+        target = None if folder is None else Path(folder)
+        with own._runner(bench, target) as runner:
+            if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
+                raise Crash(failure.result.message)
+            found, worst = find_worst_case(
+                runner, listed, wanted, own.nominal, setting, T_s, budget, minutes, on_progress
+            )
+            if target is not None:
+                for name in (TRAJECTORIES, REPORT):  # of another search
+                    remove(target / name)
+                found.save(target)  # before the recordings: whatever happens now, the answer is there
+                if recordings:
+                    save_recordings(record_shown(worst, bench, self.processes), target)
+        return found, worst
+
     @contextmanager
     def _runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
         """What runs cases, with the store in ``folder``, which is created if missing."""
         if folder is not None:
             prepare_folder(folder)
-        execute = (
-            functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
-            if self.scheduler
-            else functools.partial(pool.run, workers=self.processes)
-        )
         with store.opened(folder) as known:
-            yield Runner(self.rules, bench, execute, known, keep_going)
+            yield Runner(self.rules, bench, self.execute, known, keep_going)
 
 
 def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...]:

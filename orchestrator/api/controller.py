@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -56,6 +56,10 @@ class Controller:
     def built_in(cls, name: str) -> Controller:
         """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
         return cls(built_in(name))
+
+    def with_parameters(self, values: Mapping[str, float]) -> Controller:
+        """The same controller with ``values`` set on top of its own."""
+        return replace(self, parameters={**self.setup.parameters, **values})
 
     @property
     def name(self) -> str:

@@ -330,11 +330,12 @@ def rules(protocol: Protocol) -> Rules:
         stability=protocol.stability,
         settling_error=protocol.settling.error,
         torque_limit=protocol.loop.torque_limit,
-        tests=tuple(map(_test_rules, protocol.tests)),
+        tests=tuple(map(test_rules, protocol.tests)),
     )
 
 
-def _test_rules(test: Test) -> TestRules:
+def test_rules(test: Test) -> TestRules:
+    """The rules of a test."""
     return TestRules(
         name=test.name,
         axis=test.axis,

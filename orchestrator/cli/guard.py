@@ -31,6 +31,7 @@ REMEDIES = {
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
     "small-budget": "Give a larger --budget, or --no-list.",
+    "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
     "stored": "--force runs them again, --keep-going those that failed.",

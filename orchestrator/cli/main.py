@@ -13,6 +13,7 @@ COMMANDS = {
     "simulate": "one case in full: signals, plot, figures",
     "robustness": "the worst case: search, margins, robustness radius",
     "verify": "the result one can trust: draws nobody knew, a judge nobody reaches",
+    "tune": "search for parameters of a controller that make V small",
     "linearize": "A, B, C, D of the plant at a pose",
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from ..exact_time import seconds
+from ..search.candidates import Range
 
 MOST = 1e9
 """The largest limit: seconds and megabytes that the system can still count."""
@@ -60,6 +61,21 @@ def assignment(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
+
+
+def variation(text: str) -> tuple[str, Range]:
+    """``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:log`` as a pair."""
+    name, equals, ends = text.partition("=")
+    low, _, rest = ends.partition(":")
+    high, colon, scale = rest.partition(":")
+    try:
+        if not equals or not name or (colon and scale != "log"):
+            raise ValueError
+        found = Range(float(low), float(high), log=bool(colon))
+    except ValueError:
+        message = f"{text!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log, such as K_p[1]=20:80:log"
+        raise argparse.ArgumentTypeError(message) from None
+    return name.strip(), found
 
 
 def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:

@@ -45,6 +45,8 @@ class Job:
         Whether that is another one than the worker, a new one for each simulation.
     core : int
         The processor for both, -1 for any.
+    give_up : bool
+        Whether tasks after one that fails are left out.
     """
 
     plant: Archive
@@ -58,6 +60,7 @@ class Job:
     sandbox: bool = False
     apart: bool = False
     core: int = -1
+    give_up: bool = False
 
     def rest(self, first: int) -> Job:
         """The same job from task ``first`` on."""

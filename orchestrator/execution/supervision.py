@@ -43,7 +43,7 @@ FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
 
 
 def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outcome]:
-    """Run the tasks of ``job`` in worker processes and yield one outcome per task, in order.
+    """Run the tasks of ``job`` in worker processes and yield one outcome per task, in order; all but those it gives up.
 
     A task that fails or ends its process costs that task only: the rest goes on in a new worker. One that fails in a
     process that has run others before, or whose process may have been ended by somebody else, gets a second chance in
@@ -63,6 +63,8 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
                         break
                     first = number + 1
                     yield replace(outcome, index=number)
+                    if job.give_up and not isinstance(outcome, Done):
+                        return
         except EnvironmentFault:
             faults += 1
             if faults == ATTEMPTS:

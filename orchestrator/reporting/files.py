@@ -16,6 +16,9 @@ from ..errors import EnvironmentFault, InputError
 SPREAD = "spread.json"
 """What an evaluation with several seeds writes."""
 
+TUNING = "tuning.json"
+"""What a tuning writes."""
+
 ROBUSTNESS = "robustness.json"
 """What a search for the worst case writes."""
 

@@ -1,0 +1,144 @@
+"""The search for parameters of a controller: candidates in a short protocol, the best of them in the whole one.
+
+What the whole protocol, or a search for the worst case, finds wrong with a candidate is added to the objective: the
+next candidates are tried with it.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from msgspec import structs
+
+from ..benchmark.case import Case
+from ..benchmark.results import CaseResult, Rules, rules, test_rules
+from ..benchmark.spread import Statistic, statistic
+from ..search.candidates import Trial, measured, trial
+from ..search.proposals import GENERATION, Proposals
+from .campaign import Bench
+from .side_by_side import SideBySide
+
+JUDGED_EVERY = 4
+"""Generations after which the best candidate is tried on the whole protocol."""
+
+FINALISTS = 5
+"""Candidates that are tried there at the end, best first."""
+
+FIRST_ADDED = 1000
+"""From where on the configurations of cases that were added are numbered."""
+
+OnTrial = Callable[[Trial, int, int], None]
+"""Is told each trial as it comes, how many there are, and how many there will be."""
+
+
+class Verdict(NamedTuple):
+    """What the whole protocol says of a candidate: V, V with the worst cases found, the requirements that do not hold,
+    and the cases to add to the objective, each with the command that repeats it."""
+
+    cost: float | None
+    worst_cost: float | None
+    broken: tuple[str, ...]
+    counterexamples: Sequence[tuple[Case, str]]
+
+
+Judge = Callable[[Trial], Verdict]
+"""Tries a candidate on the whole protocol."""
+
+
+@dataclass
+class Tuner:
+    """A search for parameters: ``bench`` makes a candidate's bench, ``cases`` and ``rules`` are the objective, to which
+    counterexamples are added. ``judged`` are the verdicts by the trial's number."""
+
+    side_by_side: SideBySide
+    bench: Callable[[Mapping[str, float]], Bench]
+    judge: Judge
+    proposals: Proposals
+    cases: list[Case]
+    on_trial: OnTrial | None = None
+    trials: list[Trial] = field(default_factory=list)
+    judged: dict[int, tuple[int, Verdict]] = field(default_factory=dict)
+
+    @property
+    def rules(self) -> Rules:
+        """How the objective's cases are judged, those that were added as well."""
+        own = rules(self.side_by_side.protocol)
+        tests = {test.name: test for test in (*map(test_rules, (case.test for case in self.cases)), *own.tests)}
+        return structs.replace(own, tests=tuple(tests.values()))
+
+    def search(self, budget: int) -> None:
+        """Try ``budget`` candidates, some of them on the whole protocol."""
+        worst, generations = math.inf, 0
+        while len(self.trials) < budget:
+            asked = self.proposals.ask(budget - len(self.trials))
+            first = len(self.trials)
+            found = self.attempt(list(enumerate(asked, start=first)), worst)
+            self.proposals.tell([each.objective for each in found])
+            for each in found:
+                self.trials.append(each)
+                if self.on_trial is not None:
+                    self.on_trial(each, len(self.trials), budget)
+            # What V alone makes worse than half of the last generation, no sampler builds on.
+            worst = statistics.median(each.objective for each in found) if first else worst
+            generations += 1
+            if generations % JUDGED_EVERY == 0 and self.holds(self.leaders()[0]) is False:
+                worst = math.inf  # the objective has become another one
+
+    def best(self) -> Trial | None:
+        """The best candidate that holds A1 to A3 on the whole protocol, of at most FINALISTS that are tried there."""
+        for _ in range(FINALISTS):
+            leader = next((each for each in self.leaders() if self.verdict(each) in (None, True)), None)
+            if leader is None or self.holds(leader):
+                return leader
+        return None
+
+    def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> list[Trial]:
+        """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
+        benches = [self.bench(values) for _, values in asked]
+        performance, requirements = measured(self.cases)
+        own = self.rules
+        results: list[list[CaseResult]] = [[] for _ in asked]
+        found = [Trial(number, values, 0.0) for number, values in asked]
+        alive = list(range(len(asked)))
+        for stage in (performance, requirements):
+            for place, new in zip(alive, self.side_by_side.run([(benches[i], stage) for i in alive]), strict=True):
+                results[place] += new
+                found[place] = trial(own, *asked[place], results[place], whole=stage is requirements)
+            alive = [i for i in alive if not found[i].message and found[i].objective <= worst]
+        return found
+
+    def leaders(self) -> list[Trial]:
+        """The best candidates in all of the objective's cases, best first."""
+        ranked = sorted((each for each in self.trials if not each.cut_short), key=lambda each: each.objective)
+        again = self.attempt([(each.number, each.values) for each in ranked[:GENERATION]], math.inf)
+        for each in again:
+            self.trials[each.number] = each
+        return sorted(again, key=lambda each: each.objective)
+
+    def verdict(self, candidate: Trial) -> bool | None:
+        """Whether a candidate holds A1 to A3 on the whole protocol; None if it has not been tried there."""
+        entry = self.judged.get(candidate.number)
+        return None if entry is None else not entry[1].broken
+
+    def holds(self, candidate: Trial) -> bool:
+        """The same, tried now if it has not been; what fails is added to the objective."""
+        if candidate.number not in self.judged:
+            verdict = self.judge(candidate)
+            self.judged[candidate.number] = (len(self.trials), verdict)
+            for case, _ in verdict.counterexamples:
+                # A configuration of its own: a pose of the objective's grid may have the same number.
+                pose = replace(case.configuration, index=FIRST_ADDED + len(self.cases))
+                self.cases.append(replace(case, configuration=pose))
+        return not self.judged[candidate.number][1].broken
+
+    def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Statistic:
+        """V of the objective's performance cases with other ``draws``, by seed."""
+        bench, own = self.bench(candidate.values), self.rules
+        chosen = {seed: measured(cases)[0] for seed, cases in draws.items()}
+        results = self.side_by_side.run([(bench, cases) for cases in chosen.values()])
+        costs = (trial(own, candidate.number, candidate.values, each, whole=False).cost for each in results)
+        return statistic(dict(zip(chosen, costs, strict=True)))

@@ -1,0 +1,141 @@
+"""Tune the parameters of a controller FMU: a search for those that make V small while A1 to A3 hold."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from ..benchmark.protocol import names
+from ..codec import to_json
+from ..reporting.files import REPORT, TUNING
+from ..reporting.spread import mean_words
+from ..reporting.tuning import Tuning, tuning_remarks
+from ..reporting.wording import number
+from ..search.candidates import Trial
+from ..search.proposals import SAMPLERS
+from . import options
+from .evaluate import folder_name
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .tables import safe, table, terminal
+from .values import Parser, natural, variation
+
+EXAMPLES = """examples:
+  python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --vary z_p[1]=0.8:0.99
+  python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --trials 500 --robust 2000
+
+The same command goes on with an interrupted search, and comes to the same answer. best.toml is for --parameters.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    bench, controller = options.benchmark(given), options.controller(given)
+    folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, ())}-tuning"
+    found = bench.tune(
+        controller,
+        dict(given.vary),
+        trials=given.trials,
+        objective=given.objective,
+        robust=given.robust,
+        sampler=given.sampler,
+        search_seed=given.search_seed,
+        folder=folder,
+        on_trial=_progress(),
+    )
+    written = [TUNING]
+    if not given.no_report:
+        found.report(folder / REPORT)
+        written.append(REPORT)
+    if given.json:
+        print(to_json(found))
+    else:
+        show(found, terminal())
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    return EXIT_OK if found.best is not None else EXIT_INCOMPLETE
+
+
+def _progress() -> Callable[[Trial, int, int], None]:
+    best: list[Trial] = []
+
+    def told(trial: Trial, done: int, total: int) -> None:
+        best[:] = sorted([*best, trial], key=lambda each: each.objective)[:1]
+        came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else "")
+        so_far = f"{done:5d} of {total}  {came_to:24}"
+        print(
+            f"{so_far}best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}", file=sys.stderr
+        )
+
+    return told
+
+
+def show(found: Tuning, console: Console) -> None:
+    """Print the best candidate beside what the search began with, and what tells whether it is luck."""
+    console.print(
+        f"[bold]{safe(found.benchmark)}[/bold]  tuning of [bold]{safe(found.controller.file)}[/bold], "
+        f"{len(found.trials)} trials ({found.sampler}) in the protocol {safe(found.objective)}, {len(found.judged)} "
+        f"candidates in {safe(found.protocol)}\n"
+    )
+    best, start = found.best, found.trials[0]
+    grid = table("Parameters")
+    for heading in ("", "start", "best", "range", "importance"):
+        grid.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for name, own in found.vary.items():
+        value = f"[bold]{best.trial.values[name]:g}[/bold]" if best is not None else "-"
+        scale = " log" if own.log else ""
+        share = f"{found.importance[name]:.2f}" if name in found.importance else "-"
+        grid.add_row(safe(name), f"{start.values[name]:g}", value, f"{own.low:g} to {own.high:g}{scale}", share)
+    console.print(grid)
+    if best is not None:
+        console.print(f"V = [bold]{number(best.cost)}[/bold] in {safe(found.protocol)}, A1-A3 hold")
+        console.print(f"    {mean_words(best.seeds)} with other seeds")
+        console.print(f"    {number(best.strict)} in strict")
+        console.print(
+            f"    {number(best.trial.cost)} in {safe(found.objective)}, {mean_words(best.held_out)} with others"
+        )
+    for remark in tuning_remarks(found):
+        console.print(f"[yellow]{safe(remark)}[/yellow]")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser("tune", "Tune the parameters of a controller FMU.", EXAMPLES + "\n" + EXIT_CODES)
+    options.add_controller(parser)
+    options.add_protocol(parser)
+    parser.add_argument(
+        "--vary",
+        action="append",
+        required=True,
+        type=variation,
+        metavar="NAME=LOW:HIGH[:log]",
+        help="a parameter and its range, in the unit the FMU has for it; may be given again",
+    )
+    parser.add_argument("--trials", type=natural(1), default=200, metavar="N", help="candidates (default: 200)")
+    parser.add_argument(
+        "--objective",
+        default="tuning",
+        metavar="NAME",
+        help=f"the short protocol that candidates are tried in, one of: {', '.join(names())}; or a protocol file "
+        "(default: tuning)",
+    )
+    parser.add_argument(
+        "--robust",
+        type=natural(),
+        default=0,
+        metavar="N",
+        help="search for the worst case of the best candidates, with N simulations each, and count what is found "
+        "(default: 0)",
+    )
+    parser.add_argument("--sampler", choices=SAMPLERS, default="cmaes", help="of Optuna (default: cmaes)")
+    parser.add_argument("--search-seed", type=natural(), default=1, metavar="N", help="of the sampler (default: 1)")
+    options.add_jobs(parser)
+    options.add_cluster(parser)
+    parser.add_argument(
+        "--output-dir", type=Path, metavar="FOLDER", help="where to write (default: runs/CONTROLLER-paper-tuning)"
+    )
+    parser.add_argument("--no-report", action="store_true", help="write no report.html")
+    parser.add_argument("--json", action="store_true", help="print tuning.json instead of tables")
+    return parser

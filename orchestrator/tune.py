@@ -1,0 +1,6 @@
+"""``python -m orchestrator.tune``: see :mod:`orchestrator.cli.tune`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("tune"))
