@@ -5,12 +5,11 @@ import os
 import shutil
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +17,18 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from conftest import build_or_skip
-from hostile.commands import NOISE, ROOT, command, end_session, kill, session_members, simulations, started, wait_for
+from hostile.commands import (
+    NOISE,
+    ROOT,
+    command,
+    end_session,
+    kill,
+    session_members,
+    simulations,
+    started,
+    stored,
+    wait_for,
+)
 from hostile.fmus import Fault, hostile_fmu
 from hostile.runs import copied_packages, job
 from msgspec.structs import replace
@@ -157,20 +167,13 @@ def test_a_scheduler_that_is_killed_keeps_what_is_finished(local, tmp_path):
 
 
 def test_a_scheduler_that_freezes_is_given_up_and_what_is_finished_is_kept(tmp_path):
-    words = command(tmp_path, "--only", "*.noise", "--wait", "8", "--scheduler")
-    with running(tmp_path) as own, started([*words, own.address]) as process:
-        assert wait_for(lambda: count_of(tmp_path) > 0)
+    options = ("--only", "*.noise", "--wait", "8", "--scheduler")
+    with running(tmp_path) as own, started(command(tmp_path, *options, own.address)) as process:
+        assert wait_for(lambda: stored(tmp_path) > 0)
         own.scheduler.send_signal(signal.SIGSTOP)
         errors = process.communicate(timeout=60)[1]
         assert process.returncode == 1 and "no answer within 8 s" in errors and "Traceback" not in errors, errors
-    assert count_of(tmp_path) > 0
-
-
-def count_of(folder: Path) -> int:
-    """How many cases are stored."""
-    file = folder / "cases.sqlite"
-    with closing(sqlite3.connect(file)) as store:
-        return file.stat().st_size and store.execute("SELECT COUNT(*) FROM records").fetchone()[0]
+    assert stored(tmp_path) > 0
 
 
 @pytest.fixture
