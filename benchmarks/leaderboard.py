@@ -43,7 +43,11 @@ BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of
 SUBMISSIONS, VERIFIED = ROOT / "submissions", ROOT / "docs" / "publishing.md"
 """Folders of others' controllers, each with its certificate; and where their table stands."""
 
-VERIFIED_HEAD = "| controller | V | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n" + 8 * "|---" + "|\n"
+VERIFIED_HEAD = (
+    "| controller | V | reference | V strict | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n"
+    + 10 * "|---"
+    + "|\n"
+)
 
 PAGES = {
     "DitheredLQG": "controller_fmu/friction",
@@ -231,6 +235,8 @@ def submissions(folder: Path) -> list[tuple[str, Verification]]:
         hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in place.glob("*.fmu")]
         if not (known.complete and known.sandbox and known.cost.mean is not None):
             raise InputError(f"{place.name}: the verification is not complete, or had no sandbox.", "submission", place)
+        if known.strict is None or BASELINE not in known.references:
+            raise InputError(f"{place.name}: the list of strict, or {BASELINE}, is missing.", "submission", place)
         if hashes != [known.controller.sha256] and (hashes or not (place / "README.md").is_file()):
             raise InputError(f"{place.name} has neither the FMU of its certificate nor a recipe.", "submission", place)
         found.append((place.name, known))
@@ -251,8 +257,9 @@ def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
         values = " | ".join(
             spread(known.criteria[key], SHOWN[known.criteria[key].unit][0]) for key in ("B5", "B6", "B7")
         )
-        cost, reference = spread(known.cost), spread(known.references[BASELINE].cost)
-        lines.append(f"| {name} | **{cost}** | {reference} | {verdicts} | {values} | {known.source} |\n")
+        compared = (known, known.references[BASELINE])
+        cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))
+        lines.append(f"| {name} | {' | '.join(cells)} | {verdicts} | {values} | {known.source} |\n")
     return VERIFIED_HEAD + "".join(lines)
 
 

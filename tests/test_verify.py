@@ -17,8 +17,9 @@ from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
 from orchestrator.api import verification
 from orchestrator.api.built_in import built_in
+from orchestrator.api.reference import USUAL
 from orchestrator.benchmark import certificate as certificates
-from orchestrator.benchmark.certificate import Figure, identity, overall, seeds
+from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
@@ -58,7 +59,7 @@ criteria = ["B1", "B2"]
 name = "disturbance"
 systems = "performance"
 draws = true
-duration = 15.0
+duration = 26.0
 criteria = ["B3", "B4", "B5", "B6", "B7"]
 requirements = ["A3"]
 """
@@ -190,12 +191,14 @@ def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
 
 
 def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))
     file = str(Controller.built_in("DiagonalPID_C").archive.file)
     options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
     found = Verification.load(tmp_path)
     assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
+    assert list(found.references) == list(USUAL) and found.strict is not None
     assert "in a sandbox" in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
     monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
@@ -223,15 +226,20 @@ def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path)
 
 
 def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
-    better = structs.replace(certificate, requirements={})
-    for name, known in (("second", certificate), ("first", better)):
+    listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
+    pid = structs.replace(certificate.references[PID], strict=listed)
+    second = structs.replace(certificate, strict=listed, references={PID: pid})
+    for name, known in (("second", second), ("first", structs.replace(second, requirements={}))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")
     lines = leaderboard.verified_table(leaderboard.submissions(tmp_path)).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
+    assert {line.count("|") for line in lines} == {11}
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(leaderboard.submissions, tmp_path).what == "submission"
+    (tmp_path / "first" / "verification.json").write_text(to_json(certificate))
+    assert "strict" in str(refusal(leaderboard.submissions, tmp_path))
 
 
 def test_the_protocol_moves_what_it_lists():
