@@ -35,7 +35,6 @@ from .running import Runner
 if TYPE_CHECKING:
     from .benchmark import Benchmark
 
-DRAWS = 3
 STRICT = "strict-verification"
 
 OnCase = Callable[[CaseResult, int, int], None]
