@@ -19,7 +19,6 @@ import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,13 @@ sys.path.insert(0, str(ROOT))
 
 import build_fmus  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
-from orchestrator.benchmark.certificate import Spread, Verification  # noqa: E402
+from orchestrator.api.reference import IN_C, in_c  # noqa: E402
+from orchestrator.benchmark.certificate import Figure  # noqa: E402
 from orchestrator.benchmark.results import Results  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.errors import InputError  # noqa: E402
-from orchestrator.reporting.certificates import load_certificate  # noqa: E402
+from orchestrator.reporting.certificates import Verification  # noqa: E402
 from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
@@ -43,7 +43,11 @@ BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of
 SUBMISSIONS, VERIFIED = ROOT / "submissions", ROOT / "docs" / "publishing.md"
 """Folders of others' controllers, each with its certificate; and where their table stands."""
 
-VERIFIED_HEAD = "| controller | V | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n" + 8 * "|---" + "|\n"
+VERIFIED_HEAD = (
+    "| controller | V | reference | V strict | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n"
+    + 10 * "|---"
+    + "|\n"
+)
 
 PAGES = {
     "DitheredLQG": "controller_fmu/friction",
@@ -67,7 +71,7 @@ SEARCHED = ("B5", "B6", "B7")
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
 
-IN_C = {"TunedPID": "DiagonalPID_C", "DiagonalPID": "DiagonalPID_C"}
+SAME_BITS = ("DiagonalPID", "TunedPID")
 
 Figures = Mapping[str, Any]
 """What is kept of a ``results.json``, under the same names."""
@@ -110,16 +114,7 @@ def built(name: str) -> Controller:
 def searched_as(name: str) -> Controller:
     """The controller that is searched for: a PID in C, whose torques are those of the one in Python to the last bit
     (tests/test_c_controllers.py), and which is faster."""
-    if name not in IN_C:
-        return built(name)
-    own, in_c = built(name), built(IN_C[name])
-    common = _starts(in_c)
-    return replace(in_c, parameters={key: value for key, value in _starts(own).items() if value != common[key]})
-
-
-def _starts(controller: Controller) -> dict[str, float]:
-    variables = controller.archive.description.modelVariables
-    return {each.name: float(each.start) for each in variables if each.causality == "parameter"}
+    return in_c(built(name), built(IN_C[name])) if name in SAME_BITS else built(name)
 
 
 def _scorecard(results: Results) -> dict[str, Any]:
@@ -236,10 +231,12 @@ def submissions(folder: Path) -> list[tuple[str, Verification]]:
     """
     found = []
     for place in sorted(path for path in folder.glob("*") if path.is_dir()):
-        known = load_certificate(place / "verification.json")
+        known = Verification.load(place / "verification.json")
         hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in place.glob("*.fmu")]
         if not (known.complete and known.sandbox and known.cost.mean is not None):
             raise InputError(f"{place.name}: the verification is not complete, or had no sandbox.", "submission", place)
+        if known.strict is None or BASELINE not in known.references:
+            raise InputError(f"{place.name}: the list of strict, or {BASELINE}, is missing.", "submission", place)
         if hashes != [known.controller.sha256] and (hashes or not (place / "README.md").is_file()):
             raise InputError(f"{place.name} has neither the FMU of its certificate nor a recipe.", "submission", place)
         found.append((place.name, known))
@@ -260,12 +257,13 @@ def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
         values = " | ".join(
             spread(known.criteria[key], SHOWN[known.criteria[key].unit][0]) for key in ("B5", "B6", "B7")
         )
-        cost, reference = spread(known.cost), spread(known.reference.cost)
-        lines.append(f"| {name} | **{cost}** | {reference} | {verdicts} | {values} | {known.source} |\n")
+        compared = (known, known.references[BASELINE])
+        cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))
+        lines.append(f"| {name} | {' | '.join(cells)} | {verdicts} | {values} | {known.source} |\n")
     return VERIFIED_HEAD + "".join(lines)
 
 
-def spread(figure: Spread, factor: float = 1.0) -> str:
+def spread(figure: Figure, factor: float = 1.0) -> str:
     """Mean and standard deviation."""
     return number(figure.mean, factor) + ("" if figure.sd is None else f" ± {number(figure.sd, factor)}")
 

@@ -55,7 +55,12 @@ class EnvironmentFault(BenchmarkError):
 
 
 class Crash(BenchmarkError):
-    """The process of a simulation ended before the simulation did."""
+    """The process of a simulation ended before the simulation did. ``what`` is ``"killed"`` if somebody else may have
+    ended it."""
+
+    def __init__(self, message: str, what: str = "") -> None:
+        super().__init__(message)
+        self.what = what
 
 
 class FmuError(BenchmarkError):

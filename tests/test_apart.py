@@ -39,15 +39,16 @@ def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
 
 
 FAULTS = [
-    (Fault("segfault"), Status.ERROR, "is lost: its process ended"),
-    (Fault("exit:0"), Status.ERROR, "is lost: its process ended"),
+    (Fault("segfault"), Status.CRASHED, "controller's process was ended by SIGSEGV, in the call 'fmi2DoStep' of the"),
+    (Fault("exit:0"), Status.CRASHED, "controller's process ended by itself with exit code 0"),
     (Fault("kill-parent"), Status.CRASHED, "ended by SIGKILL"),
-    (Fault("garbage"), Status.ERROR, "is lost: its process ended, or sent what is no answer"),
+    (Fault("garbage"), Status.CRASHED, "controller's process sent what is no answer"),
     (Fault("spin"), Status.TIMEOUT, "in the call 'fmi2DoStep' of the controller at t = 0.02 s"),
     (Fault("status:3"), Status.ERROR, "fmi2DoStep returned error\n  hostile: as you wish"),
     (Fault("status:1"), Status.DONE, ""),
     (Fault("value:nan"), Status.ERROR, "a torque that is not a number"),
-    (Fault("abort", "initialize", 0.0), Status.ERROR, "its process ended"),
+    (Fault("abort", "initialize", 0.0), Status.CRASHED, "controller's process was ended by SIGABRT"),
+    (Fault("abort", "terminate", 0.0), Status.CRASHED, "controller's process was ended by SIGABRT"),
     (Fault("status:3", "initialize", 0.0), Status.ERROR, "as you wish"),
     (Fault("status:3", "terminate", 0.0), Status.DONE, "after its end"),
     (Fault("grow"), Status.CRASHED, "of memory; the limit is 600 MB"),

@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -15,7 +17,18 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from conftest import build_or_skip
-from hostile.commands import NOISE, ROOT, command, end_session, kill, session_members, simulations, started, wait_for
+from hostile.commands import (
+    NOISE,
+    ROOT,
+    command,
+    end_session,
+    kill,
+    session_members,
+    simulations,
+    started,
+    stored,
+    wait_for,
+)
 from hostile.fmus import Fault, hostile_fmu
 from hostile.runs import copied_packages, job
 from msgspec.structs import replace
@@ -56,8 +69,9 @@ class Cluster:
 
 
 @contextmanager
-def running(folder: Path, workers: int = 2, path: Path = ROOT) -> Iterator[Cluster]:
-    """A cluster that ends with the block; ``folder`` is for its files, ``path`` has the workers' packages."""
+def running(folder: Path, workers: int = 2, path: Path = ROOT, *more: str) -> Iterator[Cluster]:
+    """A cluster that ends with the block; ``folder`` is for its files, ``path`` has the workers' packages, ``more`` are
+    options of both commands."""
     environment = {
         **os.environ,
         "DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD": "spawn",
@@ -68,7 +82,7 @@ def running(folder: Path, workers: int = 2, path: Path = ROOT) -> Iterator[Clust
         options = {"start_new_session": True, "env": environment, "cwd": folder, "stdin": subprocess.DEVNULL}
         options |= {"stdout": log, "stderr": log}
         scheduler = subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli.dask_scheduler", *LOOPBACK, "--port", "0"]
+            [sys.executable, "-m", "distributed.cli.dask_scheduler", *LOOPBACK, *more, "--port", "0"]
             + ["--scheduler-file", str(note)],
             **options,
         )
@@ -78,7 +92,7 @@ def running(folder: Path, workers: int = 2, path: Path = ROOT) -> Iterator[Clust
             address = str(json.loads(note.read_text())["address"])
             if workers:
                 nannies = subprocess.Popen(
-                    [sys.executable, "-m", "distributed.cli.dask_worker", address, *LOOPBACK]
+                    [sys.executable, "-m", "distributed.cli.dask_worker", address, *LOOPBACK, *more]
                     + ["--nworkers", str(workers), "--nthreads", "1", "--local-directory", str(folder)],
                     **options,
                 )
@@ -150,6 +164,42 @@ def test_a_scheduler_that_is_killed_keeps_what_is_finished(local, tmp_path):
         assert (process.returncode, "Traceback" in errors) == (1, False), errors
     evaluated(None, tmp_path)
     assert (tmp_path / "cases.csv").read_bytes() == local
+
+
+def test_a_scheduler_that_freezes_is_given_up_and_what_is_finished_is_kept(tmp_path):
+    options = ("--only", "*.noise", "--wait", "8", "--scheduler")
+    with running(tmp_path) as own, started(command(tmp_path, *options, own.address)) as process:
+        assert wait_for(lambda: stored(tmp_path) > 0)
+        own.scheduler.send_signal(signal.SIGSTOP)
+        errors = process.communicate(timeout=60)[1]
+        assert process.returncode == 1 and "no answer within 8 s" in errors and "Traceback" not in errors, errors
+    assert stored(tmp_path) > 0
+
+
+@pytest.fixture
+def certificate(tmp_path) -> Path:
+    """A self-signed one with its key in the same file."""
+    if shutil.which("openssl") is None:
+        pytest.skip("makes its certificate with openssl, which is not installed")
+    file = tmp_path / "own.pem"
+    words = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=loopback", "-days", "1"]
+    subprocess.run([*words, "-keyout", file, "-out", tmp_path / "alone.pem"], check=True, capture_output=True)
+    file.write_bytes(file.read_bytes() + (tmp_path / "alone.pem").read_bytes())
+    return file
+
+
+def test_a_run_over_tls(local, certificate, tmp_path):
+    tls = [word for name in ("ca-file", "cert", "key") for word in (f"--tls-{name}", str(certificate))]
+    names = ("CA_FILE", "CLIENT__CERT", "CLIENT__KEY")
+    environment = {f"DASK_DISTRIBUTED__COMM__TLS__{name}": str(certificate) for name in names}
+    with running(tmp_path, 2, ROOT, *tls, "--protocol", "tls") as own:
+        assert own.address.startswith("tls://")
+        words = command(tmp_path, *NOISE, "--scheduler", own.address)
+        with started(words, environment=environment) as process:
+            errors = process.communicate(timeout=120)[1]
+        assert process.returncode == 0, errors
+        assert (tmp_path / "cases.csv").read_bytes() == local
+        assert refusal(list, cluster.run([], own.address, 5.0)).what == "no-scheduler", "without certificates"
 
 
 @pytest.mark.parametrize(

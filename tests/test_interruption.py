@@ -4,10 +4,9 @@ import os
 import random
 import resource
 import signal
-import sqlite3
 import sys
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -22,6 +21,7 @@ from hostile.commands import (
     session_members,
     simulations,
     started,
+    stored,
     wait_for,
 )
 from hostile.fmus import Fault, hostile_fmu
@@ -122,13 +122,6 @@ def uninterrupted(undisturbed) -> bytes:
     """The table of cases of a run that nobody disturbed."""
     assert stored(undisturbed) == CASES
     return (undisturbed / "cases.csv").read_bytes()
-
-
-def stored(folder: Path) -> int:
-    """Rows in the store of a folder."""
-    with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{folder / store.FILE}?mode=ro", uri=True)) as found:
-        return int(found.execute("SELECT count(*) FROM records").fetchone()[0])
-    return 0
 
 
 def resumed(folder: Path) -> bytes:

@@ -17,19 +17,22 @@ from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
 from orchestrator.api import verification
 from orchestrator.api.built_in import built_in
+from orchestrator.api.reference import USUAL
 from orchestrator.benchmark import certificate as certificates
-from orchestrator.benchmark.certificate import Spread, Verification, differences, identity, overall, seeds
+from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting.certificates import load_certificate
+from orchestrator.reporting.certificates import Verification, differences
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
     pytest.mark.slow,
 ]
+
+PID = "DiagonalPID"
 
 TWO_CASES = """
 extends = "verification"
@@ -83,7 +86,8 @@ def certificate(bench) -> Verification:
 
 
 def verified(bench: Benchmark, controller: Controller, **options) -> Verification:
-    return bench.verify(controller, protocol=bench.protocol, **{"count": 1, **options})
+    options = {"count": 1, "strict": False, "beside": [PID], **options}
+    return bench.verify(controller, protocol=bench.protocol, **options)
 
 
 def plan(bench: Benchmark) -> str:
@@ -124,12 +128,12 @@ def test_cheating_gains_nothing(name, bench, honest, tmp_path):
         assert "changed how this process computes: rounding towards zero" in ordinary.cases[0].message
     found = verified(bench, Controller(file))
     assert found.sandbox
-    (draw,) = found.draws
+    (draw,), (honestly,) = found.draws, found.references[PID].draws
     if found.cost.mean is None:
         assert name == "forged"  # what it writes is no answer: the arm falls, or the case fails
     else:
-        assert abs(draw.cost - draw.reference_cost) <= 3.0 * 2.0  # three times what V has by chance
-        assert name == "rounding" or draw.cases == draw.reference_cases  # to the last bit, as if it did not cheat
+        assert abs(draw.cost - honestly.cost) <= 3.0 * 2.0  # three times what V has by chance
+        assert name == "rounding" or draw.cases == honestly.cases  # to the last bit, as if it did not cheat
 
 
 def test_a_plant_that_was_replaced_in_the_cache_is_built_anew(bench, caplog):
@@ -163,14 +167,14 @@ def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
 def test_a_certificate_is_repeated(certificate, bench):
     assert from_json(to_json(certificate), Verification) == certificate
     assert certificate.source == "published" and len({draw.seed for draw in certificate.draws}) == 2
-    assert certificate.cost == certificate.reference.cost and certificate.cost.sd > 0.0
+    assert certificate.cost == certificate.references[PID].cost and certificate.cost.sd > 0.0
     again = bench.repeat(certificate)
     assert differences(certificate, again) == ((), ())
     other = to_json(certificate).replace(certificate.draws[0].cases, "0" * 64).replace(certificate.code, "1" * 64)
     results, rest = differences(from_json(other, Verification), again)
     assert [line.split(":")[0] for line in (*results, *rest)] == [
         "draws.0.cases",
-        "draws.0.reference_cases",
+        f"references.{PID}.draws.0.cases",
         "code",
     ]
     stranger = Controller.built_in("TunedPID").archive.file
@@ -178,19 +182,23 @@ def test_a_certificate_is_repeated(certificate, bench):
 
 
 def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
-    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 920 cases
-    found = verified(bench, Controller(), draws=certificate.entropy, strict=True)
-    assert found.strict.cost == Spread(found.cost.mean, None) and certificate.strict is None
+    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 144 cases
+    found = verified(bench, Controller(), draws=certificate.entropy, strict=True, beside=[PID, "TunedPID"])
+    assert found.strict.cost == Figure(found.cost.mean, None) and certificate.strict is None
+    other = found.references["TunedPID"]
+    assert other.strict.cost.mean == other.cost.mean == other.draws[0].cost != found.cost.mean
     assert found.draws == certificate.draws[:1]
 
 
 def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(verification, "STRICT", str(bench.protocol))
     file = str(Controller.built_in("DiagonalPID_C").archive.file)
     options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
-    found = load_certificate(written)
+    found = Verification.load(tmp_path)
     assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
+    assert list(found.references) == list(USUAL) and found.strict is not None
     assert "in a sandbox" in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
     monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
@@ -210,23 +218,28 @@ def test_draws_follow_from_the_controller_and_what_was_published():
 def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path):
     file = tmp_path / "verification.json"
     seed, cost = str(certificate.draws[0].seed), f'"mean": {certificate.cost.mean!r}'
-    changes = {seed: "7", cost: '"mean": 1.0', "1 April": "2 April", certificates.SCHEMA: "other", "{": ""}
+    changes = {seed: "7", cost: '"mean": 1.0', "1 April": "2 April", Verification.SCHEMA: "other", "{": ""}
     for old, new in changes.items():
         file.write_text(to_json(certificate).replace(old, new))
-        assert refusal(load_certificate, file).what == "damaged"
-    assert refusal(load_certificate, tmp_path / "none").what == "no-file"
+        assert refusal(Verification.load, file).what == ("other-schema" if new == "other" else "damaged")
+    assert refusal(Verification.load, tmp_path / "none").what == "no-file"
 
 
 def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
-    better = structs.replace(certificate, requirements={})
-    for name, known in (("second", certificate), ("first", better)):
+    listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
+    pid = structs.replace(certificate.references[PID], strict=listed)
+    second = structs.replace(certificate, strict=listed, references={PID: pid})
+    for name, known in (("second", second), ("first", structs.replace(second, requirements={}))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")
     lines = leaderboard.verified_table(leaderboard.submissions(tmp_path)).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
+    assert {line.count("|") for line in lines} == {11}
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(leaderboard.submissions, tmp_path).what == "submission"
+    (tmp_path / "first" / "verification.json").write_text(to_json(certificate))
+    assert "strict" in str(refusal(leaderboard.submissions, tmp_path))
 
 
 def test_the_protocol_moves_what_it_lists():
@@ -239,9 +252,9 @@ def test_the_protocol_moves_what_it_lists():
             assert 9.5 <= one.scenario.pulse.start <= 10.5 and one.scenario.pulse.force != two.scenario.pulse.force
         assert -90.0 <= math.degrees(one.configuration.q_a1) <= 180.0
         assert -180.0 <= math.degrees(one.configuration.q_a2) <= 80.0
-    listed, moved = Benchmark("strict").cases, Benchmark("strict-verification", seed=3).cases
-    assert [case.id for case in moved] == [case.id for case in listed]
-    assert all(one.scenario != two.scenario for one, two in zip(listed, moved, strict=True))
+    listed = {case.id: case.scenario for case in Benchmark("strict").cases}
+    moved = Benchmark("strict-verification", seed=3).cases
+    assert len(moved) == 144 and all(listed[case.id] != case.scenario for case in moved)
 
 
 def test_a_draw_without_a_value_leaves_no_mean(honest, bench):

@@ -20,7 +20,6 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
-from ..benchmark.certificate import Verification
 from ..benchmark.linearization import Friction
 from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
@@ -33,6 +32,7 @@ from ..errors import Crash, InputError
 from ..execution import cluster, pool, store
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
+from ..reporting.certificates import Verification
 from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder
 from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
@@ -47,6 +47,7 @@ from .evaluation import Evaluation
 from .linear_model import LinearModel, linear_model
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 from .recorder import record_shown
+from .reference import USUAL
 from .robustness import OnProgress, find_worst_case, sought
 from .running import Runner
 from .selection import Shown, shown
@@ -461,7 +462,8 @@ class Benchmark:
         *,
         draws: str | None = None,
         count: int = 3,
-        strict: bool = False,
+        strict: bool = True,
+        beside: Sequence[str] = USUAL,
         protocol: str | Path = "verification",
         on_result: OnResult | None = None,
     ) -> Verification:
@@ -481,34 +483,37 @@ class Benchmark:
         count : int
             Number of draws.
         strict : bool
-            Whether to run the list of the protocol ``strict`` as well, moved by the first draw.
+            Whether to run the worst poses of the protocol ``strict`` as well, moved by the first draw.
+        beside : sequence of str
+            The references, out of ``"DiagonalPID"``, ``"TunedPID"``, ``"DitheredLQG"``, ``"ManipulatorLQG"``.
         protocol : str or path
             What is run once per draw.
         on_result : callable, optional
-            ``on_result(result, done, total)`` is called for each case, those of the reference included.
+            ``on_result(result, done, total)`` is called for each case, those of the references included.
 
         Returns
         -------
         Verification
-            The certificate: mean and spread over the draws beside those of the reference, and what repeats it.
+            The certificate: mean and spread over the draws beside those of the references, and what repeats it.
 
         Raises
         ------
         InputError
-            If the controller cannot be used, or there is no sandbox though one was asked for.
+            If the controller cannot be used, a reference is unknown, or there is no sandbox though one was asked for.
         FmuError
             If the controller refuses its first sample.
         EnvironmentFault
             If this machine fails.
         """
-        return verify(replace(self, protocol=protocol), controller or Controller(), draws, count, strict, on_result)
+        same = replace(self, protocol=protocol)
+        return verify(same, controller or Controller(), draws, count, strict, tuple(beside), on_result)
 
     def repeat(
         self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
     ) -> Verification:
         """Do the verification of a ``certificate`` again, with the FMU it is about (by default the paper's PID).
 
-        :func:`~orchestrator.benchmark.certificate.differences` compares the two. Raises :class:`InputError` if the FMU
+        :func:`~orchestrator.reporting.certificates.differences` compares the two. Raises :class:`InputError` if the FMU
         is another one, and what :meth:`verify` raises.
         """
         return repeat(self, certificate, None if controller is None else Path(controller), on_result)

@@ -196,8 +196,8 @@ def judging(protocol: Protocol, group: Sequence[Case], bench: Bench) -> Job:
     )
 
 
-def rehearse(case: Case, bench: Bench) -> Rehearsal:
-    """Simulate the first sample of ``case``, then probe the controller's timing.
+def rehearse(case: Case, bench: Bench, probe: bool = True) -> Rehearsal:
+    """Simulate the first sample of ``case``, then ``probe`` the controller's timing.
 
     What is wrong with the input shows here, before anything else runs: raises
     :class:`~orchestrator.errors.BenchmarkError` if the FMUs cannot be connected or initialized or refuse the first
@@ -208,7 +208,7 @@ def rehearse(case: Case, bench: Bench) -> Rehearsal:
     task = work.ScenarioTask(bench.setup, scenario, OBSERVED)
     timing = work.TimingRecord()
     # Two jobs, since a crash of the probe, which takes further instances, is no verdict on the controller.
-    for function in (work.first_sample.__name__, work.probe_timing.__name__):
+    for function in (work.first_sample.__name__, work.probe_timing.__name__)[: 1 + probe]:
         for outcome in run_isolated(bench.job(function, [task], [scenario], work.timing, start)):
             if isinstance(outcome, Done):
                 timing = outcome.value

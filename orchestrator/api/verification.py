@@ -1,4 +1,4 @@
-"""Verifying a controller: draws that nobody knew before, in a process that it cannot reach, beside a reference."""
+"""Verifying a controller: draws that nobody knew before, in a process that it cannot reach, beside references."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING
 
 from msgspec import structs
 
-from build_fmus import find_compiler
-
 from ..benchmark import protocol as protocols
 from ..benchmark.cases import cases
-from ..benchmark.certificate import FRESH, PUBLISHED, SCHEMA, Draw, Verification, digest, identity, overall, seeds
+from ..benchmark.certificate import Draw, Reference, Tried, digest, identity, overall, seeds
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
@@ -27,16 +25,16 @@ from ..cache import code_hash
 from ..errors import InputError
 from ..execution import pool, sandbox, store
 from ..loop.sampling import controller_sample_time
+from ..reporting.certificates import FRESH, PUBLISHED, Verification
 from . import document
-from .built_in import DEFAULT_CONTROLLER
 from .campaign import Bench, CaseRun, rehearse
 from .controller import Controller
+from .reference import reference
 from .running import Runner
 
 if TYPE_CHECKING:
     from .benchmark import Benchmark
 
-DRAWS = 3
 STRICT = "strict-verification"
 
 OnCase = Callable[[CaseResult, int, int], None]
@@ -50,19 +48,21 @@ def verify(
     entropy: str | None,
     count: int,
     strict: bool,
+    beside: Sequence[str],
     on_result: OnCase | None,
 ) -> Verification:
     """See :meth:`.benchmark.Benchmark.verify`; the protocol is that of ``benchmark``."""
     start, begin = datetime.now(timezone.utc), time.perf_counter()
     own = replace(benchmark.bench(controller), apart=True, sandbox=benchmark.sandbox or _can_fence())
-    reference = replace(benchmark.bench(Controller.built_in(_reference())), sandbox=False)
-    protocol, listed = benchmark.rules, protocols.load(STRICT)
+    others = {name: replace(benchmark.bench(reference(name)), sandbox=False) for name in beside}
+    protocol, listed = benchmark.rules, protocols.load(STRICT) if strict else None
     T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
     source, text = (FRESH, secrets.token_hex(32)) if entropy is None else (PUBLISHED, entropy)
     setup = own.setup
     drawn = seeds(text, identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s)), count)
-    at_once = rehearse(cases(protocol, benchmark.nominal, drawn[0], T_s)[0], own).failure
-    done, total = itertools.count(1), 2 * count * protocol.case_count + strict * listed.case_count
+    at_once = rehearse(cases(protocol, benchmark.nominal, drawn[0], T_s)[0], own, probe=False).failure
+    each = count * protocol.case_count + (listed.case_count if listed else 0)
+    done, total = itertools.count(1), (1 + len(others)) * each
 
     def told(run: CaseRun, _done: int, _total: int) -> None:
         if on_result is not None:
@@ -78,25 +78,25 @@ def verify(
             runs = iter(runner.run([case for draw in lists for case in draw], failure, on_run=told))
             return [(seed, [next(runs).result for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
 
-    mine, theirs = run(protocol, own, drawn), run(protocol, reference, drawn)
-    known, score_of = rules(protocol), partial(score, rules(protocol))
-    card = overall(known, mine)
+    def tried(bench: Bench) -> Tried:
+        found, known = run(protocol, bench, drawn), rules(protocol)
+        return Tried(
+            **structs.asdict(overall(known, found)),
+            draws=tuple(Draw(seed, score(known, results).cost, digest(results)) for seed, results in found),
+            strict=overall(rules(listed), run(listed, bench, drawn[:1])) if listed else None,
+        )
+
     return Verification(
-        complete=card.complete,
-        cost=card.cost,
-        criteria=card.criteria,
-        requirements=card.requirements,
-        schema=SCHEMA,
+        **structs.asdict(tried(own)),
+        references={
+            name: Reference(**structs.asdict(tried(bench)), file=bench.controller.name)
+            for name, bench in others.items()
+        },
+        schema=Verification.SCHEMA,
         benchmark=protocol.benchmark,
         protocol=str(benchmark.protocol),
         source=source,
         entropy=text,
-        draws=tuple(
-            Draw(seed, score_of(one).cost, score_of(two).cost, digest(one), digest(two))
-            for (seed, one), (_, two) in zip(mine, theirs, strict=True)
-        ),
-        reference=overall(known, theirs),
-        strict=overall(rules(listed), run(listed, own, drawn[:1])) if strict else None,
         controller=document.controller_record(own, controller),
         sample_time=float(T_s),
         plant=document.plant_record(benchmark.manipulator, benchmark.plant_parameters),
@@ -118,15 +118,9 @@ def repeat(
         message = f"{controller.archive.name} is not the controller of the certificate: its contents differ."
         raise InputError(message, "other-controller", file)
     same = replace(benchmark, protocol=certificate.protocol, plant_parameters=certificate.plant.parameters)
-    found = verify(
-        same, controller, certificate.entropy, len(certificate.draws), certificate.strict is not None, on_result
-    )
+    wanted = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
+    found = verify(same, controller, certificate.entropy, *wanted, on_result)
     return structs.replace(found, source=certificate.source)
-
-
-def _reference() -> str:
-    """The paper's PID, which gives the same bits in C and in Python."""
-    return f"{DEFAULT_CONTROLLER}_C" if find_compiler() is not None else DEFAULT_CONTROLLER
 
 
 def _can_fence() -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -11,7 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from ..codec import Finite, Malformed, NonNegative, Struct
-from ..errors import FmuError
+from ..errors import Crash, FmuError
 from ..fmi import port, trace
 from ..fmi.archive import reopen
 from ..fmi.slaves import CLASSES
@@ -21,6 +22,10 @@ from ..loop.serving import c_function
 from ..loop.setup import Setup
 from . import sandbox
 from .messages import OVERHEAD, ErrorRecord, FmuFiles, error_of, frame, read_frame, write_all
+from .process_tree import FOREIGN_SIGNALS, end_of
+
+LAST_WORDS = 1.0
+"""Seconds to wait for the end of a process that gives no answer."""
 
 
 class Begin(Struct, frozen=True):
@@ -66,6 +71,7 @@ class Apart:
         pipe = subprocess.PIPE
         variables = sandbox.environment(os.environ)
         with subprocess.Popen(self._command, stdin=pipe, stdout=pipe, env=variables, bufsize=0) as process:
+            self._process = process
             assert process.stdin is not None and process.stdout is not None
             self._requests, self._answers = process.stdin.fileno(), process.stdout.fileno()
             try:
@@ -79,13 +85,23 @@ class Apart:
 
     def messages(self) -> tuple[str, ...]:
         """What the instance said last; it ends."""
-        with suppress(FmuError):
+        with suppress(FmuError, Crash):
             return self._end(port.LEAVE).lines
         return ()
 
     def terminate(self) -> None:
-        """End the simulation of the instance; raises :class:`FmuError` if it fails to."""
+        """End the simulation of the instance; raises :class:`FmuError` if it fails to, :class:`Crash` if its process
+        ends."""
         self._end(port.END)
+
+    def lost(self) -> Crash:
+        """What became of its process, which gives no answer."""
+        try:
+            words, name = end_of(self._process.wait(LAST_WORDS), self._command[0] != sys.executable)
+        except subprocess.TimeoutExpired:
+            words, name = "process sent what is no answer", ""
+        trace.use(trace.Trace())  # the one that its owner reads stays at the place where this happened
+        return Crash(f"the controller's {words}", "killed" if name in FOREIGN_SIGNALS else "")
 
     def _end(self, how: float) -> Over:
         return self._ask(lambda: write_all(self._requests, np.array([how, 0.0, 0.0]).tobytes()), Over)
@@ -95,14 +111,12 @@ class Apart:
         try:
             send()
             reply = read_frame(self._answers, Ready | Over, OVERHEAD)  # type: ignore[arg-type]  # a union of types
-        except (EOFError, OSError):
-            raise FmuError(f"{self.archive.name}: its process ended.", "process") from None
-        except Malformed:
-            raise FmuError(f"{self.archive.name}: its process sent what is no answer.", "process") from None
+        except (EOFError, OSError, Malformed):
+            raise self.lost() from None
         if isinstance(reply, Over) and reply.error is not None:
             raise error_of(reply.error)
         if not isinstance(reply, kind):
-            raise FmuError(f"{self.archive.name}: its process sent an answer that is not due.", "process")
+            raise self.lost()
         return reply if isinstance(reply, Over) else Over()
 
     def _port(self) -> port.Port:

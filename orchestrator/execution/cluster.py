@@ -15,6 +15,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -34,7 +35,7 @@ WAIT = 60.0
 """Seconds to wait for the scheduler's and the workers' first words, and for the first worker."""
 
 LOOK = 1.0
-"""Seconds between two looks whether there is one."""
+"""Seconds between two looks whether there is one, and whether the scheduler is still there."""
 
 T = TypeVar("T")
 
@@ -82,7 +83,8 @@ def packed_identity() -> bytes:
 def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on the cluster whose scheduler is at ``address`` (``tcp://host:port``).
 
-    Its scheduler and workers may keep silent for ``wait`` [s], and as long it may be without workers. An address
+    Its scheduler and workers may keep silent for ``wait`` [s], the scheduler in mid-run, too (of workers it looks after
+    itself); and as long it may be without workers. An address
     ``tls://host:port`` takes certificates from Dask's configuration.
 
     Yields (number of the job, outcome) as they come; closing the generator closes the client, with which the scheduler
@@ -90,7 +92,7 @@ def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tupl
     worker lacks something that the job needs; :class:`EnvironmentFault` if the cluster has no worker or fails.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client
         from distributed.scheduler import KilledWorker
     except ImportError:
         raise InputError("A cluster needs Dask's package: pip install distributed", "no-dask") from None
@@ -117,11 +119,15 @@ def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tupl
             ): number
             for number, job in enumerate(jobs)
         }
-        for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]
-            number = futures[future]
-            job = jobs[number]
+        finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        for future in futures:
+            future.add_done_callback(finished.put)
+        for _ in jobs:
             try:
-                outcomes = _outcomes(future.result(), job)
+                future = _next(finished, client, wait)
+                number = futures[future]
+                job = jobs[number]
+                outcomes = _outcomes(_within(wait, future.result), job)
             except KilledWorker as problem:
                 outcomes = [_lost(index, problem) for index in range(len(job.tasks))]
             except BenchmarkError as problem:
@@ -134,6 +140,14 @@ def run(jobs: Sequence[Job], address: str, wait: float = WAIT) -> Generator[tupl
                 raise EnvironmentFault(message, "cluster") from problem
             for outcome in outcomes:
                 yield number, outcome
+
+
+def _next(finished: queue.SimpleQueue[T], client: Any, wait: float) -> T:
+    """What is ``finished`` next; :class:`TimeoutError` if the scheduler says nothing for ``wait`` [s] meanwhile."""
+    while True:
+        with suppress(queue.Empty):
+            return finished.get(timeout=LOOK)
+        _within(wait, client.nthreads)
 
 
 def _within(seconds: float, ask: Callable[[], T]) -> T:

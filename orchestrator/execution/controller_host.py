@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import sys
 from contextlib import suppress
 
 from .sandboxed import fill_cache
@@ -13,6 +14,7 @@ from .sandboxed import fill_cache
 def main() -> None:
     """Run the controller that is asked for through standard input, and answer through standard output."""
     fill_cache()
+    sys.modules["scipy"] = None  # type: ignore[assignment]  # Numba would load it for itself: a fifth of the start
     import numpy as np
 
     from ..errors import BenchmarkError
@@ -21,13 +23,15 @@ def main() -> None:
     from ..fmi.port import END
     from ..fmi.slaves import load, log
     from ..loop.controller import prepared
-    from ..loop.serving import channel, serve
+    from ..loop.serving import channel, serve, warm_up
     from .apart import Begin, Over, Ready
     from .messages import error_record, frame, read_frame, write_all
     from .process_tree import bind_to_parent
     from .worker import Surroundings
 
     bind_to_parent(os.getppid())
+    warm_up()
+    del sys.modules["scipy"]  # the controller may want it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     requests, answers = os.dup(0), os.dup(1)

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from typing import Literal, TypeVar
 
 from ..codec import Malformed, Natural, NonNegative, Struct, convert, pack, unpack
-from ..errors import BenchmarkError, EnvironmentFault, FmuError, InputError
+from ..errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
 
 T = TypeVar("T")
 
@@ -62,7 +62,7 @@ class Order(Struct, frozen=True):
 class ErrorRecord(Struct, frozen=True):
     """An error of this package's family, as data."""
 
-    kind: Literal["input", "environment", "fmu", "other"]
+    kind: Literal["input", "environment", "fmu", "crash", "other"]
     message: str
     what: str = ""
     where: str = ""
@@ -99,6 +99,7 @@ FAMILY: dict[str, tuple[type[BenchmarkError], tuple[str, ...]]] = {
     "fmu": (FmuError, ("call", "log")),
     "input": (InputError, ("what", "where", "value", "nearest")),
     "environment": (EnvironmentFault, ("what",)),
+    "crash": (Crash, ("what",)),
     "other": (BenchmarkError, ()),
 }
 """The errors by their ``kind``, with the fields they have beside the message."""

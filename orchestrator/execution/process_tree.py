@@ -72,6 +72,20 @@ class ProcessTree:
                 self._members[pid] = psutil.Process(pid)
 
 
+FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
+"""With which others end a process, such as a system that is out of memory."""
+
+
+def end_of(exit_code: int, sandboxed: bool) -> tuple[str, str]:
+    """How a process ended, in words, and the name of the signal if one ended it."""
+    number = exit_code - 128 if sandboxed and exit_code > 128 else -exit_code  # a sandbox passes signals on like this
+    if number <= 0:
+        return f"process ended by itself with exit code {exit_code}", ""
+    known = {each.value: each.name for each in signal.Signals}
+    name = known.get(number, f"signal {number}")
+    return f"process was ended by {name}", name
+
+
 def bind_to_parent(parent: int) -> None:
     """End with ``parent``, at once if that is not this process's parent any more (Linux), and adopt orphans."""
     if sys.platform == "linux":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from ..text import printable
 from .job import Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
+from .process_tree import FOREIGN_SIGNALS, end_of
 
 TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
@@ -38,8 +38,6 @@ SANDBOX_GRACE = 60.0
 
 ATTEMPTS = 3
 """Workers that may be lost to faults of the environment before that is given up."""
-
-FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
 
 
 def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outcome]:
@@ -136,7 +134,10 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if isinstance(message, Failed):
                         if message.error.kind == "environment":
                             raise error_of(message.error)
-                        yield message
+                        if message.error.kind == "crash":  # of the process of a controller apart
+                            yield died(message.error.message, outside=message.error.what == "killed")
+                        else:
+                            yield message
                         return
                     yield Done(index, job.decode(index, message.value), message.wall_time)
                     index, printed, suspended = index + 1, 0, False
@@ -191,13 +192,7 @@ def _cause(process: Process, patience: float, sandboxed: bool) -> tuple[str, boo
         return "the process that started it does not say how it ended", False, True
     if exit_code == LOST:
         return "the process was lost with the one that started it", False, True
-    number = -exit_code
-    if sandboxed and exit_code > 128:  # a sandbox passes signals on as exit codes
-        number = exit_code - 128
-    if number <= 0:
-        return f"the process ended by itself with exit code {exit_code}", False, False
-    known = {each.value: each.name for each in signal.Signals}
-    name = known.get(number, f"signal {number}")
+    words, name = end_of(exit_code, sandboxed)
     if name == "SIGALRM":
         return TIMED_OUT, True, False
-    return f"the process was ended by {name}", False, name in FOREIGN_SIGNALS
+    return f"the {words}", False, name in FOREIGN_SIGNALS

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..errors import Crash
 from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
 from ..fmi.lookup import find_parameters
@@ -46,6 +47,9 @@ class Remote(Protocol):
 
     def terminate(self) -> None:
         """End the simulation of the instance."""
+
+    def lost(self) -> Crash:
+        """What became of its process, which gives no answer."""
 
 
 @contextmanager

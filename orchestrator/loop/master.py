@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import FmuError
+from ..errors import Crash, FmuError
 from ..fmi import port, trace
 from ..fmi.connectors import PLANT, Binding, bind
 from ..fmi.lookup import find_outputs, find_parameters
@@ -31,7 +31,6 @@ STEPPING_WORDS = {
     port.TERMINATED: "ended the simulation",
     port.EARLY_RETURN: "stopped before the end of the step",
     port.ENDLESS_EVENTS: "asks for event iterations without end",
-    port.LOST: "is lost: its process ended, or sent what is no answer",
 }
 
 
@@ -47,7 +46,8 @@ def simulate(
     The plant is initialized first; the steady state it publishes, q_m_ref and u_m0, is what the controller is
     initialized with. ``observe`` names further plant outputs to record. Raises :class:`~orchestrator.errors.FmuError`
     if an FMU fails before the first sample, :class:`~orchestrator.errors.InputError` if a name is unknown; the
-    trajectory's ending holds what happens later.
+    trajectory's ending holds what happens later, except that the process of a ``controller`` in another one ends, which
+    is a :class:`~orchestrator.errors.Crash`.
     """
     what = f"The plant {plant.archive.name}"
     binding = bind(plant.archive.description, PLANT, what)
@@ -133,6 +133,8 @@ def _ending(
         return Ending(Status.ERROR, time, _changed_arithmetic(controller, raw.status), raw.warnings)
     slave = plant if raw.reason == loop.PLANT_FAILED else controller
     failure = exchange_failure(slave, raw.call, raw.status)
+    if isinstance(failure, Crash):
+        raise failure
     return Ending(Status.ERROR, time, str(failure), raw.warnings, failure.call)
 
 
@@ -149,8 +151,10 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
     return ""
 
 
-def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError:
+def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError | Crash:
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
+    if status == port.LOST and not isinstance(slave, Slave):
+        return slave.lost()
     name = slave.calls[("set", "step", "get")[call]]
     if status in STEPPING_WORDS:
         message = f"{slave.archive.name} {STEPPING_WORDS[status]}"
@@ -159,8 +163,7 @@ def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError:
     else:
         signed = status - (1 << 32 if status >= 1 << 31 else 0)
         message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
-    # Who is lost says no more, and may let wait for it.
-    return FmuError(message, name, () if status == port.LOST else slave.messages())
+    return FmuError(message, name, slave.messages())
 
 
 def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fmi.port import ANSWER_BYTES, GO_ON, REQUEST_BYTES, Port, exchange
+from ..fmi.port import ANSWER_BYTES, GO_ON, REQUEST_BYTES, Port, exchange, unconnected
 from ..jit import call_status, compiled
 
 
@@ -50,3 +50,8 @@ def serve(port: Port, channel: Channel, interval: int, denominator: int, fields:
             break
         k += 1
     return np.nan
+
+
+def warm_up() -> None:
+    """Load the machine code, or once compile it."""
+    serve(unconnected((), 2, (), 2), channel(-1, -1), 1, 4000, np.zeros(4))

@@ -6,10 +6,9 @@ import numpy as np
 
 from ..exact_time import seconds
 from ..fmi.port import unconnected
-from . import closed_loop
+from . import closed_loop, serving
 from .plan import make_plan
 from .scenario import NO_DELAY
-from .serving import channel, serve
 from .signals import ChirpSignal, PulseSignal
 
 
@@ -32,4 +31,4 @@ def warm_up() -> None:
     )
     record = closed_loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
     closed_loop.run(port, port, parts, record)
-    serve(port, channel(-1, -1), 1, 4000, np.zeros(4))
+    serving.warm_up()

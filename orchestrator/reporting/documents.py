@@ -21,10 +21,12 @@ D = TypeVar("D", bound="Document")
 
 
 class Document(Struct):
-    """Base of results that are saved as ``FILE``; ``schema`` names their form."""
+    """Base of results that are saved as ``FILE``; ``schema`` names their form, ``MISSING`` is the code of the
+    error if there is no file."""
 
     FILE: ClassVar[str]
     SCHEMA: ClassVar[str]
+    MISSING: ClassVar[str] = "no-run"
 
     schema: str
 
@@ -44,7 +46,7 @@ class Document(Struct):
         Raises :class:`InputError` if it is damaged, contradicts itself, or is not there.
         """
         file = file_of(Path(path), cls.FILE)
-        found = read(file, cls, cls.SCHEMA)
+        found = read(file, cls, cls.SCHEMA, cls.MISSING)
         if problem := found._problem():
             raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
         return found
@@ -59,12 +61,12 @@ def file_of(path: Path, name: str) -> Path:
     return path / name if path.is_dir() else path
 
 
-def read(file: Path, kind: type[T], schema: str) -> T:
+def read(file: Path, kind: type[T], schema: str, missing: str = Document.MISSING) -> T:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that, of the form ``schema``."""
     try:
         text = file.read_bytes()
     except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-run", file) from problem
+        raise InputError(f"{file} cannot be read: {problem.strerror}.", missing, file) from problem
     try:
         found = from_json(text, _Schema).schema
         if found != schema:

@@ -2,15 +2,18 @@
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import psutil
+
+from orchestrator.execution import store
 
 ROOT = Path(__file__).resolve().parents[2]
 NOISE, CASES = ("--only", "c0[0-6].*.noise"), 21
@@ -104,6 +107,13 @@ def wait_for(condition: Any, patience: float = 60.0, every: float = 0.02) -> boo
             return True
         time.sleep(every)
     return bool(condition())
+
+
+def stored(folder: Path) -> int:
+    """Rows in the store of a folder."""
+    with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{folder / store.FILE}?mode=ro", uri=True)) as found:
+        return int(found.execute("SELECT count(*) FROM records").fetchone()[0])
+    return 0
 
 
 def kill(process: subprocess.Popen[str] | psutil.Process) -> None:
