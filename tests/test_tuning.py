@@ -118,7 +118,7 @@ def test_a_search_finds_better_parameters_and_finds_them_again(short, tmp_path):
         if done == 15:
             raise KeyboardInterrupt
 
-    options = {"trials": 30, "objective": objective, "folder": tmp_path / "first"}
+    options = {"trials": 30, "objective": objective, "strict": objective, "folder": tmp_path / "first"}
     with pytest.raises(KeyboardInterrupt):
         goal.tune(controller, VARY, **options, on_trial=interrupt)
     first = goal.tune(controller, VARY, **options)
@@ -139,7 +139,14 @@ def test_a_search_finds_better_parameters_and_finds_them_again(short, tmp_path):
 def test_what_the_fmu_refuses_costs_a_trial(short):
     goal, objective = short
     controller = Controller.built_in("DitheredLQG_C")
-    found = goal.tune(controller, {"effort[1]": (1e-12, 1.0, "log")}, trials=4, objective=objective, sampler="random")
+    found = goal.tune(
+        controller,
+        {"effort[1]": (1e-12, 1.0, "log")},
+        trials=4,
+        objective=objective,
+        strict=objective,
+        sampler="random",
+    )
     refused = [entry for entry in found.trials if entry.message]
     assert refused and all(entry.objective == REFUSED for entry in refused)
     assert len(found.trials) == 4

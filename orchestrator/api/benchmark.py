@@ -391,6 +391,7 @@ class Benchmark:
         *,
         trials: int = 200,
         objective: str | Path = "tuning",
+        strict: str | Path = "strict",
         robust: int = 0,
         sampler: str = "cmaes",
         search_seed: int = 1,
@@ -412,6 +413,8 @@ class Benchmark:
             Candidates.
         objective : str or path
             The short protocol. V counts, and 4 for each factor e by which a limit cycle exceeds what A3 allows.
+        strict : str or path
+            The protocol whose list the best candidate is tried on, and a search for the worst case begins with.
         robust : int
             Simulations of a search for the worst case of each candidate that holds the whole protocol, as
             :meth:`robustness` makes it; what it finds is added to the objective, too. None by default.

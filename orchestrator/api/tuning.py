@@ -45,6 +45,7 @@ def tune(
     controller: Controller,
     given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]],
     objective: str | Path,
+    strict: str | Path,
     trials: int,
     robust: int,
     sampler: str,
@@ -75,7 +76,7 @@ def tune(
         tuner = Tuner(
             SideBySide(short.rules, short.execute, known),
             lambda values: short.bench(controller.with_parameters(values)),
-            judge(goal, controller, robust, folder),
+            judge(goal, controller, strict, robust, folder),
             proposals,
             list(cases),
             on_trial,
@@ -92,7 +93,7 @@ def tune(
             write_text(folder / BEST, "".join(lines))
         whole = goal.evaluate(chosen, folder=_in(folder, _name(best)), keep_going=True)
         seeds = goal.spread(chosen, [goal.seed + each for each in SEEDS], folder=_in(folder, "seeds"), recordings=False)
-        listed = replace(goal, protocol="strict").evaluate(
+        listed = replace(goal, protocol=strict).evaluate(
             chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True
         )
         broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
@@ -147,7 +148,7 @@ def values_of(controller: Controller) -> dict[str, float]:
     return {**own, **controller.setup.parameters}
 
 
-def judge(goal: Benchmark, controller: Controller, robust: int, folder: Path | None) -> Judge:
+def judge(goal: Benchmark, controller: Controller, strict: str | Path, robust: int, folder: Path | None) -> Judge:
     """What tries a candidate on the whole protocol and, with ``robust`` simulations, searches for its worst case."""
 
     def verdict(trial: Trial) -> Verdict:
@@ -165,7 +166,7 @@ def judge(goal: Benchmark, controller: Controller, robust: int, folder: Path | N
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
         if not robust or broken:  # a search finds nothing that would make it hold
             return Verdict(evaluation.cost, None, tuple(broken), found)
-        answer, shown = goal.searched(candidate, robust, folder=_in(own, "robustness"))
+        answer, shown = goal.searched(candidate, robust, protocol=strict, folder=_in(own, "robustness"))
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]
