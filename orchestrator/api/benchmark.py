@@ -448,6 +448,7 @@ class Benchmark:
             controller or Controller(),
             vary or {},
             objective,
+            strict,
             trials,
             robust,
             sampler,
