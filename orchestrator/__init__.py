@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from controller_fmu import controller_from_state_space
+    from controller_fmu import controller_from_mlp, controller_from_state_space
 
     from .api.benchmark import Benchmark
     from .api.comparing import compare
@@ -42,6 +42,7 @@ __all__ = [
     "Variation",
     "__version__",
     "compare",
+    "controller_from_mlp",
     "controller_from_state_space",
 ]
 
@@ -55,6 +56,7 @@ _HOMES = {
     "Spread": ".reporting.spread",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
+    "controller_from_mlp": "controller_fmu",
     "controller_from_state_space": "controller_fmu",
 }
 """Modules that define public names: imported when first used, so that importing the package is free; the other names

@@ -18,7 +18,7 @@ FLOORS = (
     ("execution", "search"),
     ("reporting",),
     ("api",),
-    ("cli",),
+    ("cli", "gym"),
     ("__init__", "__main__", "evaluate", "simulate", "robustness", "verify", "linearize", "check", "compare", "report"),
     ("tuning",),
 )
