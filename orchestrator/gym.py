@@ -89,20 +89,20 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         q_m = self._simulation.begin()
         if q_m is None:
             raise FmuError("The simulation ended before its first sample.")
-        self._u_m0 = self._simulation.steady.u_m0
-        self._memory = Observation(self._simulation.steady.q_m_ref)
+        self._memory = Observation()
         self._X_0, self._k, self._h = self._simulation.position(0), 0, float(self._case.scenario.sample_time)
-        self._observation = np.array(self._memory.sample(q_m, self._h))
+        self._observe(q_m)
         return self._observation, self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Command ``u_m0 + action`` [N.m] for one sample."""
         if self._simulation is None:
             raise gymnasium.error.ResetNeeded("the episode has ended, or not begun: call reset")
-        q_m = self._simulation.step((self._u_m0[0] + float(action[0]), self._u_m0[1] + float(action[1])))
+        first, second = self._simulation.steady.u_m0
+        q_m = self._simulation.step((first + float(action[0]), second + float(action[1])))
         self._k += 1
         if q_m is not None:
-            self._observation = np.array(self._memory.sample(q_m, self._h))
+            self._observe(q_m)
             info = self._info()
             return self._observation, -1e3 * self._h * info["tcp_error"], False, False, info
         self.trajectory = self._simulation.trajectory
@@ -133,6 +133,10 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
 
         self._plant = self._plant or load(self._bench.manipulator.archive)
         return Stepwise(self._plant, self._case.scenario)
+
+    def _observe(self, q_m: tuple[float, float]) -> None:
+        assert self._simulation is not None
+        self._observation = np.array(self._memory.sample(self._simulation.steady.q_m_ref, q_m, self._h))
 
     def _info(self) -> dict[str, Any]:
         assert self._simulation is not None

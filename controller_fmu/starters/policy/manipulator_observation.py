@@ -8,23 +8,23 @@ Z_P = 0.95
 
 
 class Observation:
-    """(e, v, s, q_m_ref), for axis 1 and 2 each, from the measured motor angles q_m [rad]::
+    """(e, v, s, q_m_ref), for axis 1 and 2 each, from measured motor angles q_m and those to hold, q_m_ref [rad]::
 
         e = q_m_ref - q_m                          position error [rad]
         v = Z_P v + (1 - Z_P) (e - e of before)/h  its filtered derivative [rad/s]
         s = s + h e                                its integral [rad.s]
 
-    The arm begins at rest at ``q_m_ref`` [rad]: the pose. ``h`` [s] is the sample time.
+    All begin at 0. ``h`` [s] is the sample time.
     """
 
-    def __init__(self, q_m_ref: Sequence[float]) -> None:
-        self.e, self.v, self.s, self.q_m_ref = [0.0] * 2, [0.0] * 2, [0.0] * 2, list(q_m_ref)
+    def __init__(self) -> None:
+        self.e, self.v, self.s = [0.0] * 2, [0.0] * 2, [0.0] * 2
 
-    def sample(self, q_m: Sequence[float], h: float) -> list[float]:
-        """The observation of the sample with the measurement ``q_m`` [rad]."""
+    def sample(self, q_m_ref: Sequence[float], q_m: Sequence[float], h: float) -> list[float]:
+        """The observation of the next sample."""
         for i in (0, 1):
-            e = self.q_m_ref[i] - q_m[i]
+            e = q_m_ref[i] - q_m[i]
             self.v[i] = Z_P * self.v[i] + (1.0 - Z_P) * (e - self.e[i]) / h
             self.s[i] = self.s[i] + h * e
             self.e[i] = e
-        return [*self.e, *self.v, *self.s, *self.q_m_ref]
+        return [*self.e, *self.v, *self.s, *q_m_ref]

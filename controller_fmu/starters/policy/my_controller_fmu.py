@@ -38,12 +38,12 @@ class MyController(Fmi2Slave):
 
     def exit_initialization_mode(self) -> None:
         """Start from the steady state."""
-        self.observation = Observation(self.q_m_ref)
+        self.observation = Observation()
         self.u_m[:] = self.u_m0
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Sample the inputs once."""
-        action = self.network(np.array(self.observation.sample(self.q_m, step_size)))
+        action = self.network(np.array(self.observation.sample(self.q_m_ref, self.q_m, step_size)))
         for i in (0, 1):
             self.u_m[i] = self.u_m0[i] + float(action[i])
         return True
