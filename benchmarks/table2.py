@@ -93,8 +93,8 @@ Q_A1, Q_A2 = (-90.0, 180.0), (-180.0, 80.0)
 
 
 class Choice(NamedTuple):
-    """What the paper leaves open: grid, systems that are simulated, how the direction of the force is chosen, and k_high
-    of axis 2 [N.m/rad]."""
+    """What the paper leaves open: grid, systems that are simulated, how the direction of the force is chosen, and
+    k_high of axis 2 [N.m/rad]."""
 
     title: str
     grid: tuple[int, int]

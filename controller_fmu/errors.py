@@ -94,6 +94,10 @@ class ScheduleError(LinearSystemError):
     """The points of a schedule are missing, or cannot be interpolated between."""
 
 
+class NetworkError(BuildError):
+    """A neural network cannot become a controller."""
+
+
 class StarterError(ControllerFmuError):
     """A starter kit cannot be copied."""
 

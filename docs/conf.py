@@ -41,6 +41,7 @@ CONTENTS = {
     "Write a controller": [
         "docs/exporting",
         "docs/design",
+        "docs/policies",
         "controller_fmu/starters/*/README",
         "examples/**",
         "docs/interface",

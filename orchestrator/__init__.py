@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from controller_fmu import controller_from_state_space
+    from controller_fmu import controller_from_mlp, controller_from_state_space
 
     from .api.benchmark import Benchmark
     from .api.comparing import compare
@@ -44,6 +44,7 @@ __all__ = [
     "Variation",
     "__version__",
     "compare",
+    "controller_from_mlp",
     "controller_from_state_space",
 ]
 
@@ -58,6 +59,7 @@ _HOMES = {
     "Tuning": ".reporting.tuning",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
+    "controller_from_mlp": "controller_fmu",
     "controller_from_state_space": "controller_fmu",
 }
 """Modules that define public names: imported when first used, so that importing the package is free; the other names

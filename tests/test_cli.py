@@ -163,7 +163,7 @@ REFUSED = {
     "linearize": "--configuration 0 200 | --system soft | --output absent.txt | --friction dry",
     "report": "nowhere",
     "compare": "nowhere elsewhere",
-    "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat",
+    "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat | mlp absent.npz",
 }
 
 

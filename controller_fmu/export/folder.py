@@ -10,7 +10,7 @@ from controller_fmu.export.c_fmu import c_fmu
 from controller_fmu.export.dialects import Dialect
 from controller_fmu.export.python_fmu import python_fmu
 
-DATA = (".csv", ".json", ".mat", ".npy", ".npz", ".toml", ".txt")
+DATA = (".csv", ".json", ".mat", ".npy", ".npz", ".onnx", ".toml", ".txt")
 """Suffixes of the data files that travel with a slave in Python."""
 
 

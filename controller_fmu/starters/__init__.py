@@ -1,10 +1,12 @@
-"""Starter kits: small complete controllers to begin with, one per language, copied under a name of one's own."""
+"""Starter kits: small complete controllers to begin with, one per language and kind of policy, copied under a name of
+one's own."""
 
 from __future__ import annotations
 
 import difflib
 import keyword
 import re
+import shutil
 from pathlib import Path
 
 from controller_fmu.errors import FolderTakenError, ModelNameError, UnknownKitError
@@ -12,8 +14,10 @@ from controller_fmu.export import C_INTERFACE
 from controller_fmu.export.folder import model_name
 
 HERE = Path(__file__).resolve().parent
-KINDS = ("python", "c")
-TEXTS = (".c", ".md", ".py", ".xml")
+KINDS = {"python": ("python",), "c": ("c",), "numpy": ("policy", "numpy"), "onnx": ("policy", "onnx")}
+"""Folders of each kit's files."""
+
+TEXTS, DATA = (".c", ".md", ".py", ".xml"), (".npz", ".onnx")
 NAME, CLASS = "my_controller", "MyController"
 
 _COMMENT = re.compile(r'""".*?"""|/\*.*?\*/|#[^\n]*', re.DOTALL)
@@ -40,16 +44,21 @@ def copy(kind: str, folder: Path) -> Path:
     folder.mkdir(exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    for path in _files(kind, DATA):
+        shutil.copyfile(path, folder / path.name)
     return folder
 
 
 def kit(kind: str) -> dict[str, str]:
     """Return the texts of the starter kit ``kind`` by file name; raises :class:`UnknownKitError`."""
     if kind not in KINDS:
-        near = tuple(difflib.get_close_matches(kind, KINDS)) or KINDS
+        near = tuple(difflib.get_close_matches(kind, KINDS)) or tuple(KINDS)
         raise UnknownKitError(f"there is no starter kit {kind!r}", value=kind, nearest=near)
-    files = (path for path in sorted((HERE / kind).iterdir()) if path.suffix in TEXTS)
-    return {path.name: path.read_text(encoding="utf-8") for path in files}
+    return {path.name: path.read_text(encoding="utf-8") for path in _files(kind, TEXTS)}
+
+
+def _files(kind: str, suffixes: tuple[str, ...]) -> list[Path]:
+    return sorted(path for folder in KINDS[kind] for path in (HERE / folder).iterdir() if path.suffix in suffixes)
 
 
 def renamed(texts: dict[str, str], name: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Begin a controller of one's own: from a starter kit, or of the matrices of a design."""
+"""Begin a controller of one's own: from a starter kit, or of the matrices or weights of a design."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from controller_fmu import controller_from_state_space, starters
+from controller_fmu import controller_from_mlp, controller_from_state_space, starters
 from controller_fmu.errors import ControllerFmuError
 from controller_fmu.export.state_space import INTERPOLATIONS
 from controller_fmu.export.systems import METHODS
@@ -15,24 +15,26 @@ from ..errors import InputError
 from .guard import EXIT_OK
 from .values import Parser, number
 
-STATE_SPACE = "statespace"
+STATE_SPACE, MLP = "statespace", "mlp"
 
 EXAMPLES = """examples:
   flexible-manipulator new python my_controller             a folder with a controller in Python
   flexible-manipulator build my_controller                  its FMU
   flexible-manipulator evaluate my_controller/MyController.fmu
   flexible-manipulator new statespace gains.mat --out my.fmu
-                                                            the FMU of a linear controller: A, B, C, D, T_s"""
+                                                            the FMU of a linear controller: A, B, C, D, T_s
+  flexible-manipulator new numpy my_policy                  a folder with a neural network in NumPy (or onnx)
+  flexible-manipulator new mlp policy.npz --out my.fmu      the FMU of its weights, in C: W1, b1, W2, b2, ..."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     parser = _parser()
     given = parser.parse_args(arguments)
-    if given.kind == STATE_SPACE:
-        return _state_space(given.folder, given.out or given.folder.with_suffix(".fmu"), vars(given))
+    if given.kind in (STATE_SPACE, MLP):
+        return _built(given.kind, given.folder, given.out or given.folder.with_suffix(".fmu"), vars(given))
     if given.out is not None:
-        parser.error(f"--out is for {STATE_SPACE}")
+        parser.error(f"--out is for {STATE_SPACE} and {MLP}")
     try:
         starters.copy(given.kind, given.folder)
     except ControllerFmuError as problem:
@@ -43,29 +45,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _state_space(file: Path, out: Path, given: dict[str, object]) -> int:
+def _built(kind: str, file: Path, out: Path, given: dict[str, object]) -> int:
     how = {name: given[name] for name in ("T_s", "method", "interpolation")}
     try:
-        print(controller_from_state_space(file, out=out, **how))  # type: ignore[arg-type]  # as the parser says
+        if kind == MLP:
+            print(controller_from_mlp(file, out=out))
+        else:
+            print(controller_from_state_space(file, out=out, **how))  # type: ignore[arg-type]  # as the parser says
     except ControllerFmuError as problem:
         raise InputError(str(problem), "bad-system", problem.where or file, problem.value, problem.nearest) from None
     return EXIT_OK
 
 
 def _parser() -> Parser:
-    parser = Parser("new", "Begin a controller of your own: from a starter kit, or of matrices.", EXAMPLES)
+    parser = Parser("new", "Begin a controller of your own: from a starter kit, or of matrices or weights.", EXAMPLES)
     parser.add_argument(
-        "kind", choices=(*starters.KINDS, STATE_SPACE), help=f"the language, or {STATE_SPACE} for a linear controller"
+        "kind",
+        choices=(*starters.KINDS, STATE_SPACE, MLP),
+        help=f"the language or the kind of policy, {STATE_SPACE} for a linear controller, {MLP} for a network in C",
     )
     parser.add_argument(
         "folder",
         type=Path,
         metavar="FOLDER|FILE",
         help="the folder to make, after which the controller is named; "
-        f"for {STATE_SPACE} the .mat, .npz or .json file with A, B, C, D, T_s",
+        f"for {STATE_SPACE} the .mat, .npz or .json file with A, B, C, D, T_s, "
+        f"for {MLP} the .npz file with W1, b1, W2, b2, ..., activation",
     )
+    help = f"for {STATE_SPACE} and {MLP}, the FMU to write (default: beside the file)"
+    parser.add_argument("--out", type=Path, metavar="FMU", help=help)
     group = parser.add_argument_group(STATE_SPACE)
-    group.add_argument("--out", type=Path, metavar="FMU", help="the FMU to write (default: beside the file)")
     group.add_argument(
         "--sample-time",
         type=number(positive=True),

@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import Crash
-from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
 from ..fmi.lookup import find_parameters
 from ..fmi.port import Port
@@ -31,11 +30,24 @@ class Steady:
     q_a_ref: Pair
 
 
+class Named(Protocol):
+    """What messages call by its name."""
+
+    @property
+    def name(self) -> str:
+        """Such as the file name of an FMU."""
+
+
 class Remote(Protocol):
     """A controller in another process, as the loop sees it; its signals are in SI units."""
 
-    archive: Archive
-    calls: Mapping[str, str]
+    @property
+    def archive(self) -> Named:
+        """What it is."""
+
+    @property
+    def calls(self) -> Mapping[str, str]:
+        """As those of a slave."""
 
     def prepared(
         self, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,11 +40,13 @@ def simulate(
     scenario: Scenario,
     setup: Setup | None = None,
     observe: Sequence[str] = (),
+    watch: Callable[[loop.Record], None] | None = None,
 ) -> Trajectory:
     """Simulate the closed loop of ``scenario``.
 
     The plant is initialized first; the steady state it publishes, q_m_ref and u_m0, is what the controller is
-    initialized with. ``observe`` names further plant outputs to record. Raises :class:`~orchestrator.errors.FmuError`
+    initialized with. ``observe`` names further plant outputs to record; ``watch`` is given the arrays that the loop is
+    about to fill. Raises :class:`~orchestrator.errors.FmuError`
     if an FMU fails before the first sample, :class:`~orchestrator.errors.InputError` if a name is unknown; the
     trajectory's ending holds what happens later, except that the process of a ``controller`` in another one ends, which
     is a :class:`~orchestrator.errors.Crash`.
@@ -65,6 +67,8 @@ def simulate(
         ) as controller_port:
             parts = _loop(scenario, steady)
             record = _record(scenario, plant.get(outputs), steady, parts)
+            if watch is not None:
+                watch(record)
             raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
             ending = _ending(raw, record, scenario, plant, controller)
             if not ending.failed_call:

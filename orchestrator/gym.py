@@ -1,0 +1,148 @@
+"""The arm as a Gymnasium environment, ``FlexibleManipulator-v1``: the benchmark's own loop, a sample at a time.
+
+>>> import gymnasium, orchestrator.gym
+>>> env = gymnasium.make("FlexibleManipulator-v1", duration=2.0)  # doctest: +SKIP
+>>> observation, info = env.reset(seed=0, options={"case": "c00.compliant.disturbance"})  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numba
+import numpy as np
+from gymnasium.spaces import Box
+
+from controller_fmu.starters.policy.manipulator_observation import SIZE, Observation
+
+from .api.benchmark import Benchmark
+from .benchmark.case import Case
+from .benchmark.variation import Variation
+from .cache import compiled_code_folder
+from .errors import FmuError
+from .exact_time import seconds
+from .loop.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from .loop.stepwise import Stepwise
+
+ID = "FlexibleManipulator-v1"
+
+
+class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
+    """One episode is one simulation of the benchmark, with all its disturbances and imperfections.
+
+    An observation is that of ``Observation`` in ``manipulator_observation.py``, shape (8,). An action is the torque
+    [N.m] to add to that of the steady state, shape (2,): a policy that is trained here is the same as an FMU.
+
+    The reward of a step is minus the TCP error [mm] times the sample time [s]; when the benchmark gives the simulation
+    up as unstable, the rest of the episode counts with the distance at which it does. So the return is minus the
+    integral of the TCP error over the episode, [mm.s]. Then the episode is ``terminated``; at its end, it is
+    ``truncated``, and the last observation is that of the sample before, as nothing is measured any more.
+
+    ``info`` has the case ``"case"`` and the ``"seed"`` of its random system and noise, the time ``"t"`` [s], and what
+    no controller sees: the position of the tool ``"X"`` [m] and its ``"tcp_error"`` [m].
+
+    Parameters
+    ----------
+    protocol : str or path
+        Whose cases are drawn, as in :class:`Benchmark`.
+    duration : float, optional
+        Of an episode [s]; by default that of the case.
+    **options
+        ``plant`` and ``plant_parameters`` of :class:`Benchmark`.
+    """
+
+    trajectory: Trajectory | None = None
+    """The last episode's signals, once it has ended."""
+
+    def __init__(self, protocol: str = "paper", duration: float | None = None, **options: Any) -> None:
+        self._bench = Benchmark(protocol, **options)
+        self._ids = [case.id for case in self._bench.cases]
+        self._variation = Variation(duration=None if duration is None else seconds(duration))
+        limit = np.array(self._bench.rules.loop.torque_limit)
+        self.action_space = Box(-2.0 * limit, 2.0 * limit, dtype=np.float64)  # whatever u_m0 is, all torques
+        self.observation_space = Box(-np.inf, np.inf, (SIZE,), np.float64)
+        self._plant: Any = None
+        self._simulation: Stepwise | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; the arm is at rest.
+
+        Without ``options`` it is a case drawn from the protocol, with a base seed drawn for its random system and
+        noise. ``options={"case": ...}`` says which: a case's name, such as ``"c07.compliant.disturbance"`` (with the
+        base seed 0), or a :class:`Case` of ``Benchmark.case_at`` or ``varied`` as it is. Raises what
+        ``Benchmark.simulate`` raises.
+        """
+        super().reset(seed=seed)
+        self.close()
+        wanted, self._seed = (options or {}).get("case"), 0
+        if wanted is None:
+            wanted, self._seed = str(self.np_random.choice(self._ids)), int(self.np_random.integers(2**31))
+        self._case = wanted if isinstance(wanted, Case) else self._named(wanted)
+        self._simulation = self._started()
+        q_m = self._simulation.begin()
+        if q_m is None:
+            raise FmuError("The simulation ended before its first sample.")
+        self._memory = Observation()
+        self._X_0, self._k, self._h = self._simulation.position(0), 0, float(self._case.scenario.sample_time)
+        self._observe(q_m)
+        return self._observation, self._info()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Command ``u_m0 + action`` [N.m] for one sample."""
+        if self._simulation is None:
+            raise gymnasium.error.ResetNeeded("the episode has ended, or not begun: call reset")
+        first, second = self._simulation.steady.u_m0
+        q_m = self._simulation.step((first + float(action[0]), second + float(action[1])))
+        self._k += 1
+        if q_m is not None:
+            self._observe(q_m)
+            info = self._info()
+            return self._observation, -1e3 * self._h * info["tcp_error"], False, False, info
+        self.trajectory = self._simulation.trajectory
+        assert self.trajectory is not None  # as it has ended
+        self._k = len(self.trajectory.time) - 1
+        info = self._info() | {"status": self.trajectory.ending.status.value, "message": self.trajectory.ending.message}
+        self._simulation = None
+        is_done = self.trajectory.ending.status is Status.DONE
+        scenario = self._case.scenario
+        left = 0.0 if is_done else 1e3 * scenario.abort_distance * (scenario.samples - self._k) * self._h
+        return self._observation, -1e3 * self._h * info["tcp_error"] - left, not is_done, is_done, info
+
+    def close(self) -> None:
+        """End the episode."""
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
+
+    def _named(self, id: str) -> Case:
+        bench = replace(self._bench, seed=self._seed)
+        return bench.varied(bench.case(id), self._variation)
+
+    def _started(self) -> Stepwise:
+        # Where the processes of an evaluation keep machine code: a folder for each state of the sources.
+        numba.config.CACHE_DIR = numba.config.CACHE_DIR or str(compiled_code_folder())
+        from .fmi.slaves import load
+        from .loop.stepwise import Stepwise
+
+        self._plant = self._plant or load(self._bench.manipulator.archive)
+        return Stepwise(self._plant, self._case.scenario)
+
+    def _observe(self, q_m: tuple[float, float]) -> None:
+        assert self._simulation is not None
+        self._observation = np.array(self._memory.sample(self._simulation.steady.q_m_ref, q_m, self._h))
+
+    def _info(self) -> dict[str, Any]:
+        assert self._simulation is not None
+        X = self._simulation.position(self._k).copy()
+        tcp_error = math.hypot(*(X - self._X_0))
+        return {"case": self._case.id, "seed": self._seed, "t": self._k * self._h, "X": X, "tcp_error": tcp_error}
+
+
+gymnasium.register(ID, f"{__name__}:{FlexibleManipulator.__name__}")
