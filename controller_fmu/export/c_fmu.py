@@ -17,6 +17,7 @@ from controller_fmu.export.description import complete, derivatives, parse, to_b
 from controller_fmu.export.dialects import Dialect, translate
 from controller_fmu.export.platforms import binaries, cross_compilers
 from controller_fmu.export.references import check_declared, check_model
+from controller_fmu.export.terminals import terminals_and_icons
 
 C_INTERFACE = Path(__file__).resolve().parents[1] / "c_interface"
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -88,6 +89,7 @@ def c_fmu(
     contents = {
         **{f"sources/{name}": text for name, text in texts.items()},
         "modelDescription.xml": to_bytes(root),
+        **terminals_and_icons(root, dialect.version),
         **(binaries if platforms else _own_binary)(libraries, target.stem, dialect.version),
     }
     return write_atomically(pack(contents), target)
