@@ -45,8 +45,9 @@ def package(
     Raises :class:`~orchestrator.errors.InputError` if the loop cannot be had so: the plant's steps within a sample
     have different lengths, or no torque is delayed by one of them; or the controller has arrays.
     """
-    steps = make_plan(scenario.sample_time, scenario.drive.delay, scenario.sensor.delay, scenario.longest_hold).step.size
-    tick = scenario.sample_time / steps
+    drive, sensor = scenario.drive, scenario.sensor
+    plan = make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold)
+    tick = scenario.sample_time / plan.step.size
     binding = controller_binding(controller, setup)
     angles, torques = binding["e" if "e" in binding else "q_m"], binding["u_m"]
     before, within = start_values(controller, binding, setup, steady, scenario.sample_time)
@@ -89,7 +90,7 @@ def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values
     if min(exact["drive_delay"]) < 1:
         message = "A torque without delay would act in the step that the controller computes it in, "
         raise InputError(f"{message}which other tools have no order for.", "no-ssp")
-    random = stable_stream(sensor.noise.seed).get_state(legacy=False)["state"]  # type: ignore[call-overload]
+    random = stable_stream(sensor.noise.seed).get_state(legacy=False)["state"]
     pairs: dict[str, Iterable[float]] = {
         "q_m_ref": steady.q_m_ref,
         "u_m0": steady.u_m0,
@@ -157,4 +158,5 @@ def _structure(
 
 
 def _text(root: etree._Element) -> bytes:
-    return etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True)
+    text: bytes = etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True)
+    return text
