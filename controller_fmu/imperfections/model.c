@@ -14,7 +14,7 @@
 
 enum { AXES = 2, LINE = 1024 /* samples that are remembered */ };
 
-static const double PI = 3.141592653589793, ON_TICK = 0.01;
+static const double PI = 3.141592653589793, ON_TICK = 0.01, WORD = 4294967295.0;
 
 /* The variables in the order of their value references, then what is remembered; samples k at k % LINE. */
 typedef struct {
@@ -85,7 +85,7 @@ static bool check(const Loop *own, char message[MODEL_MESSAGE_SIZE])
     for (int i = 0; i < AXES; i++)
         fits = fits && whole(own->sensor_delay[i], 0.0, most) && whole(own->drive_delay[i], 1.0, most);
     for (int i = 0; i < 4; i++)
-        fits = fits && whole(own->noise_state[i], 0.0, 4294967295.0) && whole(own->noise_increment[i], 0.0, 4294967295.0);
+        fits = fits && whole(own->noise_state[i], 0.0, WORD) && whole(own->noise_increment[i], 0.0, WORD);
     if (fits) return true;
     snprintf(message, MODEL_MESSAGE_SIZE,
              "rate must be positive, ticks_per_sample and drive_delay whole numbers from 1, sensor_delay from 0, no "

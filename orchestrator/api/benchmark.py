@@ -33,14 +33,12 @@ from ..errors import Crash, InputError
 from ..execution import cluster, pool, store
 from ..execution.job import Limits
 from ..fmi.archive import open_archive
-from ..loop.controller import Steady
 from ..loop.sampling import controller_sample_time
 from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder, write_bytes
 from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
 from ..reporting.robustness import Robustness
 from ..reporting.spread import Spread, spread_of
-from ..reporting.ssp import package
 from . import campaign, checking, document
 from .built_in import built_in
 from .campaign import Bench
@@ -490,6 +488,9 @@ class Benchmark:
         Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
         there is no C compiler.
         """
+        from ..loop.controller import Steady  # loads Numba
+        from ..reporting.ssp import package
+
         bench, wanted = self._sampled(controller or Controller(), case)
         scenario, pose = wanted.scenario, wanted.configuration
         at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
