@@ -21,6 +21,7 @@ from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, Ta
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.export.twin import twin_description, twin_header
+from controller_fmu.imperfections.interface import description as imperfections_description
 from plant_fmu.native import interface
 
 __all__ = ["NAMES", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect", "NoCompilerError"]
@@ -97,6 +98,14 @@ def _diagonal_pid_c(target: Path, platforms: Platforms, dialect: Dialect) -> Pat
     return c_fmu(sorted(folder.glob("*.[ch]")), folder / "modelDescription.xml", target, dialect, platforms)
 
 
+def _imperfections(target: Path, platforms: Platforms) -> Path:
+    with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
+        description = Path(folder, "modelDescription.xml")
+        description.write_bytes(to_bytes(imperfections_description()))
+        sources = sorted((HERE / "controller_fmu" / "imperfections").glob("*.[ch]"))
+        return c_fmu(sources, description, target, Dialect(), platforms)
+
+
 _RECIPES: dict[str, Recipe] = {
     "FlexibleManipulator": _flexible_manipulator,
     "FlexibleManipulatorNative": partial(_flexible_manipulator_native, dialect=Dialect()),
@@ -106,6 +115,7 @@ _RECIPES: dict[str, Recipe] = {
     "ManipulatorLQG": _manipulator_lqg,
     "DitheredLQG": _dithered_lqg,
     "DitheredLQG_C": _dithered_lqg_c,
+    "Imperfections": _imperfections,
 }
 _PLANT_VARIANTS: dict[str, Recipe] = {
     "FlexibleManipulatorNative_fmi3": partial(_flexible_manipulator_native, dialect=Dialect(3)),
@@ -189,6 +199,7 @@ def _parser() -> argparse.ArgumentParser:
   ManipulatorLQG               LQG, scheduled by the reference position, Python
   DitheredLQG                  the same with a dither against friction, Python
   DitheredLQG_C                the same in C, equal up to rounding (FMI 2.0 co-simulation)
+  Imperfections                what the benchmark's loop has between controller and plant, C (FMI 2.0 co-simulation)
 built with --all or by name, the manipulator in C for
   FlexibleManipulatorNative_fmi3   FMI 3.0 co-simulation
   FlexibleManipulatorNative_me2    FMI 2.0 Model Exchange, eight continuous states
@@ -204,7 +215,7 @@ ziglang, which also compiles for the other platforms of --platforms:
 {", ".join(PLATFORMS)}).
 
 examples:
-  python build_fmus.py                            build the first eight into build/fmus
+  python build_fmus.py                            build the first nine into build/fmus
   python build_fmus.py DiagonalPID                build one
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
@@ -213,7 +224,7 @@ examples:
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first eight below)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first nine below)")
     parser.add_argument("--all", action="store_true", help="build for the other kinds of FMI, too")
     parser.add_argument(
         "--platforms",

@@ -6,8 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import build_fmus
+from orchestrator.cli import main
 
 ROOT = Path(build_fmus.__file__).parent
+
+VERSION = "__init__"
+"""The package itself is imported everywhere, for its version alone."""
+
+COMMANDS = ("__main__", *(command for command in main.COMMANDS if command not in ("new", "build")))
+"""Modules that are run with ``python -m``."""
 
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
@@ -19,22 +26,7 @@ FLOORS = (
     ("reporting",),
     ("api",),
     ("cli", "gym"),
-    (
-        *[
-            "__init__",
-            "__main__",
-            "evaluate",
-            "simulate",
-            "robustness",
-            "verify",
-            "tune",
-            "sweep",
-            "linearize",
-            "check",
-            "compare",
-            "report",
-        ],
-    ),
+    (VERSION, *COMMANDS),
     ("tuning",),
 )
 """Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the
@@ -42,9 +34,6 @@ controllers lives in their folders, above the house: a user like any other."""
 
 GROUND = FLOORS[1]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
-
-VERSION = "__init__"
-"""The package itself is imported everywhere, for its version alone."""
 
 EXCEPTIONS = {
     ("build_fmus", "controller_fmu"): "the command that builds is the builders' only client beside the api",

@@ -82,7 +82,7 @@ static void refresh(Component *component)
 {
     /* Until initialization has ended, outputs follow the parameters; a bad one is reported at its end. */
     if (!component->memory->running) model_initialize(component->memory->model, component->message);
-#if MODEL_STATES
+#if MODEL_EVALUATES
     model_evaluate(component->memory->model);
 #endif
 }

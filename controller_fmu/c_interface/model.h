@@ -40,8 +40,8 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 double model_sample_time(const void *model);
 
 /* Only where the description declares derivatives, in FMI 2.0 <Real derivative="...">, which makes continuous states
- * of the variables they belong to: computes derivatives and outputs from states and inputs. It is called whenever
- * somebody reads variables. */
+ * of the variables they belong to, or where it lists inputs that an output depends on directly and the model has this
+ * function: computes derivatives and outputs from states and inputs. It is called whenever somebody reads variables. */
 void model_evaluate(void *model);
 
 #endif

@@ -17,6 +17,7 @@ from controller_fmu.export.description import complete, derivatives, parse, to_b
 from controller_fmu.export.dialects import Dialect, translate
 from controller_fmu.export.platforms import binaries, cross_compilers
 from controller_fmu.export.references import check_declared, check_model
+from controller_fmu.export.terminals import terminals_and_icons
 
 C_INTERFACE = Path(__file__).resolve().parents[1] / "c_interface"
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -76,7 +77,8 @@ def c_fmu(
         texts["buildDescription.xml"] = _build_description(target.stem, compiled)
     guid = content_guid({**texts, "modelDescription.xml": to_bytes(root)})
     root.set(dialect.guid_attribute, guid)
-    texts["identity.h"] = _identity(target.stem, guid, dialect, scalars)
+    evaluates = any(b"void model_evaluate(" in texts[source.name] for source in sources)
+    texts["identity.h"] = _identity(target.stem, guid, dialect, scalars, evaluates)
     libraries: dict[str, bytes] = {}
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder, located(description):
         for name, compiler in compilers.items():
@@ -87,6 +89,7 @@ def c_fmu(
     contents = {
         **{f"sources/{name}": text for name, text in texts.items()},
         "modelDescription.xml": to_bytes(root),
+        **terminals_and_icons(root, dialect.version),
         **(binaries if platforms else _own_binary)(libraries, target.stem, dialect.version),
     }
     return write_atomically(pack(contents), target)
@@ -128,16 +131,18 @@ def _build_description(name: str, compiled: Sequence[str]) -> bytes:
     return to_bytes(root)
 
 
-def _identity(name: str, guid: str, dialect: Dialect, scalars: Element) -> bytes:
+def _identity(name: str, guid: str, dialect: Dialect, scalars: Element, evaluates: bool) -> bytes:
     """Return the header that tells the glue whose binary it is."""
     references = [variable.attrib["valueReference"] for variable in variables(scalars)]
     states = [(references[state - 1], references[derivative - 1]) for state, derivative in derivatives(scalars)]
+    direct = evaluates and any(output.get("dependencies") for output in scalars.iterfind("ModelStructure/Outputs/*"))
     lines = (
         f"#define MODEL_IDENTIFIER {name}",
         f'#define MODEL_GUID "{guid}"',
         f"#define MODEL_HAS_ARRAYS {int(dialect.arrays)}",
         f"#define MODEL_FLOAT_BITS {dialect.float_bits}",
         f"#define MODEL_STATES {len(states)}",
+        f"#define MODEL_EVALUATES {int(bool(states) or direct)}",
         f"#define MODEL_STATE_REFERENCES {', '.join(state for state, _ in states) or 0}",
         f"#define MODEL_DERIVATIVE_REFERENCES {', '.join(derivative for _, derivative in states) or 0}",
     )

@@ -20,7 +20,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
-from ..benchmark.linearization import Friction
+from ..benchmark.linearization import Friction, rest
 from ..benchmark.metrics import judge, named
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
@@ -31,9 +31,10 @@ from ..conformance.finding import Finding
 from ..errors import Crash, InputError
 from ..execution import cluster, pool, store
 from ..execution.job import Limits
+from ..fmi.archive import open_archive
 from ..loop.sampling import controller_sample_time
 from ..reporting.certificates import Verification
-from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder
+from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder, write_bytes
 from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
 from ..reporting.robustness import Robustness
@@ -41,6 +42,7 @@ from ..reporting.spread import Spread, spread_of
 from ..reporting.tuning import Tuning
 from ..search.candidates import Range
 from . import campaign, checking, document
+from .built_in import built_in
 from .campaign import Bench
 from .controller import Controller
 from .evaluation import Evaluation
@@ -530,19 +532,40 @@ class Benchmark:
         Raises :class:`InputError` for a case that does not exist, :class:`FmuError` if an FMU fails before the first
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
-        controller = controller or Controller()
-        bench = self.bench(controller)
-        wanted = self.case(case) if isinstance(case, str) else case
-        sample_time = controller_sample_time(
-            bench.controller, wanted.scenario.sample_time, controller.given_sample_time
-        )
-        scenario = replace(wanted.scenario, sample_time=sample_time.value)
-        wanted = replace(wanted, scenario=scenario)
+        bench, wanted = self._sampled(controller or Controller(), case)
+        scenario = wanted.scenario
         trajectory = campaign.simulate(bench, scenario)
         result = named(wanted, judge(self.rules, wanted, trajectory))
         plain = case_list.case(self.rules, wanted.configuration, wanted.system, wanted.test, self.seed).scenario
         varied = replace(plain, sample_time=scenario.sample_time) != scenario
         return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
+
+    def export_ssp(self, controller: Controller | None, case: Case | str, file: str | Path) -> Path:
+        """Write the closed loop of one case, named as in :meth:`simulate`, as a package of SSP 1.0; returns ``file``.
+
+        It holds the manipulator in C, the controller, and an FMU of all that the master does between them, with their
+        parameters.
+
+        Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
+        there is no C compiler.
+        """
+        from ..loop.controller import Steady  # loads Numba
+        from ..reporting.ssp import package
+
+        bench, wanted = self._sampled(controller or Controller(), case)
+        scenario, pose = wanted.scenario, wanted.configuration
+        at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
+        plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
+        steady = Steady(at.q_m, at.u_m, at.q_a)
+        write_bytes(Path(file), package(plant, imperfections, bench.controller, bench.setup, scenario, steady))
+        return Path(file)
+
+    def _sampled(self, controller: Controller, case: Case | str) -> tuple[Bench, Case]:
+        """A case, sampled by the controller."""
+        bench = self.bench(controller)
+        wanted = self.case(case) if isinstance(case, str) else case
+        T_s = controller_sample_time(bench.controller, wanted.scenario.sample_time, controller.given_sample_time)
+        return bench, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))
 
     def linearize(
         self,

@@ -48,7 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     controller = options.controller(given) if run is None else _controller_of(run, given)
     wanted = variation(given)
     case = _case(bench, given)
-    simulation = bench.simulate(controller, bench.varied(case, wanted) if wanted != Variation() else case)
+    case = bench.varied(case, wanted) if wanted != Variation() else case
+    if given.export_ssp is not None:
+        print(f"written: {bench.export_ssp(controller, case, given.export_ssp)}", file=sys.stderr)
+    simulation = bench.simulate(controller, case)
     folder = given.output_dir or Path("runs") / _folder_name(controller, bench, simulation)
     if given.output_dir is None:
         folder = _free(folder)
@@ -181,4 +184,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
     parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
     parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
+    parser.add_argument(
+        "--export-ssp", type=Path, metavar="FILE", help="write the closed loop as an SSP package too, for other tools"
+    )
     return parser

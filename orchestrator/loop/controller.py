@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import Crash
+from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
 from ..fmi.lookup import find_parameters
 from ..fmi.port import Port
@@ -84,11 +85,28 @@ def prepared(
             yield port
         return
     binding = controller_binding(slave.archive, setup)
-    what = f"The controller {slave.archive.name}"
-    before = find_parameters(slave.archive.description, setup.parameters, what)
-    T_s = sample_time_parameter(slave.archive, setup)
+    before, within = start_values(slave.archive, binding, setup, steady, sample_time, first)
+    with slave.instantiated(stop_time):
+        slave.initialize(before, within)
+        with slave.own_modules():
+            yield _port(slave, binding, steady)
+
+
+def start_values(
+    controller: Archive,
+    binding: Binding,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    first: Pair | None = None,
+) -> tuple[dict[Variable, list[float]], dict[Variable, list[float]]]:
+    """What a controller is given before initialization, parameters, and within it, inputs; ``first`` as in
+    :func:`prepared`."""
+    what = f"The controller {controller.name}"
+    before = find_parameters(controller.description, setup.parameters, what)
+    T_s = sample_time_parameter(controller, setup)
     if T_s is not None:
-        unit = conversion(slave.archive.description, T_s.unit, "s", f"{what}: {T_s.name}")
+        unit = conversion(controller.description, T_s.unit, "s", f"{what}: {T_s.name}")
         before[T_s] = [float(sample_time) / unit.factor]
     seen = steady.q_m_ref if first is None else first
     known = {
@@ -102,11 +120,7 @@ def prepared(
     for name, pair in known.items():
         if name in binding:
             (before if binding[name].is_parameter else within).update(binding[name].values(pair))
-
-    with slave.instantiated(stop_time):
-        slave.initialize(before, within)
-        with slave.own_modules():
-            yield _port(slave, binding, steady)
+    return before, within
 
 
 def _port(slave: Slave, binding: Binding, steady: Steady) -> Port:

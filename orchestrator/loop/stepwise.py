@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
 from greenlet import GreenletExit, getcurrent, greenlet
 
+from ..errors import Crash
 from ..fmi import port, trace
 from ..fmi.slaves import Slave
 from .closed_loop import Record
@@ -48,7 +49,8 @@ class Stepwise:
 
     def __init__(self, plant: Slave, scenario: Scenario, observe: Sequence[str] = ()) -> None:
         def run() -> None:
-            self.trajectory = simulate(plant, self, scenario, observe=observe, watch=self._watch)
+            with suppress(Crash):  # the caller has ended it
+                self.trajectory = simulate(plant, self, scenario, observe=observe, watch=self._watch)
 
         self._loop = greenlet(run)
         self._port = port.unconnected((0, 0), 2, (0, 0), 2)
@@ -112,3 +114,7 @@ class Stepwise:
 
     def terminate(self) -> None:
         """There is nothing to end."""
+
+    def lost(self) -> Crash:
+        """The caller wants no more of it."""
+        return Crash("the caller has ended the simulation")

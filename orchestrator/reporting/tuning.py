@@ -128,7 +128,7 @@ def tuning_remarks(found: Tuning) -> list[str]:
         remarks.append(f"Overfitted: V of the objective is {own}, but {others} with other draws of systems and noise.")
     if best.strict_broken:
         remarks.append(
-            f"On the strict list {', '.join(best.strict_broken)} fails: --robust counts what a search finds."
+            f"On the strict list {', '.join(best.strict_broken)} fails: a robust tuning counts what a search finds."
         )
     ends = [
         name
