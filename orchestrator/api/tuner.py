@@ -85,13 +85,17 @@ class Tuner:
             # What V alone makes worse than half of the last generation, no sampler builds on.
             worst = statistics.median(each.objective for each in found) if first else worst
             generations += 1
-            if generations % JUDGED_EVERY == 0 and self.holds(self.leaders()[0]) is False:
+            known = len(self.cases)
+            if generations % JUDGED_EVERY == 0:
+                self.holds(self.leaders()[0])
+            if len(self.cases) > known:
                 worst = math.inf  # the objective has become another one
 
     def best(self) -> Trial | None:
         """The best candidate that holds A1 to A3 on the whole protocol, of at most FINALISTS that are tried there."""
         for _ in range(FINALISTS):
-            leader = next((each for each in self.leaders() if self.verdict(each) in (None, True)), None)
+            holding = (each for each in self.leaders() if each.holds and self.verdict(each) in (None, True))
+            leader = next(holding, None)
             if leader is None or self.holds(leader):
                 return leader
         return None
