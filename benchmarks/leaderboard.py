@@ -38,6 +38,7 @@ from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"
+PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
 BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
 
 SUBMISSIONS, VERIFIED = ROOT / "submissions", ROOT / "docs" / "publishing.md"
@@ -71,6 +72,9 @@ SEARCHED = ("B5", "B6", "B7")
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
 
+SEEDS = range(10)
+"""Of the spread on a controller's page."""
+
 SAME_BITS = ("DiagonalPID", "TunedPID")
 
 Figures = Mapping[str, Any]
@@ -92,6 +96,7 @@ def evaluate(name: str, folder: Path) -> dict[str, Any]:
     strict, place = Benchmark("strict"), folder / "strict" / name
     listed = strict.evaluate(searched, folder=place, recordings=False).results
     found = strict.robustness(searched, folder=place, recordings=False)
+    seeds = Benchmark().spread(searched, SEEDS, folder=folder / "seeds" / name, recordings=False)
     return {
         "guid": controller.archive.description.guid,
         "plant": results.plant.sha256,
@@ -102,6 +107,8 @@ def evaluate(name: str, folder: Path) -> dict[str, Any]:
         **_scorecard(results),
         "strict": _scorecard(listed),
         "robustness": _found(found),
+        "seeds": json.loads(to_json({"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements})),
+        "computing_time": json.loads(to_json(results.timing.computing_time)),
     }
 
 
@@ -204,7 +211,21 @@ def scorecard(kept: Sequence[Figures], name: str) -> str:
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
-        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}"
+        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}{_seeds(own)}"
+    )
+
+
+def _seeds(figures: Figures) -> str:
+    """How V varies with the seed, and what a step costs."""
+    seeds, step = figures.get("seeds"), figures.get("computing_time")
+    if seeds is None or step is None:
+        return ""
+    cost = seeds["cost"]
+    held = ", ".join(f"{name} for {entry['seeds']}" for name, entry in seeds["requirements"].items())
+    return (
+        f"\nOver {seeds['count']} seeds of `paper`, V is {number(cost['mean'])} ± {number(cost['deviation'])}, from "
+        f"{number(cost['smallest'])} to {number(cost['largest'])}; there hold {held}. A step of the FMU takes "
+        f"{number(step['median'], 1e6)} µs (median; {number(step['percentile_99'], 1e6)} µs for 99 of 100).\n"
     )
 
 
@@ -268,6 +289,34 @@ def spread(figure: Figure, factor: float = 1.0) -> str:
     return number(figure.mean, factor) + ("" if figure.sd is None else f" ± {number(figure.sd, factor)}")
 
 
+def draw(kept: Sequence[Figures], file: Path) -> None:
+    """V on ``strict`` against the factor on all tolerances at which a requirement fails: low and right is good."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, panel = plt.subplots(figsize=(6.3, 3.6), layout="constrained")
+    panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
+    panel.axvline(1.0, color="0.6", lw=0.8, ls="--")
+    panel.annotate("target", (0.0, 100.0), xycoords=("axes fraction", "data"), fontsize=7, color="0.4", va="bottom")
+    for each in kept:
+        cost, radius = each["strict"]["cost"], each["robustness"]["radius"]
+        reach = radius["limit"] if radius["stability"] is None else radius["stability"]
+        point = ">" if radius["stability"] is None else "o"
+        (mark,) = panel.plot(reach, cost, point, ms=8)
+        panel.plot(2 * [reach], [cost, each["robustness"]["cost"]], "-", color=mark.get_color(), lw=1.2)
+        panel.plot(reach, each["robustness"]["cost"], "_", color=mark.get_color(), ms=10)
+        panel.annotate(
+            f" {name_of(each)}", (reach, cost), fontsize=8, va="top", xytext=(4, -3), textcoords="offset points"
+        )
+    panel.set_xlabel("robustness radius: factor on Table 1 at which A1, A2 or A3 fails (arrow: not found)", fontsize=8)
+    panel.set_ylabel("V on strict, up to V found", fontsize=8)
+    panel.set_xlim(right=1.45)
+    panel.set_ylim(bottom=0.0)
+    figure.savefig(file, dpi=150)
+
+
 def with_table(text: str, table: str) -> str:
     """``text`` with ``table`` put between its marks."""
     before, begin, rest = text.partition(BEGIN)
@@ -298,6 +347,7 @@ def main() -> None:
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for file, text in pages(kept).items():
         file.write_text(text, encoding="utf-8")
+    draw(kept, PICTURE)
 
 
 if __name__ == "__main__":
