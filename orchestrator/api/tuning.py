@@ -90,7 +90,7 @@ def tune(
         chosen = controller.with_parameters(best.values)
         if folder is not None:
             lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
-            write_text(folder / BEST, "".join(lines))
+            write_text(folder / BEST, "".join(["[parameters]\n", *lines]))
         whole = goal.evaluate(chosen, folder=_in(folder, _name(best)), keep_going=True)
         seeds = goal.spread(chosen, [goal.seed + each for each in SEEDS], folder=_in(folder, "seeds"), recordings=False)
         listed = replace(goal, protocol=strict).evaluate(
