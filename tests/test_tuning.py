@@ -157,6 +157,7 @@ def test_what_the_fmu_refuses_costs_a_trial(short):
     [
         ({}, {}, "nothing-varies"),
         ({"K_x": (1.0, 2.0)}, {}, "no-parameter"),
+        ({"u_m0[1]": (0.0, 1.0)}, {}, "connector-parameter"),
         ({"K_p[1]": (2.0, 1.0)}, {}, "bad-range"),
         ({"K_p[1]": (0.0, 1.0, "log")}, {}, "bad-range"),
         (VARY, {"sampler": "oracle"}, "no-sampler"),

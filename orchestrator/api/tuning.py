@@ -71,7 +71,8 @@ def tune(
 
     with store.opened(folder) as known:
         proposals = Proposals(vary, begin_at, sampler, search_seed, None if folder is None else folder / STUDY)
-        if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
+        first = short.bench(controller.with_parameters(begin_at))
+        if (failure := campaign.rehearse(cases[0], first).failure) is not None:
             raise Crash(failure.result.message)
         tuner = Tuner(
             SideBySide(short.rules, short.execute, known),
