@@ -11,16 +11,21 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, TargetError
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.description import parse, to_bytes
+from controller_fmu.export.rows import description
 from controller_fmu.export.twin import twin_description, twin_header
+from controller_fmu.lqg.flexible_manipulator_lqg.interface import BASE_UNITS, SAMPLE_TIME
+from controller_fmu.robust_c.interface import ROWS
 from plant_fmu.native import interface
 
 __all__ = ["NAMES", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect", "NoCompilerError"]
@@ -84,12 +89,26 @@ def _dithered_lqg(target: Path, _platforms: Platforms) -> Path:
 
 def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
-        twin = unpack(_dithered_lqg(Path(folder, "DitheredLQG.fmu"), ()))["modelDescription.xml"]
-        header, description = Path(folder, "interface.h"), Path(folder, "modelDescription.xml")
-        header.write_text(twin_header(parse(twin)), encoding="utf-8")
-        description.write_bytes(to_bytes(twin_description(parse(twin))))
-        sources = sorted((HERE / "controller_fmu" / "lqg_c").glob("*.[ch]"))
-        return c_fmu([*sources, header], description, target, Dialect(), platforms)
+        twin = parse(unpack(_dithered_lqg(Path(folder, "DitheredLQG.fmu"), ()))["modelDescription.xml"])
+    sources = sorted((HERE / "controller_fmu" / "lqg_c").glob("*.[ch]"))
+    return _described_in_c(twin_description(twin), sources, target, platforms)
+
+
+def _robust_lqg(target: Path, platforms: Platforms) -> Path:
+    folder, shared = HERE / "controller_fmu" / "robust_c", HERE / "controller_fmu" / "lqg_c"
+    starts = {"T_s": SAMPLE_TIME, **json.loads((folder / "robust_weights.json").read_text(encoding="utf-8"))["parameters"]}
+    what = "Two LQG controllers: a stiff one at rest, a damping one with a dither against friction after an event"
+    sources = [shared / name for name in ("checks.h", "design.c", "design.h", "matrix.h")] + sorted(folder.glob("*.[ch]"))
+    return _described_in_c(description(ROWS, starts, what, BASE_UNITS), sources, target, platforms)
+
+
+def _described_in_c(root: Element, sources: Sequence[Path], target: Path, platforms: Platforms) -> Path:
+    """The FMU of a model whose header follows from its description ``root``."""
+    with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
+        header, described = Path(folder, "interface.h"), Path(folder, "modelDescription.xml")
+        header.write_text(twin_header(root), encoding="utf-8")
+        described.write_bytes(to_bytes(root))
+        return c_fmu([*sources, header], described, target, Dialect(), platforms)
 
 
 def _diagonal_pid_c(target: Path, platforms: Platforms, dialect: Dialect) -> Path:
@@ -106,6 +125,7 @@ _RECIPES: dict[str, Recipe] = {
     "ManipulatorLQG": _manipulator_lqg,
     "DitheredLQG": _dithered_lqg,
     "DitheredLQG_C": _dithered_lqg_c,
+    "RobustLQG": _robust_lqg,
 }
 _PLANT_VARIANTS: dict[str, Recipe] = {
     "FlexibleManipulatorNative_fmi3": partial(_flexible_manipulator_native, dialect=Dialect(3)),

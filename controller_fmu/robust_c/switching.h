@@ -1,0 +1,48 @@
+/* The switching law: what an event is, how much of the event's feedback and dither acts, and the dither's wave. */
+#ifndef SWITCHING_H
+#define SWITCHING_H
+
+#include <math.h>
+
+/* Parameters of the FMU, in the order of interface.py, where units are told. */
+typedef struct {
+    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, hold, decay;
+} Switching;
+
+/* Levels [m], time since the last event [s], number of the sample. */
+typedef struct {
+    double level, average, since, sample;
+} Watch;
+
+static inline double limited(double x, double least, double most) { return fmin(fmax(x, least), most); }
+
+/* No event yet. */
+static inline Watch watch(const Switching *by) { return (Watch){.since = by->hold + by->decay}; }
+
+/* Takes the estimated TCP error [m] of this sample; returns how much of the event's feedback and dither acts, 0 to 1. */
+static inline double strength(Watch *on, const Switching *by, double error, double T_s)
+{
+    const bool is_event = error > by->threshold && error > by->contrast * on->average;
+    on->since = is_event ? 0.0 : on->since + T_s;
+    on->average += (error - on->average) * (1.0 - exp(-T_s / by->average_time));
+    on->level = fmax(error, on->level * exp(-T_s / by->memory));
+    const double cap = limited(1.0 - (on->since - by->hold) / by->decay, 0.0, 1.0);
+    return fmin(limited((on->level - by->off) / by->rise, 0.0, 1.0), cap);
+}
+
+/* The square wave, 1 or -1, in this sample. */
+static inline double wave(Watch *on, const Switching *by, double T_s)
+{
+    const double period = by->period / T_s, phase = fmod(on->sample, period);
+    on->sample += 1.0;
+    return phase < 0.5 * period ? 1.0 : -1.0;
+}
+
+/* What `axis` is shaken with [N.m]: a loop gain up to the headroom leaves torque and dither together within the
+ * drive's limit, which would make a net torque of the dither. */
+static inline double amplitude(const Switching *by, int axis, double u_m0, double limit)
+{
+    return fmin(by->amplitude[axis], fmax(limit - fabs(u_m0), 0.0) / by->headroom);
+}
+
+#endif
