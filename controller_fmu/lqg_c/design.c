@@ -231,20 +231,19 @@ bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXE
     if (!feedback(of, &at, A, gain, tool)) return refuse(message);
     *law = (Law){{{0.0}}};
     for (int row = 0; row < N; row++) {
-        double *z = law->of[row];
         for (int j = 0; j < N; j++)
-            z[j] = A.of[row][j];
+            law->columns[j][row] = A.of[row][j];
         for (int i = 0; i < AXES; i++) {
-            z[Q_M + i] -= correction[row][i];
-            z[U + i] = row < JOINTS ? model.of[row][JOINTS + i] : 0.0;
-            z[E + i] = correction[row][i];
+            law->columns[Q_M + i][row] -= correction[row][i];
+            law->columns[U + i][row] = row < JOINTS ? model.of[row][JOINTS + i] : 0.0;
+            law->columns[E + i][row] = correction[row][i];
         }
     }
     for (int i = 0; i < AXES; i++)
         for (int row = 0; row < N; row++)
             for (int j = 0; j < LAW; j++) {
-                law->of[U + i][j] -= gain[i][row] * law->of[row][j];
-                law->of[E + i][j] += tool[i][row] * law->of[row][j];
+                law->columns[j][U + i] -= gain[i][row] * law->columns[j][row];
+                law->columns[j][E + i] += tool[i][row] * law->columns[j][row];
             }
     return true;
 }

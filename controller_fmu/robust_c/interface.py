@@ -18,6 +18,7 @@ class Switching(NamedTuple):
     memory: Annotated[float, "s", "Time constant with which the level fades", POSITIVE]
     threshold: Annotated[float, "m", "Estimated TCP error above which there may be an event", 0.0]
     contrast: Annotated[float, "1", "An event's error relative to its slow average", 0.0]
+    jump_time: Annotated[float, "s", "Time constant of the average error that a jump is counted from", POSITIVE]
     average_time: Annotated[float, "s", "Time constant of the average", POSITIVE]
     hold: Annotated[float, "s", "Time after an event for which the full strength is allowed", 0.0]
     decay: Annotated[float, "s", "Time in which what is allowed then falls to nothing", POSITIVE]

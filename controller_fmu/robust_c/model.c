@@ -53,7 +53,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         lqg->at_rest[E + i] = lqg->shaken[E + i] = of->q_m[i] - of->q_m_ref[i];
     apply(&lqg->quiet, lqg->at_rest, quiet);
     apply(&lqg->event, lqg->shaken, event);
-    const double share = strength(&lqg->watch, &lqg->switching, hypot(event[E], event[E + 1]), lqg->T_s);
+    const double share = strength(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
     const double shake = share * wave(&lqg->watch, &lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++) {
         const double feedback = (1.0 - share) * quiet[U + i] + share * event[U + i];

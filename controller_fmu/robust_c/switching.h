@@ -6,12 +6,13 @@
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
-    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, hold, decay;
+    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, jump_time, average_time, hold, decay;
 } Switching;
 
-/* Levels [m], time since the last event [s], number of the sample. */
+/* Levels [m], slow averages of the error and of its distance from its average [m], time since the last event [s],
+ * number of the sample. */
 typedef struct {
-    double level, average, since, sample;
+    double level, average[2], unrest, since, sample;
 } Watch;
 
 static inline double limited(double x, double least, double most) { return fmin(fmax(x, least), most); }
@@ -20,12 +21,15 @@ static inline double limited(double x, double least, double most) { return fmin(
 static inline Watch watch(const Switching *by) { return (Watch){.since = by->hold + by->decay}; }
 
 /* Takes the estimated TCP error [m] of this sample; returns how much of the event's feedback and dither acts, 0 to 1. */
-static inline double strength(Watch *on, const Switching *by, double error, double T_s)
+static inline double strength(Watch *on, const Switching *by, const double error[2], double T_s)
 {
-    const bool is_event = error > by->threshold && error > by->contrast * on->average;
+    const double jump = hypot(error[0] - on->average[0], error[1] - on->average[1]);
+    const bool is_event = jump > by->threshold && jump > by->contrast * on->unrest;
     on->since = is_event ? 0.0 : on->since + T_s;
-    on->average += (error - on->average) * (1.0 - exp(-T_s / by->average_time));
-    on->level = fmax(error, on->level * exp(-T_s / by->memory));
+    on->unrest += (jump - on->unrest) * (1.0 - exp(-T_s / by->average_time));
+    for (int i = 0; i < 2; i++)
+        on->average[i] += (error[i] - on->average[i]) * (1.0 - exp(-T_s / by->jump_time));
+    on->level = fmax(hypot(error[0], error[1]), on->level * exp(-T_s / by->memory));
     const double cap = limited(1.0 - (on->since - by->hold) / by->decay, 0.0, 1.0);
     return fmin(limited((on->level - by->off) / by->rise, 0.0, 1.0), cap);
 }
