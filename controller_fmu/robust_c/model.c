@@ -53,10 +53,10 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         lqg->at_rest[E + i] = lqg->shaken[E + i] = of->q_m[i] - of->q_m_ref[i];
     apply(&lqg->quiet, lqg->at_rest, quiet);
     apply(&lqg->event, lqg->shaken, event);
-    const double share = strength(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
-    const double shake = share * wave(&lqg->watch, &lqg->switching, lqg->T_s);
+    const Shares of_event = shares(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
+    const double shake = of_event.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++) {
-        const double feedback = (1.0 - share) * quiet[U + i] + share * event[U + i];
+        const double feedback = (1.0 - of_event.feedback) * quiet[U + i] + of_event.feedback * event[U + i];
         of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
         quiet[U + i] = event[U + i] = of->u_m[i] - lqg->u_0[i]; /* both filters know the torque that acts */
     }
