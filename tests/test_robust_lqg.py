@@ -58,22 +58,23 @@ def reference(signals, p):
     laws = np.stack([lqg.law(lqg.controller(chosen(Weights, values), pose, T_S)) for values in (p, own)])
     amplitude = np.minimum([p["amplitude[1]"], p["amplitude[2]"]], (TORQUE_LIMIT - np.abs(u_0)) / p["headroom"])
     states, u, found, shares = np.zeros((2, 12)), np.zeros(2), [], []
-    average, unrest, level, first_event, last_event = np.zeros(2), 0.0, 0.0, None, -math.inf
+    average, unrest, peak, level, event = np.zeros(2), 0.0, 0.0, 0.0, -math.inf
     for k, q_m in enumerate(signals.q_m):
         now = np.stack([np.concatenate([state, u, q_m - q_m_ref]) for state in states])
         after = np.einsum("lij,lj->li", laws, now)
         states, feedback, error = after[:, :12], after[:, 12:14], after[1, 14:]
         jump = np.linalg.norm(error - average)
-        if jump > max(p["threshold"], p["contrast"] * unrest):
-            last_event = k
+        if jump > max(p["threshold"], p["contrast"] * unrest, p["contrast"] * peak):
+            event = k
+        peak *= math.exp(-T_S / p["fatigue"])
+        if (k - event) * T_S < p["hold"] + p["decay"]:
+            peak = max(peak, jump)
         unrest += (1 - math.exp(-T_S / p["average_time"])) * (jump - unrest)
         average = average + (1 - math.exp(-T_S / p["jump_time"])) * (error - average)
         level = max(np.linalg.norm(error), math.exp(-T_S / p["memory"]) * level)
-        cap = 1 - ((k - last_event) * T_S - p["hold"]) / p["decay"]
-        first_event = (k if first_event is None else first_event) if cap > 0 else None
+        cap = 1 - ((k - event) * T_S - p["hold"]) / p["decay"]
         dither = np.clip(min((level - p["off"]) / p["rise"], cap), 0, 1)
-        waited = 0 if first_event is None else (k + 1 - first_event) * T_S
-        share = dither * np.clip(waited / p["wait"] - 1, 0, 1)
+        share = dither * np.clip((k - event) * T_S / p["wait"] - 1, 0, 1)
         sign = 1 if k % (p["period"] / T_S) < p["period"] / T_S / 2 else -1
         wanted = u_0 + (1 - share) * feedback[0] + share * feedback[1] + dither * sign * amplitude
         found.append(np.clip(wanted, -TORQUE_LIMIT, TORQUE_LIMIT))

@@ -20,6 +20,7 @@ class Switching(NamedTuple):
     contrast: Annotated[float, "1", "An event's error relative to its slow average", 0.0]
     jump_time: Annotated[float, "s", "Time constant of the average error that a jump is counted from", POSITIVE]
     average_time: Annotated[float, "s", "Time constant of the average", POSITIVE]
+    fatigue: Annotated[float, "s", "Time constant with which the largest jump of an event fades", POSITIVE]
     wait: Annotated[float, "s", "Time from an event until its feedback begins; after twice that it has all", POSITIVE]
     hold: Annotated[float, "s", "Time after an event for which the full strength is allowed", 0.0]
     decay: Annotated[float, "s", "Time in which what is allowed then falls to nothing", POSITIVE]
