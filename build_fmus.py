@@ -25,7 +25,13 @@ from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.export.rows import description
 from controller_fmu.export.twin import twin_description, twin_header
 from controller_fmu.friction.flexible_manipulator_dither import Dither
-from controller_fmu.lqg.flexible_manipulator_lqg.interface import BASE_UNITS, CONNECTORS, SAMPLE_TIME, Weights, parameters
+from controller_fmu.lqg.flexible_manipulator_lqg.interface import (
+    BASE_UNITS,
+    CONNECTORS,
+    SAMPLE_TIME,
+    Weights,
+    parameters,
+)
 from controller_fmu.robust_c.interface import ROWS
 from plant_fmu.native import interface
 
@@ -98,7 +104,9 @@ def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
 def _robust_lqg(target: Path, platforms: Platforms) -> Path:
     folder, shared = HERE / "controller_fmu" / "robust_c", HERE / "controller_fmu" / "lqg_c"
     what = "Two LQG controllers: a stiff one at rest, a damping one with a dither against friction after an event"
-    sources = [shared / name for name in ("checks.h", "design.c", "design.h", "matrix.h")] + sorted(folder.glob("*.[ch]"))
+    sources = [shared / name for name in ("checks.h", "design.c", "design.h", "matrix.h")] + sorted(
+        folder.glob("*.[ch]")
+    )
     root = description(ROWS, _starts(folder / "robust_weights.json"), what, BASE_UNITS)
     return _described_in_c(root, sources, target, platforms)
 

@@ -49,7 +49,8 @@ def description(
     SubElement(categories, "Category", name="logStatusError", description="Reasons of calls that failed")
     SubElement(root, "DefaultExperiment", startTime="0", stopTime="26", stepSize="0.00025")
     listed, outputs = SubElement(root, "ModelVariables"), []
-    for reference, (row, name) in enumerate((row, name) for row in rows for name in row.names):
+    named = [(row, name) for row in rows for name in row.names]
+    for reference, (row, name) in enumerate(named):
         kind = {"causality": row.causality, "variability": _VARIABILITY[row.causality]}
         attributes = {"name": name, "valueReference": str(reference), "description": row.description}
         real = SubElement(SubElement(listed, "ScalarVariable", attributes | kind), "Real", unit=row.unit)

@@ -27,7 +27,9 @@ class Switching(NamedTuple):
 
 
 EVENT = tuple(
-    row._replace(name=f"event_{row.name}", description=f"After an event: {row.description[0].lower()}{row.description[1:]}")
+    row._replace(
+        name=f"event_{row.name}", description=f"After an event: {row.description[0].lower()}{row.description[1:]}"
+    )
     for row in parameters(Weights)
 )
 ROWS = (*CONNECTORS, *parameters(Weights), *EVENT, *parameters(Switching))
