@@ -11,17 +11,29 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, TargetError
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.description import parse, to_bytes
+from controller_fmu.export.rows import description
 from controller_fmu.export.twin import twin_description, twin_header
+from controller_fmu.friction.flexible_manipulator_dither import Dither
 from controller_fmu.imperfections.interface import description as imperfections_description
+from controller_fmu.lqg.flexible_manipulator_lqg.interface import (
+    BASE_UNITS,
+    CONNECTORS,
+    SAMPLE_TIME,
+    Weights,
+    parameters,
+)
+from controller_fmu.robust_c.interface import ROWS
 from plant_fmu.native import interface
 
 __all__ = ["NAMES", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect", "NoCompilerError"]
@@ -85,12 +97,40 @@ def _dithered_lqg(target: Path, _platforms: Platforms) -> Path:
 
 def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
-        twin = unpack(_dithered_lqg(Path(folder, "DitheredLQG.fmu"), ()))["modelDescription.xml"]
-        header, description = Path(folder, "interface.h"), Path(folder, "modelDescription.xml")
-        header.write_text(twin_header(parse(twin)), encoding="utf-8")
-        description.write_bytes(to_bytes(twin_description(parse(twin))))
-        sources = sorted((HERE / "controller_fmu" / "lqg_c").glob("*.[ch]"))
-        return c_fmu([*sources, header], description, target, Dialect(), platforms)
+        twin = parse(unpack(_dithered_lqg(Path(folder, "DitheredLQG.fmu"), ()))["modelDescription.xml"])
+    sources = sorted((HERE / "controller_fmu" / "lqg_c").glob("*.[ch]"))
+    return _described_in_c(twin_description(twin), sources, target, platforms)
+
+
+def _robust_lqg(target: Path, platforms: Platforms) -> Path:
+    folder, shared = HERE / "controller_fmu" / "robust_c", HERE / "controller_fmu" / "lqg_c"
+    what = "Two LQG controllers: a stiff one at rest, a damping one with a dither against friction after an event"
+    sources = [shared / name for name in ("checks.h", "design.c", "design.h", "matrix.h")] + sorted(
+        folder.glob("*.[ch]")
+    )
+    root = description(ROWS, _starts(folder / "robust_weights.json"), what, BASE_UNITS)
+    return _described_in_c(root, sources, target, platforms)
+
+
+def _robust_linear_lqg(target: Path, platforms: Platforms) -> Path:
+    folder = HERE / "controller_fmu"
+    what = "LQG controller, designed at initialization for the reference position, with weights for all uncertain arms"
+    starts = _starts(folder / "robust_c" / "linear_weights.json")
+    root = description((*CONNECTORS, *parameters(Weights), *parameters(Dither)), starts, what, BASE_UNITS)
+    return _described_in_c(root, sorted((folder / "lqg_c").glob("*.[ch]")), target, platforms)
+
+
+def _starts(file: Path) -> dict[str, float]:
+    return {"T_s": SAMPLE_TIME, **json.loads(file.read_text(encoding="utf-8"))["parameters"]}
+
+
+def _described_in_c(root: Element, sources: Sequence[Path], target: Path, platforms: Platforms) -> Path:
+    """The FMU of a model whose header follows from its description ``root``."""
+    with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
+        header, described = Path(folder, "interface.h"), Path(folder, "modelDescription.xml")
+        header.write_text(twin_header(root), encoding="utf-8")
+        described.write_bytes(to_bytes(root))
+        return c_fmu([*sources, header], described, target, Dialect(), platforms)
 
 
 def _diagonal_pid_c(target: Path, platforms: Platforms, dialect: Dialect) -> Path:
@@ -116,6 +156,8 @@ _RECIPES: dict[str, Recipe] = {
     "DitheredLQG": _dithered_lqg,
     "DitheredLQG_C": _dithered_lqg_c,
     "Imperfections": _imperfections,
+    "RobustLQG": _robust_lqg,
+    "RobustLinearLQG": _robust_linear_lqg,
 }
 _PLANT_VARIANTS: dict[str, Recipe] = {
     "FlexibleManipulatorNative_fmi3": partial(_flexible_manipulator_native, dialect=Dialect(3)),
@@ -200,6 +242,8 @@ def _parser() -> argparse.ArgumentParser:
   DitheredLQG                  the same with a dither against friction, Python
   DitheredLQG_C                the same in C, equal up to rounding (FMI 2.0 co-simulation)
   Imperfections                what the benchmark's loop has between controller and plant, C (FMI 2.0 co-simulation)
+  RobustLQG                    two LQGs, switched by events, the second with a dither, in C (FMI 2.0 co-simulation)
+  RobustLinearLQG              DitheredLQG_C without a dither, and weights that hold in truth
 built with --all or by name, the manipulator in C for
   FlexibleManipulatorNative_fmi3   FMI 3.0 co-simulation
   FlexibleManipulatorNative_me2    FMI 2.0 Model Exchange, eight continuous states
@@ -215,7 +259,7 @@ ziglang, which also compiles for the other platforms of --platforms:
 {", ".join(PLATFORMS)}).
 
 examples:
-  python build_fmus.py                            build the first nine into build/fmus
+  python build_fmus.py                            build the first eleven into build/fmus
   python build_fmus.py DiagonalPID                build one
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
@@ -224,7 +268,7 @@ examples:
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first nine below)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first eleven below)")
     parser.add_argument("--all", action="store_true", help="build for the other kinds of FMI, too")
     parser.add_argument(
         "--platforms",

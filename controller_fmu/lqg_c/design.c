@@ -1,5 +1,7 @@
 #include "design.h"
 
+#include <stdio.h>
+
 /* Places in the state: angles and speeds of links and motors, torques that disturb motors and links. */
 enum { Q_A = 0, Q_M = 2, W_A = 4, W_M = 6, JOINTS = 8, D = 8, F = 10 };
 
@@ -43,7 +45,7 @@ static Pose pose(const double q_m_ref[AXES], const double u_m0[AXES])
 }
 
 /* [[A, B], [0, 0]] of the linear model, its inputs being torques on motors, then on links. */
-static Matrix linearize(const Variables *of, const Pose *at)
+static Matrix linearize(const Weights *of, const Pose *at)
 {
     const double a_2 = J[1] + M[1] * XI[1] * XI[1];
     const double a_1 = J[0] + M[0] * XI[0] * XI[0] + M[1] * L[0] * L[0] + a_2;
@@ -136,7 +138,7 @@ static void invert(double m[AXES][AXES])
 }
 
 /* The filter's gain; `model` is the zero-order hold of the manipulator alone, A the whole model. */
-static bool kalman(const Variables *of, const Matrix *model, const Matrix *A, double fade,
+static bool kalman(const Weights *of, const Matrix *model, const Matrix *A, double fade,
                    double gain[N][AXES])
 {
     const double measurement = squared(of->angle_noise) + squared(2.0 * PI / 65536.0) / 12.0;
@@ -165,7 +167,7 @@ static bool kalman(const Variables *of, const Matrix *model, const Matrix *A, do
 }
 
 /* The feedback's gain and what the TCP error [m] is of the state, rows of `gain` and `tool`. */
-static bool feedback(const Variables *of, const Pose *at, Matrix A, double gain[AXES][N],
+static bool feedback(const Weights *of, const Pose *at, Matrix A, double gain[AXES][N],
                      double tool[AXES][N])
 {
     const double q_12 = at->q_a[0] + at->q_a[1];
@@ -205,36 +207,43 @@ static bool feedback(const Variables *of, const Pose *at, Matrix A, double gain[
     return true;
 }
 
-bool design(const Variables *of, Law *law)
+static bool refuse(char message[MODEL_MESSAGE_SIZE])
 {
-    const Pose at = pose(of->q_m_ref, of->u_m0);
+    snprintf(message, MODEL_MESSAGE_SIZE,
+             "the Riccati equation has no stabilizing solution that the doubling algorithm could find");
+    return false;
+}
+
+bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXES], double T_s, Law *law,
+            char message[MODEL_MESSAGE_SIZE])
+{
+    const Pose at = pose(q_m_ref, u_m0);
     const Matrix zero = {{{0.0}}}, slope = linearize(of, &at);
     Matrix model;
-    if (!exponential(sum(of->T_s, &slope, &zero), &model)) return false;
-    const double fade = exp(-of->T_s / of->push_time);
+    if (!exponential(sum(T_s, &slope, &zero), &model)) return refuse(message);
+    const double fade = exp(-T_s / of->push_time);
     /* The inputs of the joints become the disturbances' states. */
     Matrix A = model;
     for (int i = 0; i < AXES; i++)
         A.of[F + i][F + i] = fade;
     double correction[N][AXES], gain[AXES][N] = {{0.0}}, tool[AXES][N] = {{0.0}};
-    if (!kalman(of, &model, &A, fade, correction)) return false;
-    if (!feedback(of, &at, A, gain, tool)) return false;
+    if (!kalman(of, &model, &A, fade, correction)) return refuse(message);
+    if (!feedback(of, &at, A, gain, tool)) return refuse(message);
     *law = (Law){{{0.0}}};
     for (int row = 0; row < N; row++) {
-        double *z = law->of[row];
         for (int j = 0; j < N; j++)
-            z[j] = A.of[row][j];
+            law->columns[j][row] = A.of[row][j];
         for (int i = 0; i < AXES; i++) {
-            z[Q_M + i] -= correction[row][i];
-            z[U + i] = row < JOINTS ? model.of[row][JOINTS + i] : 0.0;
-            z[E + i] = correction[row][i];
+            law->columns[Q_M + i][row] -= correction[row][i];
+            law->columns[U + i][row] = row < JOINTS ? model.of[row][JOINTS + i] : 0.0;
+            law->columns[E + i][row] = correction[row][i];
         }
     }
     for (int i = 0; i < AXES; i++)
         for (int row = 0; row < N; row++)
             for (int j = 0; j < LAW; j++) {
-                law->of[U + i][j] -= gain[i][row] * law->of[row][j];
-                law->of[E + i][j] += tool[i][row] * law->of[row][j];
+                law->columns[j][U + i] -= gain[i][row] * law->columns[j][row];
+                law->columns[j][E + i] += tool[i][row] * law->columns[j][row];
             }
     return true;
 }

@@ -3,19 +3,40 @@
 #ifndef DESIGN_H
 #define DESIGN_H
 
-#include "interface.h" /* written by the build: Variables */
 #include "matrix.h"
+#include "model.h"
 
 static const double PI = 3.14159265358979323846;
 
 enum { AXES = 2, LAW = N + 2 * AXES, U = N, E = N + AXES };
 
-/* (z+, torque about u_m0, estimated TCP error) = law (z, u, e). */
+/* What a designer chooses, in the order of flexible_manipulator_lqg/interface.py, where units are told. */
 typedef struct {
-    double of[LAW][LAW];
+    double stiffness[AXES], hardening, friction[AXES], drift[AXES], motor_noise[AXES], arm_noise, push, push_time;
+    double angle_noise, velocity, motor_angle, effort[AXES];
+} Weights;
+
+/* (z+, torque about u_m0, estimated TCP error) = law (z, u, e), column by column, for which compilers find vector
+ * instructions that do not change the order of a sum. */
+typedef struct {
+    double columns[LAW][LAW];
 } Law;
 
-/* False if a Riccati equation has no stabilizing solution that the doubling algorithm could find. */
-bool design(const Variables *of, Law *law);
+/* u_max of Table 1 [N.m]. */
+static const double TORQUE_LIMIT[AXES] = {35.0, 20.0};
+
+/* For the pose that q_m_ref [rad] and u_m0 [N.m] tell and the sample time T_s [s]. */
+bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXES], double T_s, Law *law,
+            char message[MODEL_MESSAGE_SIZE]);
+
+/* next = law vector */
+static inline void apply(const Law *law, const double vector[LAW], double next[LAW])
+{
+    for (int row = 0; row < LAW; row++)
+        next[row] = 0.0;
+    for (int j = 0; j < LAW; j++)
+        for (int row = 0; row < LAW; row++)
+            next[row] += law->columns[j][row] * vector[j];
+}
 
 #endif

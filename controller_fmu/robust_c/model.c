@@ -1,0 +1,68 @@
+/* Two LQGs, a stiff one at rest and a damping one with a dither after an event, as a model for the FMI glue. */
+#include "model.h"
+
+#include <string.h>
+
+#include "checks.h"
+#include "design.h"
+#include "switching.h"
+
+typedef struct {
+    Variables of;
+
+    Law quiet, event;
+    double at_rest[LAW], shaken[LAW]; /* of each law: z, u, e */
+    Switching switching;
+    Watch watch;
+    double T_s, u_0[AXES], amplitude[AXES];
+} RobustLqg;
+
+const size_t model_size = sizeof(RobustLqg);
+const size_t model_variables = sizeof(Variables) / sizeof(double);
+
+size_t model_extent(unsigned value_reference) { return 1; } /* described with scalars only */
+
+void model_start(void *model) { memcpy(model, START, sizeof START); }
+
+bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
+{
+    RobustLqg *lqg = model;
+    Variables *of = &lqg->of;
+    *lqg = (RobustLqg){.of = *of, .T_s = of->T_s};
+    for (int i = 0; i < AXES; i++)
+        of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
+    if (!check(of, message)) return false;
+    memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
+    lqg->watch = watch(&lqg->switching);
+    for (int i = 0; i < AXES; i++)
+        lqg->amplitude[i] = amplitude(&lqg->switching, i, of->u_m0[i], TORQUE_LIMIT[i]);
+    Weights quiet, event;
+    memcpy(&quiet, of->stiffness, sizeof quiet);
+    memcpy(&event, of->event_stiffness, sizeof event);
+    return design(&quiet, of->q_m_ref, of->u_m0, of->T_s, &lqg->quiet, message) &&
+           design(&event, of->q_m_ref, of->u_m0, of->T_s, &lqg->event, message);
+}
+
+bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
+{
+    RobustLqg *lqg = model;
+    Variables *of = &lqg->of;
+    if (!check_step(lqg->T_s, t, h, message)) return false;
+    double quiet[LAW], event[LAW];
+    for (int i = 0; i < AXES; i++)
+        lqg->at_rest[E + i] = lqg->shaken[E + i] = of->q_m[i] - of->q_m_ref[i];
+    apply(&lqg->quiet, lqg->at_rest, quiet);
+    apply(&lqg->event, lqg->shaken, event);
+    const Shares of_event = shares(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
+    const double shake = of_event.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
+    for (int i = 0; i < AXES; i++) {
+        const double feedback = (1.0 - of_event.feedback) * quiet[U + i] + of_event.feedback * event[U + i];
+        of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
+        quiet[U + i] = event[U + i] = of->u_m[i] - lqg->u_0[i]; /* both filters know the torque that acts */
+    }
+    memcpy(lqg->at_rest, quiet, sizeof quiet);
+    memcpy(lqg->shaken, event, sizeof event);
+    return true;
+}
+
+double model_sample_time(const void *model) { return ((const RobustLqg *)model)->T_s; }
