@@ -37,7 +37,7 @@ SEEDS = range(1, 4)
 """What the seeds of the whole protocol that it is tried with are above the benchmark's."""
 
 BEST = "best.toml"
-"""The best candidate's parameters, for ``--parameters``."""
+"""The best candidate's parameters, as a file of parameters."""
 
 
 def tune(
