@@ -27,6 +27,7 @@ FLOORS = (
         "robustness",
         "verify",
         "tune",
+        "sweep",
         "linearize",
         "check",
         "compare",

@@ -18,6 +18,7 @@ from .robustness import (
     verdict_words,
 )
 from .spread import Spread, spread_remarks, statistic_rows
+from .sweep import COLUMNS, Sweep, smallest_words, sweep_rows
 from .tuning import Tuning, best_rows, best_words, parameter_rows, tuning_remarks
 from .wording import SHOWN, figure, number, remarks, requirement_rows
 
@@ -67,6 +68,12 @@ def tuning_fragment(found: Tuning) -> str:
         rows=best_rows(found),
         remarks=tuning_remarks(found),
     )
+
+
+def sweep_fragment(found: Sweep) -> str:
+    """The combinations, and the best of them."""
+    names, rows = (*found.values, *COLUMNS), sweep_rows(found)
+    return pages.filled("sweep_fragment.html", found=found, best=smallest_words(found), names=names, rows=rows)
 
 
 def simulation_fragment(title: str, ending: Ending, result: CaseResult, figure_svg: str) -> str:
