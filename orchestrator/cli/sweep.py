@@ -43,7 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(to_json(found))
     else:
         console = terminal()
-        grid = table(f"{safe(found.controller.file)}, protocol {safe(found.protocol)}, seed {found.seed}")
+        console.print(
+            f"[bold]{safe(found.controller.file)}[/bold]  protocol {safe(found.protocol)}  seed {found.seed}\n"
+        )
+        grid = table("Every combination")
         for heading in (*found.values, *COLUMNS):
             grid.add_column(safe(heading), justify="right", overflow="fold")
         for row in sweep_rows(found):

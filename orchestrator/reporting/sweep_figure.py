@@ -9,12 +9,16 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .figures import COLOURS, DASHED, SIZE, STYLE
+from .figures import COLOURS, DASHED, SIZE, STYLE, label
 from .sweep import Sweep
 from .wording import number
 
 MOST_NUMBERS = 120
 """Fields of a map that have room for a number each."""
+
+
+DECADE = 10.0
+"""Ratio of the last to the first value from which on a scale is logarithmic."""
 
 
 def draw(found: Sweep, figure: Figure | None) -> Figure:
@@ -38,7 +42,7 @@ def _line(found: Sweep, figure: Figure, axes: Axes) -> None:
     for without in x[np.isnan(V)]:
         axes.axvline(without, color=COLOURS[1], linestyle="dotted", label="no V")
     axes.axhline(found.rules.cost.target, **DASHED, label=f"target: {found.rules.cost.target:g}")
-    axes.set(xlabel=name.replace("$", r"\$"), ylabel="V")
+    axes.set(xlabel=label(name), ylabel="V", xscale="log" if 0.0 < x[0] * DECADE <= x[-1] else "linear")
     entries = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
     axes.legend(entries.values(), entries.keys())
 
@@ -52,7 +56,7 @@ def _map(found: Sweep, figure: Figure, axes: Axes) -> None:
     axes.grid(False)
     axes.set_xticks(range(len(right)), [f"{value:g}" for value in right])
     axes.set_yticks(range(len(up)), [f"{value:g}" for value in up])
-    axes.set(xlabel=across.replace("$", r"\$"), ylabel=found.varied[0].replace("$", r"\$"))
+    axes.set(xlabel=label(across), ylabel=label(found.varied[0]))
     for row, column in np.ndindex(V.shape):
         value = V[row, column]
         words = number(None if math.isnan(value) else float(value)) if V.size <= MOST_NUMBERS else ""
