@@ -124,7 +124,7 @@ function drawTrade() {
       },
       ...shown,
     ],
-  }, `V against the largest limit cycle relative to what A3 allows, of the ${known.length} candidates that have both. On the front, no other candidate is better in both.${best ? ` The best: V = ${figures(best.cost)}, ${figures(best.cycle)} of what A3 allows.` : ""} Above 1, A3 may still hold, if the loop comes to rest. ${CLIPPED}`);
+  }, `V against the largest limit cycle relative to what A3 allows, of the ${known.length} candidates that have both. On the front, no other candidate is better in both.${best ? ` The best: V = ${figures(best.cost)}, ${figures(best.cycle)} times what A3 allows.` : ""} Above 1, A3 holds where the oscillation dies away. ${CLIPPED}`);
 }
 
 view("history", drawHistory);
