@@ -35,7 +35,17 @@ CONTENTS = {
         "Installation <docs/install>",
         *(
             f"docs/{page}"
-            for page in ("evaluate", "robustness", "check", "publishing", "report", "compare", "python", "running")
+            for page in (
+                "evaluate",
+                "robustness",
+                "tuning",
+                "check",
+                "publishing",
+                "report",
+                "compare",
+                "python",
+                "running",
+            )
         ),
     ],
     "Write a controller": [

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
     from .reporting.robustness import Robustness
     from .reporting.spread import Spread
+    from .reporting.sweep import Sweep
     from .reporting.tuning import Tuning
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "Robustness",
     "Simulation",
     "Spread",
+    "Sweep",
     "Tuning",
     "Variation",
     "__version__",
@@ -56,6 +58,7 @@ _HOMES = {
     "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",
     "Spread": ".reporting.spread",
+    "Sweep": ".reporting.sweep",
     "Tuning": ".reporting.tuning",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",

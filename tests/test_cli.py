@@ -163,6 +163,8 @@ REFUSED = {
     "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "
     "--from nowhere --case c00.compliant.noise",
     "linearize": "--configuration 0 200 | --system soft | --output absent.txt | --friction dry",
+    "tune": "--vary K_p[1]=2:1",
+    "sweep": "--vary K_p[1]=1:2 | --vary K_q=1,2",
     "report": "nowhere",
     "compare": "nowhere elsewhere",
     "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat | mlp absent.npz",

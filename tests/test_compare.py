@@ -1,5 +1,6 @@
 """Several runs side by side: ranks, groups that must not be ranked together, and why."""
 
+import csv
 import io
 import json
 from pathlib import Path
@@ -7,14 +8,16 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 from rich.console import Console
-from support.reports import RECORDINGS, recording, results_of, scaled
+from support.reports import RECORDINGS, recording, results_of, scaled, searched, seeded
 from support.results import RULES, result
 
 from orchestrator.benchmark.results import CaseResult, Results, SampleTimeRecord
 from orchestrator.cli.comparison_tables import show_comparison
 from orchestrator.loop.trajectory import Status
+from orchestrator.reporting.beside import beside, compare_spreads
 from orchestrator.reporting.compare_page import compare_html
 from orchestrator.reporting.comparison import Group, compare, comparison_document
+from orchestrator.reporting.paper_tables import FORMATS, tables
 from orchestrator.reporting.run import Run
 
 CYCLING = result(0, "slippery", "delay_2", {}, (1e-3, 0.0))
@@ -117,3 +120,25 @@ def test_page_says_the_same():
     assert "1000.0 µm" in html, "a verdict with its number"
     assert html.count("paper&#39;s PID</th>") == 2
     assert "simulate 'my controllers/PID.fmu' --case c03.random_2.disturbance" in html
+
+
+NAME = "[K] 50%_$x$ & {a}|~^\\b"
+
+
+def test_tables_for_a_paper_say_the_same_in_all_forms():
+    groups = compared(scaled(1.2), scaled(0.8, controller={"file": f"{NAME}.fmu"}), scaled(1.0, seed=4))
+    spreads = compare_spreads([(seeded(1.0, range(3)), None)])
+    found = tables(groups, spreads, beside([(searched(1.2), None)], groups, spreads))
+    assert [table.rows[0][0] for table in found] == [f"{NAME} [K=0.8]", "PID [K=1]", "PID [K=1]", "PID [K=1.2]"]
+    assert "seed 4, not seed 0" in found[1].title
+    text = FORMATS["latex"](found)
+    assert r"{}[K] 50\%\_\$x\$ \& \{a\}|\textasciitilde{}\textasciicircum{}\textbackslash{}b [K=0.8] & 112.6 & " in text
+    assert "B5 [mm]" in text and r"$142.1 \pm 1.41$" in text and text.count("\\bottomrule") == 4
+    assert "| \\[K\\] 50%\\_$x$ & {a}\\|~^\\\\b \\[K=0.8\\] | 112.6 | " in FORMATS["markdown"](found)
+    blocks = [list(csv.DictReader(io.StringIO(block))) for block in FORMATS["csv"](found).split("\n\n")]
+    assert float(blocks[0][0]["V"]) == groups[0].ranked[0].cost
+    assert float(blocks[0][-1]["B5 [mm]"]) == pytest.approx(10.2) and blocks[0][-1]["A1"] == ""
+    spread = spreads[0].entries[0].spread
+    assert float(blocks[2][0]["B7 [mm] standard deviation"]) == pytest.approx(1e3 * spread.criteria["B7"].deviation)
+    worst = {"V found": "200.0", "largest B6 [s]": "unstable", "delay 2 [ms]": "1.5", "gain 2 down": "< 0.05"}
+    assert worst.items() <= blocks[3][0].items()

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from rich.console import Console
 from support.command_lines import call
 from support.refusals import refusal
-from support.reports import results_of, scaled, searched, seeded
+from support.reports import results_of, scaled, searched, seeded, tuned
 from support.results import result
 
 from orchestrator import Benchmark, Controller, Crash, Evaluation, Robustness, Spread
@@ -60,7 +60,7 @@ def test_a_seed_without_V_leaves_no_mean_and_is_told(width):
 
 
 def test_documents_are_read_as_they_were_saved_or_refused(tmp_path):
-    for document in (seeded(1.0, range(3)), searched()):
+    for document in (seeded(1.0, range(3)), searched(), tuned()):
         kind = type(document)
         assert kind.load(document.save(tmp_path)) == document == kind.load(tmp_path / kind.FILE)
         text = (tmp_path / kind.FILE).read_text()
@@ -72,6 +72,8 @@ def test_documents_are_read_as_they_were_saved_or_refused(tmp_path):
     assert "statistics" in str(refusal(Spread.load, tmp_path))
     html = searched()._repr_html_()
     assert "25 mm" in html and "unstable" in html and "&gt; 1.2 times" in html and "cut short: radius of V" in html
+    html = tuned()._repr_html_()
+    assert "T&lt;b&gt; = 0.84" in html and "150.0, A2 fails" in html and "Overfitted" in html
 
 
 def test_controllers_are_paired_by_seed_with_the_first():

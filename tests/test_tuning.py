@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+from argparse import ArgumentTypeError
 from dataclasses import replace
 
 import pytest
 from msgspec import structs
 from support.closed_loops import GRID
+from support.refusals import refusal
+from support.reports import tuned
 from test_pid import GAINS, STARTS
 
 import build_fmus
@@ -16,10 +20,11 @@ from controller_fmu import tuning as scripts
 from controller_fmu.friction import tune as friction
 from controller_fmu.lqg import tune as lqg
 from controller_fmu.pid_tuned import tune as pid
-from orchestrator import Benchmark, Controller, InputError
+from orchestrator import Benchmark, Controller, InputError, Sweep
+from orchestrator.cli import values
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.tuning import Tuning
-from orchestrator.search.candidates import NO_CYCLE, REFUSED, trial
+from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 
 pytest.importorskip("optuna", reason="the extra tuning is not installed")
 
@@ -150,6 +155,49 @@ def test_what_the_fmu_refuses_costs_a_trial(short):
     refused = [entry for entry in found.trials if entry.message]
     assert refused and all(entry.objective == REFUSED for entry in refused)
     assert len(found.trials) == 4
+
+
+@COMPILER
+def test_a_sweep_tries_every_combination(short, tmp_path):
+    goal, objective = short
+    controller, told = Controller.built_in("DiagonalPID_C"), []
+    given = {"K_d[2]": (GAINS["K_d"][1], 60.0), "z_p[2]": (0.9,)}
+    found = goal.sweep(controller, given, objective=objective, folder=tmp_path, on_trial=lambda *now: told.append(now))
+    assert [entry.values for entry in found.trials] == [{"K_d[2]": value, "z_p[2]": 0.9} for value in given["K_d[2]"]]
+    assert told == [(entry, number, 2) for number, entry in enumerate(found.trials, start=1)]
+    first, second = found.trials
+    evaluation = replace(goal, protocol=objective).evaluate(controller.with_parameters(first.values), recordings=False)
+    assert first.cost == evaluation.cost and first.holds and not second.holds
+    assert Sweep.load(tmp_path) == found and found.best == first
+    assert found.to_pandas().columns.tolist() == ["K_d[2]", "z_p[2]", "V", "cycle", "holds", "message"]
+    assert first.values["K_d[2]"] in found.plot().axes[0].lines[0].get_xdata()
+
+
+def swept(*counts):
+    """A sweep in which the first combination alone holds A1 to A3, and the last one has no V."""
+    axes = {f"K_{name}": tuple(map(float, range(1, count + 1))) for name, count in enumerate(counts)}
+    grid = [dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values())]
+    trials = [Trial(n, each, 90.0 + n, 90.0 + n, 1.5, not n) for n, each in enumerate(grid)]
+    trials[-1] = structs.replace(trials[-1], cost=None, cycle=None, message="=died <i>at noon</i>")
+    own = {name: getattr(tuned(), name) for name in ("benchmark", "protocol", "seed", "rules", "controller", "plant")}
+    return Sweep(schema=Sweep.SCHEMA, values=axes, trials=tuple(trials), wall_time=1.0, **own)
+
+
+def test_a_sweep_is_a_line_a_map_or_a_table():
+    line, chart, table = swept(4), swept(3, 1, 2), swept(2, 2, 2)
+    drawn = {entry.get_label(): entry.get_xydata().tolist() for entry in line.plot().axes[0].lines}
+    assert drawn["A1-A3 fail"][:2] == [[2.0, 91.0], [3.0, 92.0]] and "no V" in drawn
+    axes = chart.plot().axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("K_2", "K_0")
+    assert axes.images[0].get_array().tolist() == [[90.0, 91.0], [92.0, 93.0], [94.0, None]]
+    assert [entry.get_text() for entry in axes.texts] == ["90", *(f"{V}\n×" for V in (91, 92, 93, 94)), "-\n×"]
+    assert refusal(table.plot).what == "no-picture"
+    assert "&lt;i&gt;" in table._repr_html_() and table.csv().endswith(",,,False,'=died <i>at noon</i>\n")
+    assert values.grid_values("K=1:100:3:log") == ("K", (1.0, 10.0, 100.0))
+    assert values.grid_values("K[1]=3,2") == ("K[1]", (3.0, 2.0))
+    for wrong in ("K", "K=1:2", "K=0:1:3:log", "K=1:2:1", "=1,2", "K=1,2:log"):
+        with pytest.raises(ArgumentTypeError):
+            values.grid_values(wrong)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting
 from ..reporting.robustness import Robustness
 from ..reporting.spread import Spread, spread_of
+from ..reporting.sweep import Sweep
 from ..reporting.tuning import Tuning
 from ..search.candidates import Range
 from . import campaign, checking, document
@@ -54,6 +55,7 @@ from .robustness import OnProgress, find_worst_case, sought
 from .running import Runner
 from .selection import Shown, shown
 from .simulation import Simulation
+from .sweeping import sweep
 from .tuner import OnTrial
 from .tuning import tune
 from .verification import repeat, verify
@@ -461,6 +463,48 @@ class Benchmark:
         if target is not None:
             found.save(target)
         return found
+
+    def sweep(
+        self,
+        controller: Controller | None = None,
+        values: Mapping[str, Sequence[float]] | None = None,
+        *,
+        objective: str | Path = "tuning",
+        folder: str | Path | None = None,
+        on_trial: OnTrial | None = None,
+    ) -> Sweep:
+        """V and stability over a grid of parameter values: every combination of them.
+
+        Parameters
+        ----------
+        controller : Controller, optional
+            By default the paper's PID.
+        values : mapping
+            Values by parameter name, in the FMU's units: ``{"K_p[1]": [20, 40, 80], "z_p[1]": [0.8, 0.9]}``.
+        objective : str or path
+            The protocol that they are tried in, with this benchmark's seed.
+        folder : path, optional
+            Where finished simulations are stored as they come and found again; the answer is saved there, too.
+        on_trial : callable, optional
+            ``on_trial(trial, done, total)`` is called for each combination.
+
+        Returns
+        -------
+        Sweep
+
+        Raises
+        ------
+        InputError
+            If controller, values, protocol or folder cannot be used.
+        FmuError, Crash
+            If the controller refuses, or does not survive, its first sample at its own values.
+        EnvironmentFault
+            If this machine or the cluster fails; what is finished is kept in ``folder``.
+        """
+        short = replace(self, protocol=objective)
+        return sweep(
+            short, controller or Controller(), values or {}, None if folder is None else Path(folder), on_trial
+        )
 
     def verify(
         self,

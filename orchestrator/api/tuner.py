@@ -102,18 +102,7 @@ class Tuner:
 
     def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> list[Trial]:
         """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
-        benches = [self.bench(values) for _, values in asked]
-        performance, requirements = measured(self.cases)
-        own = self.rules
-        results: list[list[CaseResult]] = [[] for _ in asked]
-        found = [Trial(number, values, 0.0) for number, values in asked]
-        alive = list(range(len(asked)))
-        for stage in (performance, requirements):
-            for place, new in zip(alive, self.side_by_side.run([(benches[i], stage) for i in alive]), strict=True):
-                results[place] += new
-                found[place] = trial(own, *asked[place], results[place], whole=stage is requirements)
-            alive = [i for i in alive if not found[i].message and found[i].objective <= worst]
-        return found
+        return attempt(self.side_by_side, self.rules, self.bench, self.cases, asked, worst)
 
     def leaders(self) -> list[Trial]:
         """The best candidates in all of the objective's cases, best first."""
@@ -146,3 +135,26 @@ class Tuner:
         results = self.side_by_side.run([(bench, cases) for cases in chosen.values()])
         costs = (trial(own, candidate.number, candidate.values, each, whole=False).cost for each in results)
         return statistic(dict(zip(chosen, costs, strict=True)))
+
+
+def attempt(
+    side_by_side: SideBySide,
+    own: Rules,
+    bench: Callable[[Mapping[str, float]], Bench],
+    cases: Sequence[Case],
+    asked: Sequence[tuple[int, dict[str, float]]],
+    worst: float = math.inf,
+) -> list[Trial]:
+    """Trials of numbered candidates in ``cases``, judged by the rules; those whose V alone exceeds ``worst`` are cut
+    short."""
+    benches = [bench(values) for _, values in asked]
+    performance, requirements = measured(cases)
+    results: list[list[CaseResult]] = [[] for _ in asked]
+    found = [Trial(number, values, 0.0) for number, values in asked]
+    alive = list(range(len(asked)))
+    for stage in (performance, requirements):
+        for place, new in zip(alive, side_by_side.run([(benches[i], stage) for i in alive]), strict=True):
+            results[place] += new
+            found[place] = trial(own, *asked[place], results[place], whole=stage is requirements)
+        alive = [i for i in alive if not found[i].message and found[i].objective <= worst]
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ SEEDS = range(1, 4)
 """What the seeds of the whole protocol that it is tried with are above the benchmark's."""
 
 BEST = "best.toml"
-"""The best candidate's parameters, a file that a controller takes."""
+"""The best candidate's parameters, as a file of parameters."""
 
 
 def tune(
@@ -57,14 +57,11 @@ def tune(
     begin = time.perf_counter()
     short = replace(goal, protocol=objective, seed=goal.seed + SEED)
     controller, bench, _, cases = short.prepared(controller)
-    vary, start = ranges(given), values_of(controller)
+    vary = ranges(given)
+    start = values_of(controller, vary)
     if trials < 1 or not any(case.test.criteria for case in cases):
         message = f"At least one trial, and a test that V is measured in: {objective} has none."
         raise InputError(message if trials else "At least one trial is needed.", "bad-number")
-    if unknown := sorted(vary.keys() - start.keys()):
-        named = ", ".join(start)
-        message = f"{controller.name} has no parameter {unknown[0]}. It has: {named or 'none'}."
-        raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(start))
     begin_at = {name: own.rounded(start[name]) for name, own in vary.items()}
     if folder is not None:
         prepare_folder(folder)
@@ -142,11 +139,18 @@ def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float,
     return found
 
 
-def values_of(controller: Controller) -> dict[str, float]:
-    """The parameters of a controller by FMI name: the FMU's own values, or as they are set."""
+def values_of(controller: Controller, wanted: Iterable[str]) -> dict[str, float]:
+    """The parameters of a controller by FMI name: the FMU's own values, or as they are set.
+
+    Raises :class:`InputError` if one that is ``wanted`` is not among them.
+    """
     known = variables(controller.archive.description).values()
     own = {each.name: each.start[0] for each in known if each.causality == "parameter" and len(each.start) == 1}
-    return {**own, **controller.setup.parameters}
+    found = {**own, **controller.setup.parameters}
+    if unknown := sorted(set(wanted) - found.keys()):
+        message = f"{controller.name} has no parameter {unknown[0]}. It has: {', '.join(found) or 'none'}."
+        raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(found))
+    return found
 
 
 def judge(goal: Benchmark, controller: Controller, strict: str | Path, robust: int, folder: Path | None) -> Judge:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ..codec import to_json
 from ..errors import InputError
-from ..reporting import compare_page
+from ..reporting import compare_page, paper_tables
 from ..reporting.beside import beside, beside_document, compare_spreads
 from ..reporting.comparison import compare, comparison_document
-from ..reporting.files import RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write_text
+from ..reporting.files import FIGURES, RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write_text
 from ..reporting.robustness import Robustness
 from ..reporting.run import Run, load_run
 from ..reporting.spread import Spread
@@ -24,6 +24,7 @@ from .values import Parser
 EXAMPLES = """examples:
   python -m orchestrator.compare runs/DiagonalPID-paper runs/my_controller-paper
   python -m orchestrator.compare runs/*-paper --json
+  python -m orchestrator.compare runs/*-paper runs/*-robustness --latex --figures
   python -m orchestrator.compare runs/*-paper-seeds runs/*-robustness
 
 exit codes: 0 compared, 2 none of the folders holds results"""
@@ -42,7 +43,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="FOLDER",
         help="where to write compare.html (default: runs/comparison)",
     )
-    parser.add_argument("--json", action="store_true", help="print the comparison as JSON instead of tables")
+    shown = parser.add_mutually_exclusive_group()
+    shown.add_argument("--json", action="store_true", help="print the comparison as JSON instead of tables")
+    for form, words in (("latex", "LaTeX (booktabs)"), ("markdown", "Markdown"), ("csv", "CSV")):
+        shown.add_argument(
+            f"--{form}", action="store_const", const=form, dest="form", help=f"print the tables for a paper, in {words}"
+        )
+    parser.add_argument(
+        "--figures", action="store_true", help="write figures for a paper as PDF, SVG and PNG, 88 or 180 mm wide"
+    )
     given = parser.parse_args(arguments)
     found = _finished(given.runs)
     groups = compare([each for each, _ in found if isinstance(each, Run)])
@@ -52,11 +61,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     write_text(given.output_dir / compare_page.FILE, compare_page.compare_html(groups, spreads, worst))
     if given.json:
         print(to_json({**comparison_document(groups), **beside_document(spreads, worst)}))
+    elif given.form:
+        print(paper_tables.FORMATS[given.form](paper_tables.tables(groups, spreads, worst)))
     else:
         show_comparison(groups, terminal())
         show_spreads(spreads, terminal())
         show_worst(worst, terminal())
-    print(f"written to {given.output_dir}: {compare_page.FILE}", file=sys.stderr)
+    written = [compare_page.FILE]
+    if given.figures:
+        from ..reporting.comparison_figures import write_comparison  # Matplotlib, which takes a second
+
+        drawn, empty = write_comparison(groups, spreads, worst, given.output_dir / FIGURES)
+        written += [f"{FIGURES}/{name}" for name in drawn]
+        if empty:
+            print(f"not written, as there is nothing to show in them: {', '.join(empty)}", file=sys.stderr)
+    print(f"written to {given.output_dir}: {', '.join(written)}", file=sys.stderr)
     return EXIT_OK
 
 

@@ -14,6 +14,7 @@ COMMANDS = {
     "robustness": "the worst case: search, margins, robustness radius",
     "verify": "the result one can trust: draws nobody knew, a judge nobody reaches",
     "tune": "search for parameters of a controller that make V small",
+    "sweep": "V and stability over a grid of parameter values",
     "linearize": "A, B, C, D of the plant at a pose",
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",

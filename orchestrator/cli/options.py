@@ -14,13 +14,13 @@ from ..fmi.controller_files import read_mapping, read_parameters
 from .values import MOST, assignment, connection, natural, number, seeds, time
 
 
-def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False) -> None:
+def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
     """Options that say which cases there are; ``several_seeds`` at once instead of one, if a command can do that."""
     parser.add_argument(
         "--protocol",
-        default="paper",
+        default=default,
         metavar="NAME",
-        help=f"one of: {', '.join(protocol.names())}; or a protocol file (.toml) (default: paper)",
+        help=f"one of: {', '.join(protocol.names())}; or a protocol file (.toml) (default: {default})",
     )
     group = parser.add_mutually_exclusive_group()
     # A default of 0 would hide that 0 was given beside the other.

@@ -12,8 +12,7 @@ from rich.console import Console
 from ..benchmark.protocol import names
 from ..codec import to_json
 from ..reporting.files import REPORT, TUNING
-from ..reporting.spread import mean_words
-from ..reporting.tuning import Tuning, tuning_remarks
+from ..reporting.tuning import Tuning, best_rows, parameter_rows, tuning_remarks
 from ..reporting.wording import number
 from ..search.candidates import Trial
 from ..search.proposals import SAMPLERS
@@ -80,23 +79,14 @@ def show(found: Tuning, console: Console) -> None:
         f"{len(found.trials)} trials ({found.sampler}) in the protocol {safe(found.objective)}, {len(found.judged)} "
         f"candidates in {safe(found.protocol)}\n"
     )
-    best, start = found.best, found.trials[0]
     grid = table("Parameters")
     for heading in ("", "start", "best", "range", "importance"):
-        grid.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    for name, own in found.vary.items():
-        value = f"[bold]{best.trial.values[name]:g}[/bold]" if best is not None else "-"
-        scale = " log" if own.log else ""
-        share = f"{found.importance[name]:.2f}" if name in found.importance else "-"
-        grid.add_row(safe(name), f"{start.values[name]:g}", value, f"{own.low:g} to {own.high:g}{scale}", share)
+        grid.add_column(heading, justify="right" if heading else "left", overflow="fold")
+    for name, start, best, *rest in parameter_rows(found):
+        grid.add_row(safe(name), start, f"[bold]{best}[/bold]", *rest)
     console.print(grid)
-    if best is not None:
-        console.print(f"V = [bold]{number(best.cost)}[/bold] in {safe(found.protocol)}, A1-A3 hold")
-        console.print(f"    {mean_words(best.seeds)} with other seeds")
-        console.print(f"    {number(best.strict)} in strict")
-        console.print(
-            f"    {number(best.trial.cost)} in {safe(found.objective)}, {mean_words(best.held_out)} with others"
-        )
+    for where, value in best_rows(found):
+        console.print(f"V in {safe(where):36} [bold]{value}[/bold]")
     for remark in tuning_remarks(found):
         console.print(f"[yellow]{safe(remark)}[/yellow]")
 

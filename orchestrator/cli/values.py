@@ -7,8 +7,9 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 
+from ..errors import InputError
 from ..exact_time import seconds
-from ..search.candidates import Range
+from ..search.candidates import Range, check_range
 
 MOST = 1e9
 """The largest limit: seconds and megabytes that the system can still count."""
@@ -16,6 +17,9 @@ MOST = 1e9
 
 MOST_SEEDS = 10_000
 """Seeds of one command; more are a slip of the keyboard."""
+
+MOST_VALUES = 10_000
+"""Values of one parameter, likewise."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -76,6 +80,23 @@ def variation(text: str) -> tuple[str, Range]:
         message = f"{text!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log, such as K_p[1]=20:80:log"
         raise argparse.ArgumentTypeError(message) from None
     return name.strip(), found
+
+
+def grid_values(text: str) -> tuple[str, tuple[float, ...]]:
+    """``NAME=LOW:HIGH:COUNT``, ``NAME=LOW:HIGH:COUNT:log`` or ``NAME=VALUE,VALUE,...`` as a pair."""
+    name, equals, rest = text.partition("=")
+    ends, scale = (rest[: -len(":log")], True) if rest.endswith(":log") else (rest, False)
+    try:
+        if not equals or not name:
+            raise ValueError
+        if ":" not in ends and not scale:
+            return name.strip(), tuple(map(float, rest.split(",")))
+        low, high, count = ends.split(":")
+        own = check_range(name, Range(float(low), float(high), scale))
+        return name.strip(), own.spaced(natural(2, MOST_VALUES)(count))
+    except (ValueError, InputError, argparse.ArgumentTypeError):
+        message = f"{text!r} is not of the form NAME=LOW:HIGH:COUNT[:log] or NAME=VALUE,VALUE, such as K_p[1]=20:80:5"
+        raise argparse.ArgumentTypeError(message) from None
 
 
 def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:

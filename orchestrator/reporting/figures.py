@@ -53,9 +53,14 @@ def write_figures(run: Run, folder: Path) -> tuple[list[str], list[str]]:
 
     Returns the names of the figures written, without endings, and of the others.
     """
+    return write_drawn({name: partial(draw, run) for name, draw in FIGURES.items()}, folder)
+
+
+def write_drawn(drawings: Mapping[str, Callable[[], Figure | None]], folder: Path) -> tuple[list[str], list[str]]:
+    """The same for any figures, by name."""
     prepare_folder(folder)
     with rc_context(STYLE):
-        made = {name: draw(run) for name, draw in FIGURES.items()}
+        made = {name: draw() for name, draw in drawings.items()}
         for name, figure in made.items():
             if figure is not None:
                 for ending, options in FORMATS.items():
@@ -92,14 +97,14 @@ def _draw_law(
 def circles(run: Run) -> Figure | None:
     """Figure 8: path of the TCP [mm] from the force on, in the circle of B5, and enlarged in that of B6."""
     example = next(iter(run.recorded(EXAMPLE)), None)
-    if example is None or not _within(example, example.about.window[0], math.inf).any():
+    if example is None or not within(example, example.about.window[0], math.inf).any():
         return None
     start, due = example.about.window[0], example.about.window[1] + _target(run, "B6")
     large, small = 1e3 * _target(run, "B5"), 1e3 * run.results.rules.settling_error
     figure = Figure(figsize=(2 * SIZE[0], 1.15 * SIZE[0]), layout="constrained")
     x, z = 1e3 * example.motion[:, 1], 1e3 * example.motion[:, 2]
-    late = _within(example, due, math.inf)
-    early = _within(example, start, math.inf) & ~late
+    late = within(example, due, math.inf)
+    early = within(example, start, math.inf) & ~late
     shown = ((large, f"B5 target: {large:g} mm", None), (small, f"settled: {small:g} mm", 2 * small))
     for axes, (radius, name, reach) in zip(figure.subplots(1, 2), shown, strict=True):
         axes.plot(x[early], z[early], color=COLOURS[0], label="force and settling")
@@ -110,7 +115,7 @@ def circles(run: Run) -> Figure | None:
         if reach is not None:
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
         axes.locator_params(nbins=6)  # more would run into each other
-        _legend_above(axes)
+        legend_above(axes)
     return figure
 
 
@@ -133,15 +138,15 @@ def spread_error(run: Run, due_to_force: bool) -> Figure | None:
 
 def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, str, int]]) -> Figure | None:
     """TCP error [mm] over time [s] of recordings, each with colour, name and layer; equal names share an entry."""
-    shown = [look for look in looks if _within(look[0], *_window(look[0], due_to_force)).any()]
+    shown = [look for look in looks if within(look[0], *window(look[0], due_to_force)).any()]
     if not shown:
         return None
-    begin, end = _window(shown[0][0], due_to_force)
+    begin, end = window(shown[0][0], due_to_force)
     figure, axes = _axes("Time [s]", "TCP position error [mm]")
     width = 0.8 if len(shown) == 1 else 0.5
     named: set[str] = set()
     for entry, colour, name, layer in shown:
-        inside = _within(entry, begin, end)
+        inside = within(entry, begin, end)
         label = "_" if name in named else name  # Matplotlib leaves labels with an underscore out
         t, error = entry.motion[inside, 0], 1e3 * entry.error[inside]
         axes.plot(t, error, color=colour, label=label, linewidth=width, zorder=layer)
@@ -150,7 +155,7 @@ def _errors(run: Run, due_to_force: bool, looks: Sequence[tuple[Recording, str, 
     target = 1e3 * _target(run, criterion)
     axes.axhline(target, **DASHED, label=f"{criterion} target: {target:g} mm", zorder=5)
     axes.set(xlim=(begin, end), ylim=(0, None))
-    _legend_above(axes)
+    legend_above(axes)
     return figure
 
 
@@ -165,13 +170,13 @@ FIGURES: Mapping[str, Callable[[Run], Figure | None]] = {
 }
 
 
-def _window(entry: Recording, due_to_force: bool) -> tuple[float, float]:
+def window(entry: Recording, due_to_force: bool) -> tuple[float, float]:
     """The time shown [s]: from shortly before the force to the settling time, or up to the force."""
     begin, end = entry.about.window
     return (begin - 0.2, end + 3.0) if due_to_force else (0.0, begin)
 
 
-def _within(entry: Recording, begin: float, end: float) -> np.ndarray:
+def within(entry: Recording, begin: float, end: float) -> np.ndarray:
     """Which samples of ``motion`` were taken from ``begin`` to ``end`` [s]."""
     t = entry.motion[:, 0]
     return (t >= begin) & (t <= end)
@@ -183,7 +188,13 @@ def _is_random(entry: Recording) -> bool:
 
 def _peak(entry: Recording, due_to_force: bool) -> float:
     """The largest TCP error [m] in the time shown; a case that ended before has none."""
-    return float(max(entry.error[_within(entry, *_window(entry, due_to_force))], default=0.0))
+    return float(max(entry.error[within(entry, *window(entry, due_to_force))], default=0.0))
+
+
+def label(name: str) -> str:
+    """A stranger's name as Matplotlib shows it: it leaves out what begins with an underscore, and ``$`` begins a
+    formula."""
+    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
 
 
 def _target(run: Run, name: str) -> float:
@@ -197,6 +208,6 @@ def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _legend_above(axes: Axes) -> None:
+def legend_above(axes: Axes) -> None:
     """A legend that covers nothing of what is drawn, wherever that is."""
     axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)

@@ -19,6 +19,9 @@ SPREAD = "spread.json"
 TUNING = "tuning.json"
 """What a tuning writes."""
 
+SWEEP = "sweep.json"
+"""What a sweep writes."""
+
 ROBUSTNESS = "robustness.json"
 """What a search for the worst case writes."""
 

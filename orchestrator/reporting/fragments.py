@@ -18,6 +18,8 @@ from .robustness import (
     verdict_words,
 )
 from .spread import Spread, spread_remarks, statistic_rows
+from .sweep import COLUMNS, Sweep, smallest_words, sweep_rows
+from .tuning import Tuning, best_rows, best_words, parameter_rows, tuning_remarks
 from .wording import SHOWN, figure, number, remarks, requirement_rows
 
 UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m") | {"B5": "m", "B6": "s", "B7": "m", "recovery": "s"}
@@ -54,6 +56,24 @@ def robustness_fragment(found: Robustness) -> str:
     rows += [(name, margin_words(name, margin)) for name, margin in found.margins.items()]
     rows += radius_rows(found.radius)
     return pages.filled("robustness_fragment.html", found=found, rows=rows, remarks=robustness_remarks(found))
+
+
+def tuning_fragment(found: Tuning) -> str:
+    """The parameters found, and where V of them was measured."""
+    return pages.filled(
+        "tuning_fragment.html",
+        found=found,
+        best=best_words(found),
+        parameters=parameter_rows(found),
+        rows=best_rows(found),
+        remarks=tuning_remarks(found),
+    )
+
+
+def sweep_fragment(found: Sweep) -> str:
+    """The combinations, and the best of them."""
+    names, rows = (*found.values, *COLUMNS), sweep_rows(found)
+    return pages.filled("sweep_fragment.html", found=found, best=smallest_words(found), names=names, rows=rows)
 
 
 def simulation_fragment(title: str, ending: Ending, result: CaseResult, figure_svg: str) -> str:

@@ -26,6 +26,7 @@ SHARED = ("page.js", "charts.js", "heat.js", "arm.js")
 REPORT = (*SHARED, "shares.js", "workspace.js", "case.js", "spread.js", "stability.js", "motion.js", "report.js")
 COMPARE = (*SHARED, "compare.js")
 WORST = ("page.js", "charts.js", "case.js", "worst.js")
+TUNE = ("page.js", "charts.js", "tune.js")
 
 
 def render(template: str, scripts: tuple[str, ...], payload: Mapping[str, Any], **context: Any) -> str:

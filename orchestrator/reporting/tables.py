@@ -41,7 +41,7 @@ def case_table(results: Results) -> dict[str, list[Any]]:
 def csv_text(results: Results) -> str:
     """The contents of ``cases.csv``, one row per case; an apostrophe precedes text that a spreadsheet would run."""
     table = case_table(results)
-    return files.csv_text(table, (map(_inert, row) for row in zip(*table.values(), strict=True)))
+    return files.csv_text(table, (map(inert, row) for row in zip(*table.values(), strict=True)))
 
 
 def parquet_bytes(results: Results) -> bytes:
@@ -59,7 +59,8 @@ def parquet_bytes(results: Results) -> bytes:
     return contents
 
 
-def _inert(cell: Any) -> Any:
+def inert(cell: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula."""
     if not isinstance(cell, str):
         return cell
     text = cell.replace("\r\n", "\n").replace("\r", "\n")  # a lone carriage return is not quoted, and ends a row

@@ -118,6 +118,36 @@ def best_words(found: Tuning) -> str:
     return f"V = {number(found.best.cost)} with {assignments(found.best.trial.values)}"
 
 
+def parameter_rows(found: Tuning) -> list[tuple[str, ...]]:
+    """What varies: name, value at the start, value of the best, range, and importance."""
+    best, first = found.best, found.trials[0].values
+    return [
+        (
+            name,
+            f"{first[name]:g}",
+            "-" if best is None else f"{best.trial.values[name]:g}",
+            f"{own.low:g} to {own.high:g}{' log' if own.log else ''}",
+            number(found.importance.get(name)),
+        )
+        for name, own in found.vary.items()
+    ]
+
+
+def best_rows(found: Tuning) -> list[tuple[str, str]]:
+    """Where V of the best candidate was measured, and what it is there; nothing if there is none."""
+    best = found.best
+    if best is None:
+        return []
+    strict = f"{', '.join(best.strict_broken)} fails" if best.strict_broken else "A1-A3 hold"
+    return [
+        (f"{found.protocol}, seed {found.seed}", f"{number(best.cost)}, A1-A3 hold"),
+        (f"{found.protocol}, other seeds", mean_words(best.seeds)),
+        ("strict list", f"{number(best.strict)}, {strict}"),
+        (f"{found.objective}, as it was tuned", number(best.trial.cost)),
+        (f"{found.objective}, other draws", mean_words(best.held_out)),
+    ]
+
+
 def tuning_remarks(found: Tuning) -> list[str]:
     """What a reader must know of a tuning."""
     best, remarks = found.best, []
@@ -128,7 +158,8 @@ def tuning_remarks(found: Tuning) -> list[str]:
         remarks.append(f"Overfitted: V of the objective is {own}, but {others} with other draws of systems and noise.")
     if best.strict_broken:
         remarks.append(
-            f"On the strict list {', '.join(best.strict_broken)} fails: a robust tuning counts what a search finds."
+            f"On the strict list {', '.join(best.strict_broken)} fails; the candidates were "
+            f"{'tried on' if found.robust else 'not tried with'} the worst cases of a search."
         )
     ends = [
         name

@@ -41,6 +41,13 @@ class Range(Struct):
         """The nearest value of DIGITS digits in the range."""
         return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
 
+    def spaced(self, count: int) -> tuple[float, ...]:
+        """At least two values from one end to the other, evenly spaced on its scale."""
+        steps = [step / (count - 1) for step in range(count)]
+        if self.log:
+            return tuple(self.rounded(self.low * (self.high / self.low) ** step) for step in steps)
+        return tuple(self.rounded(self.low + (self.high - self.low) * step) for step in steps)
+
 
 class Trial(Struct):
     """A candidate: its ``values`` by FMI name, and what it came to in the objective's cases.

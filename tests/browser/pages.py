@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread
+from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread, tuned
 from support.results import TABLE_2, everything, result
 
 from orchestrator.loop.trajectory import Status
@@ -16,6 +16,7 @@ from orchestrator.reporting.comparison import compare
 from orchestrator.reporting.recording import Recording
 from orchestrator.reporting.report_page import report_html
 from orchestrator.reporting.run import Run
+from orchestrator.reporting.tune_page import tune_html
 from orchestrator.reporting.worst_page import worst_html
 
 DESKTOP, PHONE = (1280, 900), (390, 844)
@@ -109,6 +110,12 @@ def comparison() -> str:
 def worst_case() -> str:
     """A search for the worst case, of a controller with a hostile name."""
     return worst_html(*hunted(file=EVIL, path=EVIL))
+
+
+@functools.cache
+def tuning() -> str:
+    """A tuning of a controller with a hostile name."""
+    return tune_html(tuned(file=EVIL, path=EVIL))
 
 
 def show(page, name: str) -> None:

@@ -14,6 +14,7 @@ from browser.pages import (
     report,
     show,
     text,
+    tuning,
     worst_case,
 )
 from orchestrator.reporting.repeat import simulate_command
@@ -24,6 +25,7 @@ VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
     comparison: ("leaderboard", "bars", "difference", "overlay", "seeds", "robustness"),
     worst_case: ("summary", "search", "effects", "case", "configurations", "margins", "commands"),
+    tuning: ("summary", "history", "parameters", "trade", "judged"),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 

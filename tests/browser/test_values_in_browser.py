@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from support.reports import tuned
 from support.results import GRID, PAPER, TABLE_2
 
 from browser.pages import (
@@ -20,6 +21,7 @@ from browser.pages import (
     series,
     show,
     text,
+    tuning,
     worst_case,
 )
 from plant_fmu.flexible_manipulator import coefficients, kinematics
@@ -246,3 +248,23 @@ def test_a_comparison_shows_ratios_differences_and_errors_of_the_right_runs(open
         np.testing.assert_array_equal(torque[:, 1], np.interp(torque[:, 0], *recorded.torque[:, [0, axis]].T))
     commands = page.locator("#overlay-cases code").all_inner_texts()
     assert [command.split("=")[-1] for command in commands] == [repr(gain) for gain in GAINS[:7]]
+
+
+def test_a_tuning_shows_its_history_its_front_and_what_was_added(open_page):
+    page = open_page(tuning())
+    found = tuned()
+    show(page, "history")
+    drawn = option(page, "history-chart")["series"]
+    line = drawn[0]
+    assert [entry["xAxis"] for entry in line["markLine"]["data"]] == [14, 57]
+    assert line["data"][-1] == [59, 91.0] and line["data"][0] == [0, found.trials[0].objective]
+    assert all(before[1] >= after[1] for before, after in zip(line["data"], line["data"][1:], strict=False))
+    numbers = {each["name"]: {point["trial"] for point in each["data"]} for each in drawn[1:]}
+    assert numbers["cut short"] == {trial.number for trial in found.trials if trial.cut_short}
+    assert numbers["best"] == {20} and 17 in numbers["A1–A3 fail"]
+    show(page, "trade")
+    front = series(page, "trade-chart")["Pareto front"]
+    both = [(trial.cost, trial.cycle) for trial in found.trials if trial.cost and trial.cycle]
+    assert front == sorted([V, c] for V, c in both if not any(v <= V and r <= c and (v, r) != (V, c) for v, r in both))
+    show(page, "parameters")
+    assert series(page, "importance-chart")["importance"] == [0.8, 0.2]

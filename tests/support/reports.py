@@ -19,12 +19,15 @@ from orchestrator.benchmark.results import (
     SampleTimeRecord,
 )
 from orchestrator.benchmark.scorecard import score
+from orchestrator.benchmark.spread import Statistic
 from orchestrator.loop.computing import ComputingTime
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.recording import About, Recording
 from orchestrator.reporting.robustness import Robustness
 from orchestrator.reporting.run import Run, load_run, save_run
 from orchestrator.reporting.spread import Spread, spread_of
+from orchestrator.reporting.tuning import Best, Judged, Tuning
+from orchestrator.search.candidates import Range, Trial
 from orchestrator.search.findings import (
     ConfigurationFound,
     CriterionFound,
@@ -220,3 +223,38 @@ def hunted(**controller: Any) -> tuple[Robustness, tuple[Recording, ...]]:
     nominal = (recording((f"beside {role}",), size=3e-3, system="nominal") for role in ("B5", "A2 2"))
     worst = recording(("B5",), system="worst arm"), recording(("A2 2", "A3 delay_2"), test="delay_2")
     return found, (*worst, *nominal)
+
+
+def tuned(**controller: Any) -> Tuning:
+    """A tuning of 60 trials in which a case was added twice, and the best of which is overfitted."""
+    trials = []
+    for n in range(60):
+        K, T = 20 + (13 * n) % 60, 0.6 + 0.006 * ((29 * n) % 60)
+        cost, cycle = 90 + 0.02 * (K - 45) ** 2 + 60 / (1 + n), 0.2 * 1.08**n * (1 + n % 5)
+        cut, holds = n % 4 == 3, cycle < 1
+        trials.append(
+            Trial(n, {"K_p[1]": K, "T<b>": T}, cost + 20 * (not holds), cost, None if cut else cycle, holds, cut)
+        )
+    trials[17] = replace(trials[17], objective=1000.0, cost=None, cycle=None, message="it <i>died</i>")
+    trials[20] = replace(trials[20], objective=91.0, cost=91.0, cycle=0.8, holds=True)
+    judged = (Judged(8, 14, 120.0, None, ("A2",), ("repeat <A2>",)), Judged(20, 57, 99.0, 140.0, (), ("repeat B6",)))
+    mean = Statistic(99.0, 1.5, 97.0, 102.0)
+    return Tuning(
+        schema=Tuning.SCHEMA,
+        benchmark=PAPER.benchmark,
+        protocol="paper",
+        objective="tuning",
+        seed=0,
+        sampler="cmaes",
+        search_seed=1,
+        robust=0,
+        vary={"K_p[1]": Range(20.0, 80.0, log=True), "T<b>": Range(0.6, 0.99)},
+        trials=tuple(trials),
+        judged=judged,
+        best=Best(trials[20], 99.0, mean, mean, 150.0, ("A2",)),
+        importance={"K_p[1]": 0.8, "T<b>": 0.2},
+        rules=RULES,
+        controller=replace(CONTROLLER, **controller),
+        plant=PLANT,
+        wall_time=60.0,
+    )

@@ -1,0 +1,6 @@
+"""``python -m orchestrator.sweep``: see :mod:`orchestrator.cli.sweep`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("sweep"))
