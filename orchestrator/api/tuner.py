@@ -23,7 +23,7 @@ from .campaign import Bench
 from .side_by_side import SideBySide
 
 JUDGED_EVERY = 4
-"""Generations after which the best candidate is tried on the whole protocol."""
+"""Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
 
 FINALISTS = 5
 """Candidates that are tried there at the end, best first."""
@@ -86,7 +86,7 @@ class Tuner:
             worst = statistics.median(each.objective for each in found) if first else worst
             generations += 1
             known = len(self.cases)
-            if generations % JUDGED_EVERY == 0:
+            if generations % JUDGED_EVERY == 1:  # from the first on, whose failures all others are then tried with
                 self.holds(self.leaders()[0])
             if len(self.cases) > known:
                 worst = math.inf  # the objective has become another one

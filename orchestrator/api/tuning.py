@@ -171,7 +171,7 @@ def judge(goal: Benchmark, controller: Controller, strict: str | Path, robust: i
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
         if not robust or broken:  # a search finds nothing that would make it hold
             return Verdict(evaluation.cost, None, tuple(broken), found)
-        answer, shown = goal.searched(candidate, robust, protocol=strict, folder=_in(own, "robustness"))
+        answer, shown = goal.searched(candidate, robust, protocol=strict, folder=own)
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]
