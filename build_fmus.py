@@ -115,7 +115,7 @@ def _robust_lqg(target: Path, platforms: Platforms) -> Path:
 def _robust_linear_lqg(target: Path, platforms: Platforms) -> Path:
     folder = HERE / "controller_fmu"
     what = "LQG controller, designed at initialization for the reference position, with weights for all uncertain arms"
-    starts = _starts(folder / "robust_c" / "linear_weights.json")
+    starts = _starts(folder / "robust_linear" / "linear_weights.json")
     root = description((*CONNECTORS, *parameters(Weights), *parameters(Dither)), starts, what, BASE_UNITS)
     return _described_in_c(root, sorted((folder / "lqg_c").glob("*.[ch]")), target, platforms)
 

@@ -51,6 +51,8 @@ VERIFIED_HEAD = (
 )
 
 PAGES = {
+    "RobustLQG": "controller_fmu/robust_c",
+    "RobustLinearLQG": "controller_fmu/robust_linear",
     "DitheredLQG": "controller_fmu/friction",
     "ManipulatorLQG": "controller_fmu/lqg",
     "TunedPID": "controller_fmu/pid_tuned",
