@@ -33,8 +33,8 @@ from msgspec.structs import replace  # noqa: E402
 
 import build_fmus  # noqa: E402
 from benchmarks.common import drive, median  # noqa: E402
-from orchestrator.api.benchmark import available_cores  # noqa: E402
 from orchestrator.api.campaign import Bench, run_cases  # noqa: E402
+from orchestrator.api.conditions import available_cores  # noqa: E402
 from orchestrator.benchmark import cases as case_list  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.case import Case, Configuration  # noqa: E402

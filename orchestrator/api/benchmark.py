@@ -2,58 +2,33 @@
 
 from __future__ import annotations
 
-import fnmatch
-import functools
 import math
-import os
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from datetime import datetime, timezone
-from fractions import Fraction
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
-from plant_fmu.flexible_manipulator.parameters import NOMINAL
-
-from ..benchmark import cases as case_list
-from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
-from ..benchmark.linearization import Friction, rest
-from ..benchmark.metrics import judge, named
-from ..benchmark.nominal import check_changes
-from ..benchmark.protocol import Protocol
-from ..benchmark.results import CaseResult, RunTiming
-from ..benchmark.scorecard import kind
-from ..benchmark.variation import Variation, vary
+from ..benchmark.linearization import Friction
+from ..benchmark.variation import Variation
 from ..conformance.finding import Finding
-from ..errors import Crash, InputError
-from ..execution import cluster, pool, store
-from ..execution.job import Limits
-from ..fmi.archive import open_archive
-from ..loop.sampling import controller_sample_time
+from ..errors import InputError
 from ..reporting.certificates import Verification
-from ..reporting.files import REPORT, TRAJECTORIES, prepare_folder, remove, seed_folder, write_bytes
-from ..reporting.recording import save as save_recordings
-from ..reporting.repeat import Setting
 from ..reporting.robustness import Robustness
-from ..reporting.spread import Spread, spread_of
+from ..reporting.spread import Spread
 from ..reporting.sweep import Sweep
 from ..reporting.tuning import Tuning
 from ..search.candidates import Range
-from . import campaign, checking, document
-from .built_in import built_in
-from .campaign import Bench
+from . import checking
+from .conditions import Conditions
 from .controller import Controller
+from .evaluating import OnResult, OnSeed, Options, evaluate, evaluate_seeds
 from .evaluation import Evaluation
 from .linear_model import LinearModel, linear_model
-from .plant import AUTO, NATIVE, PYTHON, Plant, choose
-from .recorder import record_shown
+from .plant import AUTO, NATIVE, PYTHON
 from .reference import USUAL
-from .robustness import OnProgress, find_worst_case, sought
-from .running import Runner
-from .selection import Shown, shown
+from .robustness import OnProgress, search
+from .simulating import export_ssp, simulate
 from .simulation import Simulation
 from .sweeping import sweep
 from .tuner import OnTrial
@@ -63,32 +38,9 @@ from .verification import repeat, verify
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-OnResult = Callable[[CaseResult, int, int], None]
-"""Is told each result as it comes, how many there are, and how many there will be."""
-
-OnSeed = Callable[[int, Evaluation], None]
-"""Is told each seed with its evaluation."""
-
-
-class Options(TypedDict, total=False):
-    """Options of :meth:`Benchmark.evaluate` that hold for every seed."""
-
-    only: Sequence[str] | str
-    recordings: bool
-    keep_going: bool
-    force: bool
-    on_result: OnResult | None
-
-
-def available_cores() -> int:
-    """Number of processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
 
 @dataclass(frozen=True)
-class Benchmark:
+class Benchmark(Conditions):
     """The benchmark under fixed conditions; every method may be called from any thread, script or notebook.
 
     Parameters
@@ -120,72 +72,6 @@ class Benchmark:
     InputError
         If the protocol or a plant parameter does not exist, or a number makes no sense.
     """
-
-    protocol: str | Path = "paper"
-    seed: int = 0
-    workers: int | None = None
-    plant_parameters: Mapping[str, float] = field(default_factory=dict)
-    plant: str | Path = AUTO
-    timeout: float = 60.0
-    memory_limit: float = 2e9
-    sandbox: bool = False
-    scheduler: str | None = None
-    wait: float = cluster.WAIT
-
-    def __post_init__(self) -> None:
-        if self.seed < 0 or (self.workers is not None and self.workers < 1):
-            raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
-        for name in ("timeout", "memory_limit", "wait"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
-        check_changes(self.plant_parameters, self.rules.uncertainty)
-
-    @functools.cached_property
-    def rules(self) -> Protocol:
-        """The protocol's contents."""
-        return protocols.load(self.protocol)
-
-    @functools.cached_property
-    def manipulator(self) -> Plant:
-        """The manipulator's FMU, see ``plant``; it is built on first use."""
-        return choose(self.plant)
-
-    @functools.cached_property
-    def nominal(self) -> dict[str, float]:
-        """The plant's nominal parameters by FMI name, SI units."""
-        own = NOMINAL if self.plant in (AUTO, PYTHON, NATIVE) else self.manipulator.nominal
-        return {**own, **self.plant_parameters}
-
-    @functools.cached_property
-    def cases(self) -> tuple[Case, ...]:
-        """All cases of the protocol, in its order."""
-        return case_list.cases(self.rules, self.nominal, self.seed)
-
-    def case(self, id: str) -> Case:
-        """The case called ``id``, such as ``"c07.compliant.gain_1"``, also with a system the protocol does not run.
-
-        Raises :class:`InputError` if there is none.
-        """
-        return case_list.case_named(self.rules, self.nominal, self.seed, id)
-
-    def case_at(
-        self,
-        q_a: tuple[float, float],
-        system: str = "nominal",
-        test: str = "disturbance",
-        variation: Variation | None = None,
-    ) -> Case:
-        """The case of a pose ``q_a`` [rad], anywhere in the workspace, a system and a test, varied if wanted."""
-        wanted = self.rules.test(test)
-        pose = case_list.configuration(self.rules, *q_a, self.seed)
-        member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, wanted)
-        found = case_list.case(self.rules, pose, member, wanted, self.seed)
-        return found if variation is None else self.varied(found, variation)
-
-    def varied(self, case: Case, variation: Variation) -> Case:
-        """``case`` with single disturbances and imperfections set or switched off."""
-        return replace(case, scenario=vary(case.scenario, self.rules, variation))
 
     def check(self, controller: Controller | None = None) -> tuple[Finding, ...]:
         """What can be said of a controller before any evaluation: what it is, how it is bound, how it behaves.
@@ -242,43 +128,16 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        controller, bench, sample_time, cases = self.prepared(controller)
-        cases, target = _chosen(cases, only), None if folder is None else Path(folder)
-        start, begin = datetime.now(timezone.utc), time.perf_counter()
-        with self._runner(bench, target, keep_going) as runner:
-            rehearsal = campaign.rehearse(cases[0], bench)
-            computing_time = None if rehearsal.failure else campaign.computing_time(cases[0], bench)
-            told = None if on_result is None else lambda run, done, total: on_result(run.result, done, total)
-            runs = runner.run(cases, rehearsal.failure, force, told)
-            timing = RunTiming(
-                start.isoformat(timespec="seconds"),
-                time.perf_counter() - begin,
-                self.processes,
-                sum(run.result.time for run in runs),
-                sum(run.wall_time for run in runs),
-                computing_time,
-            )
-            results = document.results(
-                self.rules,
-                str(self.protocol) if str(self.protocol) != self.rules.name else "",
-                self.seed,
-                bench,
-                controller,
-                document.plant_record(self.manipulator, self.plant_parameters),
-                sample_time,
-                rehearsal.timing,
-                runs,
-                timing,
-            )
-            evaluation = Evaluation(results)
-            if target is not None:
-                evaluation.save(target)  # before the recordings: whatever happens now, the results are there
-            if recordings:
-                wanted = shown(self.rules, self.nominal, self.seed, runs, results.scorecard)
-                evaluation = replace(evaluation, recordings=record_shown(wanted, bench, self.processes))
-                if target is not None:
-                    evaluation.save(target)
-        return evaluation
+        return evaluate(
+            self,
+            controller,
+            only=only,
+            folder=folder,
+            recordings=recordings,
+            keep_going=keep_going,
+            force=force,
+            on_result=on_result,
+        )
 
     def spread(
         self,
@@ -315,20 +174,7 @@ class Benchmark:
         InputError, FmuError, EnvironmentFault
             As :meth:`evaluate`, or for no seed at all.
         """
-        wanted, found = tuple(dict.fromkeys(seeds)), []
-        benches = [replace(self, seed=seed) for seed in wanted]
-        if not benches:
-            raise InputError("At least one seed is needed.", "bad-number")
-        for bench in benches:
-            own = None if folder is None else Path(folder) / seed_folder(bench.seed)
-            evaluation = bench.evaluate(controller, folder=own, **options)
-            found.append(evaluation.results)
-            spread = spread_of(wanted, found)
-            if folder is not None:
-                spread.save(folder)
-            if on_seed is not None:
-                on_seed(bench.seed, evaluation)
-        return spread
+        return evaluate_seeds(self, controller, seeds, folder, on_seed, **options)
 
     def robustness(
         self,
@@ -386,7 +232,7 @@ class Benchmark:
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        return self.searched(controller, budget, minutes, protocol, only, from_list, folder, recordings, on_progress)[0]
+        return search(self, controller, budget, minutes, protocol, only, from_list, folder, recordings, on_progress)[0]
 
     def tune(
         self,
@@ -576,13 +422,7 @@ class Benchmark:
         Raises :class:`InputError` for a case that does not exist, :class:`FmuError` if an FMU fails before the first
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
-        bench, wanted = self._sampled(controller or Controller(), case)
-        scenario = wanted.scenario
-        trajectory = campaign.simulate(bench, scenario)
-        result = named(wanted, judge(self.rules, wanted, trajectory))
-        plain = case_list.case(self.rules, wanted.configuration, wanted.system, wanted.test, self.seed).scenario
-        varied = replace(plain, sample_time=scenario.sample_time) != scenario
-        return Simulation(wanted, bench.controller.name, trajectory, result, varied, kind(result, self.rules.stability))
+        return simulate(self, controller or Controller(), case)
 
     def export_ssp(self, controller: Controller | None, case: Case | str, file: str | Path) -> Path:
         """Write the closed loop of one case, named as in :meth:`simulate`, as a package of SSP 1.0; returns ``file``.
@@ -593,23 +433,8 @@ class Benchmark:
         Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
         there is no C compiler.
         """
-        from ..loop.controller import Steady  # loads Numba
-        from ..reporting.ssp import package
-
-        bench, wanted = self._sampled(controller or Controller(), case)
-        scenario, pose = wanted.scenario, wanted.configuration
-        at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
-        plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
-        steady = Steady(at.q_m, at.u_m, at.q_a)
-        write_bytes(Path(file), package(plant, imperfections, bench.controller, bench.setup, scenario, steady))
+        export_ssp(self, controller or Controller(), case, Path(file))
         return Path(file)
-
-    def _sampled(self, controller: Controller, case: Case | str) -> tuple[Bench, Case]:
-        """A case, sampled by the controller."""
-        bench = self.bench(controller)
-        wanted = self.case(case) if isinstance(case, str) else case
-        T_s = controller_sample_time(bench.controller, wanted.scenario.sample_time, controller.given_sample_time)
-        return bench, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))
 
     def linearize(
         self,
@@ -651,87 +476,3 @@ class Benchmark:
             message = f"The equations of {self.plant} are not known; only the benchmark's manipulator is linearized."
             raise InputError(message, "no-equations", self.plant)
         return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)
-
-    @property
-    def processes(self) -> int:
-        """How many processes at a time."""
-        return self.workers or available_cores()
-
-    @property
-    def execute(self) -> campaign.Execute:
-        """What runs jobs: processes of this machine, or the scheduler's."""
-        if self.scheduler:
-            return functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
-        return functools.partial(pool.run, workers=self.processes)
-
-    def bench(self, controller: Controller) -> Bench:
-        """Manipulator and controller, and the conditions they run under."""
-        limits = Limits(memory=int(self.memory_limit))
-        return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
-
-    def prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
-        """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
-        controller = controller or Controller()
-        bench = self.bench(controller)
-        T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
-        return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
-
-    def searched(
-        self,
-        controller: Controller | None,
-        budget: int,
-        minutes: float = math.inf,
-        protocol: str | Path = "strict",
-        only: Sequence[str] = (),
-        from_list: bool = True,
-        folder: str | Path | None = None,
-        recordings: bool = False,
-        on_progress: OnProgress | None = None,
-    ) -> tuple[Robustness, list[Shown]]:
-        """The answer of :meth:`robustness`, and the worst cases, each followed by that of the nominal arm."""
-        own = replace(self, protocol=protocol)
-        controller, bench, T_s, cases = own.prepared(controller)
-        listed = cases if from_list else ()
-        wanted = sought(own.rules, listed, budget, only)
-        setting = Setting(
-            document.controller_record(bench, controller),
-            document.plant_record(self.manipulator, self.plant_parameters),
-            str(protocol),
-            self.seed,
-            None if T_s == own.rules.sample_time else float(T_s),
-        )
-        target = None if folder is None else Path(folder)
-        with own._runner(bench, target) as runner:
-            if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
-                raise Crash(failure.result.message)
-            found, worst = find_worst_case(
-                runner, listed, wanted, own.nominal, setting, T_s, budget, minutes, on_progress
-            )
-            if target is not None:
-                for name in (TRAJECTORIES, REPORT):  # of another search
-                    remove(target / name)
-                found.save(target)  # before the recordings: whatever happens now, the answer is there
-                if recordings:
-                    save_recordings(record_shown(worst, bench, self.processes), target)
-        return found, worst
-
-    @contextmanager
-    def _runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
-        """What runs cases, with the store in ``folder``, which is created if missing."""
-        if folder is not None:
-            prepare_folder(folder)
-        with store.opened(folder) as known:
-            yield Runner(self.rules, bench, self.execute, known, keep_going)
-
-
-def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...]:
-    patterns = [only] if isinstance(only, str) else only
-    if not patterns:
-        return tuple(cases)
-    chosen = tuple(case for case in cases if any(fnmatch.fnmatchcase(case.id, pattern) for pattern in patterns))
-    if not chosen:
-        wanted = " ".join(patterns)
-        raise InputError(
-            f"No case matches {wanted}. Cases are named like {cases[0].id} and {cases[-1].id}.", "no-case", "", wanted
-        )
-    return chosen

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
-from ..errors import InputError
+from ..errors import Crash, InputError
 from ..loop.trajectory import Status
+from ..reporting.files import REPORT, TRAJECTORIES, remove
 from ..reporting.recording import BESIDE, FOUND
+from ..reporting.recording import save as save_recordings
 from ..reporting.repeat import Setting, member_command
 from ..reporting.robustness import Robustness
 from ..search import hunt as stages
@@ -22,6 +26,10 @@ from ..search.margins import margins as margins_of
 from ..search.margins import radius as radius_of
 from ..search.member import NOMINAL, Member, case_of, of_case, parameters
 from ..search.target import Target, targets
+from . import campaign, document
+from .conditions import Conditions
+from .controller import Controller
+from .recorder import record_shown
 from .running import Runner
 from .selection import Shown
 
@@ -52,6 +60,44 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
             f"The search begins with {least} simulations: more than its budget of {budget}.", "small-budget", "", budget
         )
     return wanted
+
+
+def search(
+    conditions: Conditions,
+    controller: Controller | None,
+    budget: int,
+    minutes: float = math.inf,
+    protocol: str | Path = "strict",
+    only: Sequence[str] = (),
+    from_list: bool = True,
+    folder: str | Path | None = None,
+    recordings: bool = False,
+    on_progress: OnProgress | None = None,
+) -> tuple[Robustness, list[Shown]]:
+    """See :meth:`.Benchmark.robustness`; and the worst cases, each followed by that of the nominal arm."""
+    own = replace(conditions, protocol=protocol)
+    controller, bench, T_s, cases = own.prepared(controller)
+    listed = cases if from_list else ()
+    wanted = sought(own.rules, listed, budget, only)
+    setting = Setting(
+        document.controller_record(bench, controller),
+        document.plant_record(conditions.manipulator, conditions.plant_parameters),
+        str(protocol),
+        conditions.seed,
+        None if T_s == own.rules.sample_time else float(T_s),
+    )
+    target = None if folder is None else Path(folder)
+    with own.runner(bench, target) as runner:
+        if (failure := campaign.rehearse(cases[0], bench).failure) is not None:
+            raise Crash(failure.result.message)
+        found, worst = find_worst_case(runner, listed, wanted, own.nominal, setting, T_s, budget, minutes, on_progress)
+        if target is not None:
+            for name in (TRAJECTORIES, REPORT):  # of another search
+                remove(target / name)
+            found.save(target)  # before the recordings: whatever happens now, the answer is there
+            if recordings:
+                save_recordings(record_shown(worst, bench, conditions.processes), target)
+    return found, worst
 
 
 def find_worst_case(

@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..benchmark.results import rules
 from ..errors import Crash, InputError
@@ -17,17 +16,15 @@ from ..reporting.sweep import Sweep
 from ..search.candidates import Trial
 from ..search.proposals import GENERATION
 from . import campaign, document
+from .conditions import Conditions
 from .controller import Controller
 from .side_by_side import SideBySide
 from .tuner import OnTrial, attempt
 from .tuning import values_of
 
-if TYPE_CHECKING:
-    from .benchmark import Benchmark
-
 
 def sweep(
-    bench: Benchmark,
+    bench: Conditions,
     controller: Controller,
     given: Mapping[str, Sequence[float]],
     folder: Path | None,

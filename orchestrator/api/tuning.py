@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..benchmark.results import rules
 from ..errors import Crash, InputError
@@ -20,12 +19,12 @@ from ..reporting.tuning import Best, Judged, Tuning
 from ..search.candidates import Range, Trial, check_range
 from ..search.proposals import STUDY, Proposals
 from . import campaign, document
+from .conditions import Conditions
 from .controller import Controller
+from .evaluating import evaluate, evaluate_seeds
+from .robustness import search
 from .side_by_side import SideBySide
 from .tuner import Judge, OnTrial, Tuner, Verdict
-
-if TYPE_CHECKING:
-    from .benchmark import Benchmark
 
 SEED = 1234
 """What the objective's seed is above the benchmark's: it has other systems, disturbances and noise."""
@@ -41,7 +40,7 @@ BEST = "best.toml"
 
 
 def tune(
-    goal: Benchmark,
+    goal: Conditions,
     controller: Controller,
     given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]],
     objective: str | Path,
@@ -89,11 +88,11 @@ def tune(
         if folder is not None:
             lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
             write_text(folder / BEST, "".join(["[parameters]\n", *lines]))
-        whole = goal.evaluate(chosen, folder=_in(folder, _name(best)), keep_going=True)
-        seeds = goal.spread(chosen, [goal.seed + each for each in SEEDS], folder=_in(folder, "seeds"), recordings=False)
-        listed = replace(goal, protocol=strict).evaluate(
-            chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True
-        )
+        whole = evaluate(goal, chosen, folder=_in(folder, _name(best)), keep_going=True)
+        others = [goal.seed + each for each in SEEDS]
+        seeds = evaluate_seeds(goal, chosen, others, _in(folder, "seeds"), None, recordings=False)
+        list_of = replace(goal, protocol=strict)
+        listed = evaluate(list_of, chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True)
         broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
         found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken)
     return Tuning(
@@ -153,12 +152,12 @@ def values_of(controller: Controller, wanted: Iterable[str]) -> dict[str, float]
     return found
 
 
-def judge(goal: Benchmark, controller: Controller, strict: str | Path, robust: int, folder: Path | None) -> Judge:
+def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: int, folder: Path | None) -> Judge:
     """What tries a candidate on the whole protocol and, with ``robust`` simulations, searches for its worst case."""
 
     def verdict(trial: Trial) -> Verdict:
         candidate, own = controller.with_parameters(trial.values), _in(folder, _name(trial))
-        evaluation = goal.evaluate(candidate, folder=own, recordings=False, keep_going=True)
+        evaluation = evaluate(goal, candidate, folder=own, recordings=False, keep_going=True)
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
         failing = {
             verdict.worst_case: None
@@ -171,7 +170,7 @@ def judge(goal: Benchmark, controller: Controller, strict: str | Path, robust: i
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
         if not robust or broken:  # a search finds nothing that would make it hold
             return Verdict(evaluation.cost, None, tuple(broken), found)
-        answer, shown = goal.searched(candidate, robust, protocol=strict, folder=own)
+        answer, shown = search(goal, candidate, robust, protocol=strict, folder=own)
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]

@@ -11,7 +11,6 @@ from dataclasses import replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from msgspec import structs
 
@@ -28,12 +27,10 @@ from ..loop.sampling import controller_sample_time
 from ..reporting.certificates import FRESH, PUBLISHED, Verification
 from . import document
 from .campaign import Bench, CaseRun, rehearse
+from .conditions import Conditions
 from .controller import Controller
 from .reference import reference
 from .running import Runner
-
-if TYPE_CHECKING:
-    from .benchmark import Benchmark
 
 STRICT = "strict-verification"
 
@@ -43,7 +40,7 @@ logger = logging.getLogger(__name__)
 
 
 def verify(
-    benchmark: Benchmark,
+    benchmark: Conditions,
     controller: Controller,
     entropy: str | None,
     count: int,
@@ -109,7 +106,7 @@ def verify(
 
 
 def repeat(
-    benchmark: Benchmark, certificate: Verification, file: Path | None, on_result: OnCase | None
+    benchmark: Conditions, certificate: Verification, file: Path | None, on_result: OnCase | None
 ) -> Verification:
     """See :meth:`.benchmark.Benchmark.repeat`."""
     record = certificate.controller

@@ -8,8 +8,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..api.benchmark import Benchmark, Options
+from ..api.benchmark import Benchmark
 from ..api.controller import Controller
+from ..api.evaluating import Options
 from ..api.evaluation import Evaluation
 from ..codec import to_json
 from ..reporting.files import CASES, RESULTS, TRAJECTORIES, seed_folder

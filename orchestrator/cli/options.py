@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..api.benchmark import Benchmark, available_cores
+from ..api.benchmark import Benchmark
+from ..api.conditions import available_cores
 from ..api.controller import Controller
 from ..benchmark import protocol
 from ..errors import InputError

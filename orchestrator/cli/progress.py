@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ..api.benchmark import OnResult
+from ..api.evaluating import OnResult
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score

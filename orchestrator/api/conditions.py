@@ -1,0 +1,147 @@
+"""The conditions that controllers are tried under: protocol, seed, plant, and what runs simulations."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+from ..benchmark import cases as case_list
+from ..benchmark import protocol as protocols
+from ..benchmark.case import Case
+from ..benchmark.nominal import check_changes
+from ..benchmark.protocol import Protocol
+from ..benchmark.variation import Variation, vary
+from ..errors import InputError
+from ..execution import cluster, pool, store
+from ..execution.job import Limits
+from ..loop.sampling import controller_sample_time
+from ..reporting.files import prepare_folder
+from .campaign import Bench, Execute
+from .controller import Controller
+from .plant import AUTO, NATIVE, PYTHON, Plant, choose
+from .running import Runner
+
+
+def available_cores() -> int:
+    """Number of processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What :class:`.Benchmark` says of its parameters, and what follows from them."""
+
+    protocol: str | Path = "paper"
+    seed: int = 0
+    workers: int | None = None
+    plant_parameters: Mapping[str, float] = field(default_factory=dict)
+    plant: str | Path = AUTO
+    timeout: float = 60.0
+    memory_limit: float = 2e9
+    sandbox: bool = False
+    scheduler: str | None = None
+    wait: float = cluster.WAIT
+
+    def __post_init__(self) -> None:
+        if self.seed < 0 or (self.workers is not None and self.workers < 1):
+            raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
+        for name in ("timeout", "memory_limit", "wait"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
+        check_changes(self.plant_parameters, self.rules.uncertainty)
+
+    @functools.cached_property
+    def rules(self) -> Protocol:
+        """The protocol's contents."""
+        return protocols.load(self.protocol)
+
+    @functools.cached_property
+    def manipulator(self) -> Plant:
+        """The manipulator's FMU, see ``plant``; it is built on first use."""
+        return choose(self.plant)
+
+    @functools.cached_property
+    def nominal(self) -> dict[str, float]:
+        """The plant's nominal parameters by FMI name, SI units."""
+        own = NOMINAL if self.plant in (AUTO, PYTHON, NATIVE) else self.manipulator.nominal
+        return {**own, **self.plant_parameters}
+
+    @functools.cached_property
+    def cases(self) -> tuple[Case, ...]:
+        """All cases of the protocol, in its order."""
+        return case_list.cases(self.rules, self.nominal, self.seed)
+
+    def case(self, id: str) -> Case:
+        """The case called ``id``, such as ``"c07.compliant.gain_1"``, also with a system the protocol does not run.
+
+        Raises :class:`InputError` if there is none.
+        """
+        return case_list.case_named(self.rules, self.nominal, self.seed, id)
+
+    def case_at(
+        self,
+        q_a: tuple[float, float],
+        system: str = "nominal",
+        test: str = "disturbance",
+        variation: Variation | None = None,
+    ) -> Case:
+        """The case of a pose ``q_a`` [rad], anywhere in the workspace, a system and a test, varied if wanted."""
+        wanted = self.rules.test(test)
+        pose = case_list.configuration(self.rules, *q_a, self.seed)
+        member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, wanted)
+        found = case_list.case(self.rules, pose, member, wanted, self.seed)
+        return found if variation is None else self.varied(found, variation)
+
+    def varied(self, case: Case, variation: Variation) -> Case:
+        """``case`` with single disturbances and imperfections set or switched off."""
+        return replace(case, scenario=vary(case.scenario, self.rules, variation))
+
+    @property
+    def processes(self) -> int:
+        """How many processes at a time."""
+        return self.workers or available_cores()
+
+    @property
+    def execute(self) -> Execute:
+        """What runs jobs: processes of this machine, or the scheduler's."""
+        if self.scheduler:
+            return functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
+        return functools.partial(pool.run, workers=self.processes)
+
+    def bench(self, controller: Controller) -> Bench:
+        """Manipulator and controller, and the conditions they run under."""
+        limits = Limits(memory=int(self.memory_limit))
+        return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
+
+    def prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
+        """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
+        controller = controller or Controller()
+        bench = self.bench(controller)
+        T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
+        return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
+
+    def sampled(self, controller: Controller, case: Case | str) -> tuple[Bench, Case]:
+        """A case, sampled by the controller."""
+        bench = self.bench(controller)
+        wanted = self.case(case) if isinstance(case, str) else case
+        T_s = controller_sample_time(bench.controller, wanted.scenario.sample_time, controller.given_sample_time)
+        return bench, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))
+
+    @contextmanager
+    def runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
+        """What runs cases, with the store in ``folder``, which is created if missing."""
+        if folder is not None:
+            prepare_folder(folder)
+        with store.opened(folder) as known:
+            yield Runner(self.rules, bench, self.execute, known, keep_going)

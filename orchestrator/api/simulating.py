@@ -1,0 +1,45 @@
+"""One case: simulated, or written for another tool."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ..benchmark import cases as case_list
+from ..benchmark.case import Case
+from ..benchmark.linearization import rest
+from ..benchmark.metrics import judge, named
+from ..benchmark.scorecard import kind
+from ..fmi.archive import open_archive
+from ..reporting.files import write_bytes
+from . import campaign
+from .built_in import built_in
+from .conditions import Conditions
+from .controller import Controller
+from .simulation import Simulation
+
+
+def simulate(conditions: Conditions, controller: Controller, case: Case | str) -> Simulation:
+    """See :meth:`.Benchmark.simulate`."""
+    bench, wanted = conditions.sampled(controller, case)
+    scenario = wanted.scenario
+    trajectory = campaign.simulate(bench, scenario)
+    result = named(wanted, judge(conditions.rules, wanted, trajectory))
+    plain = case_list.case(conditions.rules, wanted.configuration, wanted.system, wanted.test, conditions.seed).scenario
+    varied = replace(plain, sample_time=scenario.sample_time) != scenario
+    return Simulation(
+        wanted, bench.controller.name, trajectory, result, varied, kind(result, conditions.rules.stability)
+    )
+
+
+def export_ssp(conditions: Conditions, controller: Controller, case: Case | str, file: Path) -> None:
+    """See :meth:`.Benchmark.export_ssp`."""
+    from ..loop.controller import Steady  # loads Numba
+    from ..reporting.ssp import package
+
+    bench, wanted = conditions.sampled(controller, case)
+    scenario, pose = wanted.scenario, wanted.configuration
+    at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
+    plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
+    steady = Steady(at.q_m, at.u_m, at.q_a)
+    write_bytes(file, package(plant, imperfections, bench.controller, bench.setup, scenario, steady))
