@@ -74,7 +74,7 @@ SEARCHED = ("B5", "B6", "B7")
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
 
-SEEDS = range(10)
+SEEDS = range(5)
 """Of the spread on a controller's page."""
 
 SAME_BITS = ("DiagonalPID", "TunedPID")
