@@ -330,7 +330,12 @@ def with_table(text: str, table: str) -> str:
 def pages(kept: Sequence[Figures]) -> dict[Path, str]:
     """The files that hold a table, with what they should say."""
     tables = {README: leaderboard(kept), VERIFIED: verified_table(submissions(SUBMISSIONS))}
-    tables |= {ROOT / folder / "README.md": scorecard(kept, name) for name, folder in PAGES.items()}
+    known = {name_of(each) for each in kept}
+    tables |= {
+        ROOT / folder / "README.md": scorecard(kept, name)
+        for name, folder in PAGES.items()
+        if {name, BASELINE} <= known
+    }
     return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
 
 

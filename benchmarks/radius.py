@@ -62,6 +62,8 @@ def draw(found: dict[str, dict[str, float | None]]) -> None:
         Path(each["controller"]["file"]).stem: each["robustness"]["radius"]["stability"]
         for each in json.loads(LEADERBOARD.read_text(encoding="utf-8"))
     }
+    if missing := found.keys() - radii.keys():
+        sys.exit(f"not searched yet (benchmarks/leaderboard.py): {', '.join(sorted(missing))}")
     figure, panel = plt.subplots(figsize=(6.3, 3.8), layout="constrained")
     panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
     panel.axvline(1.0, color="0.6", lw=0.8, ls="--")

@@ -1,14 +1,14 @@
 """Where the paper's row of Table 2 lies among the rows that our default PID gets over what the paper leaves open.
 
-    python benchmarks/table2.py                    a thousand rows: about an hour on two idle cores
-    python benchmarks/table2.py --seeds 2          a look
+    python benchmarks/table2.py --write            a thousand rows: more than an hour on two idle cores
+    python benchmarks/table2.py --seeds 2          a look, which writes nothing
     python benchmarks/table2.py --picture          docs/pictures/table2.png from docs/table2.json alone
 
 The paper does not list its 18 configurations, its three systems nor its draws, and prints k_high of axis 2 with a
 stray sign. A row is an evaluation, as far as V needs it, with one choice of each. Everything else is the protocol
 ``paper``. Simulations are shared by the rows that need them, and kept in runs/table2: an interrupted run goes on.
 
-Writes docs/table2.json, which docs/paper.md tells the story of, and its picture.
+With --write it writes docs/table2.json, which docs/paper.md tells the story of, and its picture.
 """
 
 from __future__ import annotations
@@ -204,6 +204,7 @@ def main() -> int:
     """Evaluate all choices, write, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=44, metavar="N", help="rows of each choice (default: 44)")
+    parser.add_argument("--write", action="store_true", help="write docs/table2.json and its picture")
     parser.add_argument("--picture", action="store_true", help="draw what is in docs/table2.json, and evaluate nothing")
     given = parser.parse_args()
     if given.picture:
@@ -218,12 +219,14 @@ def main() -> int:
             for title, entry in rows(choice, seed):
                 found.setdefault(title, []).append(entry)
             print(f"seed {seed}: {choice.title}", file=sys.stderr)
-    command = f"python benchmarks/table2.py --seeds {given.seeds}"
+    command = f"python benchmarks/table2.py --seeds {given.seeds} --write"
+    print(table(found, paper))
+    print(f"\n{sum(map(len, found.values()))} rows")
+    if not given.write:
+        return 0
     contents = {"command": command, "columns": NAMES, "paper": paper, "rows": found}
     DATA.write_text(json.dumps(contents).replace("], [", "],\n[") + "\n", encoding="utf-8")
     draw(found, paper, PICTURE)
-    print(table(found, paper))
-    print(f"\n{sum(map(len, found.values()))} rows")
     return 0
 
 

@@ -85,10 +85,11 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         if wanted is None:
             wanted, self._seed = str(self.np_random.choice(self._ids)), int(self.np_random.integers(2**31))
         self._case = wanted if isinstance(wanted, Case) else self._named(wanted)
-        self._simulation = self._started()
-        q_m = self._simulation.begin()
+        simulation = self._started()
+        q_m = simulation.begin()
         if q_m is None:
             raise FmuError("The simulation ended before its first sample.")
+        self._simulation = simulation
         self._memory = Observation()
         self._X_0, self._k, self._h = self._simulation.position(0), 0, float(self._case.scenario.sample_time)
         self._observe(q_m)

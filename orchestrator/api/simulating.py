@@ -10,12 +10,14 @@ from ..benchmark.case import Case
 from ..benchmark.linearization import rest
 from ..benchmark.metrics import judge, named
 from ..benchmark.scorecard import kind
+from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..reporting.files import write_bytes
 from . import campaign
 from .built_in import built_in
 from .conditions import Conditions
 from .controller import Controller
+from .plant import AUTO, NATIVE, PYTHON
 from .simulation import Simulation
 
 
@@ -37,6 +39,9 @@ def export_ssp(conditions: Conditions, controller: Controller, case: Case | str,
     from ..loop.controller import Steady  # loads Numba
     from ..reporting.ssp import package
 
+    if conditions.plant not in (AUTO, PYTHON, NATIVE):
+        message = f"The package holds the benchmark's manipulator, in the place of {conditions.plant}: leave that out."
+        raise InputError(message, "no-ssp", conditions.plant)
     bench, wanted = conditions.sampled(controller, case)
     scenario, pose = wanted.scenario, wanted.configuration
     at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))

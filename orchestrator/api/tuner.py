@@ -96,9 +96,13 @@ class Tuner:
         for _ in range(FINALISTS):
             holding = (each for each in self.leaders() if each.holds and self.verdict(each) in (None, True))
             leader = next(holding, None)
-            if leader is None or self.holds(leader):
+            if leader is None:
+                break
+            if self.holds(leader):
                 return leader
-        return None
+        good = [self.trials[number] for number, (_, verdict) in self.judged.items() if not verdict.broken]
+        again = self.attempt([(each.number, each.values) for each in good], math.inf)
+        return min(again, key=lambda each: each.objective, default=None)
 
     def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> list[Trial]:
         """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
@@ -123,15 +127,19 @@ class Tuner:
             verdict = self.judge(candidate)
             self.judged[candidate.number] = (len(self.trials), verdict)
             for case, _ in verdict.counterexamples:
-                # A configuration of its own: a pose of the objective's grid may have the same number.
-                pose = replace(case.configuration, index=FIRST_ADDED + len(self.cases))
-                self.cases.append(replace(case, configuration=pose))
+                if all(case.scenario != known.scenario for known in self.cases):
+                    # Of its own: a pose or a test of the objective may have the same number or name, and other rules.
+                    number = FIRST_ADDED + len(self.cases)
+                    test = structs.replace(case.test, name=f"{case.test.name}_{number}")
+                    pose = replace(case.configuration, index=number)
+                    self.cases.append(replace(case, configuration=pose, test=test))
         return not self.judged[candidate.number][1].broken
 
     def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Statistic:
-        """V of the objective's performance cases with other ``draws``, by seed."""
+        """V of the objective with other ``draws``, by seed, in place of its own; with the cases that were added."""
         bench, own = self.bench(candidate.values), self.rules
-        chosen = {seed: measured(cases)[0] for seed, cases in draws.items()}
+        added = [case for case in self.cases if case.configuration.index >= FIRST_ADDED]
+        chosen = {seed: measured([*cases, *added])[0] for seed, cases in draws.items()}
         results = self.side_by_side.run([(bench, cases) for cases in chosen.values()])
         costs = (trial(own, candidate.number, candidate.values, each, whole=False).cost for each in results)
         return statistic(dict(zip(chosen, costs, strict=True)))

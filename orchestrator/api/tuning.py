@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from ..benchmark.results import rules
-from ..errors import Crash, InputError
+from ..errors import Crash, FmuError, InputError
 from ..execution import store
 from ..fmi.variables import variables
-from ..reporting.files import prepare_folder, write_text
+from ..reporting.files import prepare_folder, remove, write_text
 from ..reporting.recording import BESIDE
 from ..reporting.repeat import simulate_command
 from ..reporting.robustness import Robustness
@@ -22,9 +23,11 @@ from . import campaign, document
 from .conditions import Conditions
 from .controller import Controller
 from .evaluating import evaluate, evaluate_seeds
-from .robustness import search
+from .robustness import search, sought
 from .side_by_side import SideBySide
 from .tuner import Judge, OnTrial, Tuner, Verdict
+
+logger = logging.getLogger(__name__)
 
 SEED = 1234
 """What the objective's seed is above the benchmark's: it has other systems, disturbances and noise."""
@@ -58,12 +61,20 @@ def tune(
     controller, bench, _, cases = short.prepared(controller)
     vary = ranges(given)
     start = values_of(controller, vary)
-    if trials < 1 or not any(case.test.criteria for case in cases):
-        message = f"At least one trial, and a test that V is measured in: {objective} has none."
-        raise InputError(message if trials else "At least one trial is needed.", "bad-number")
+    if trials < 1:
+        raise InputError("At least one trial is needed.", "bad-number")
+    if not any(case.test.criteria for case in cases):
+        raise InputError(f"The protocol {objective} has no test that V is measured in.", "no-criteria", objective)
+    list_of = replace(goal, protocol=strict)
+    if robust:
+        sought(list_of.rules, list_of.prepared(controller)[3], robust, ())
     begin_at = {name: own.rounded(start[name]) for name, own in vary.items()}
+    for name, own in vary.items():
+        if not own.low <= start[name] <= own.high:
+            logger.warning("%s is %g, out of its range: the search begins at %g.", name, start[name], begin_at[name])
     if folder is not None:
         prepare_folder(folder)
+        remove(folder / BEST)  # of another search
 
     with store.opened(folder) as known:
         proposals = Proposals(vary, begin_at, sampler, search_seed, None if folder is None else folder / STUDY)
@@ -91,7 +102,6 @@ def tune(
         whole = evaluate(goal, chosen, folder=_in(folder, _name(best)), keep_going=True)
         others = [goal.seed + each for each in SEEDS]
         seeds = evaluate_seeds(goal, chosen, others, _in(folder, "seeds"), None, recordings=False)
-        list_of = replace(goal, protocol=strict)
         listed = evaluate(list_of, chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True)
         broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
         found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken)
@@ -157,7 +167,11 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
 
     def verdict(trial: Trial) -> Verdict:
         candidate, own = controller.with_parameters(trial.values), _in(folder, _name(trial))
-        evaluation = evaluate(goal, candidate, folder=own, recordings=False, keep_going=True)
+        _, _, _, cases = goal.prepared(candidate)
+        try:
+            evaluation = evaluate(goal, candidate, folder=own, recordings=False, keep_going=True)
+        except FmuError:  # at a pose that the objective does not have, so from now on it has it
+            return Verdict(None, None, ("refused",), [(cases[0], "")])
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
         failing = {
             verdict.worst_case: None
@@ -165,12 +179,16 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
             for verdict in evaluation.requirements[name].axes.values()
             if not verdict.passed and verdict.worst_case
         }
-        _, _, _, cases = goal.prepared(candidate)
         named = {case.id: case for case in cases}
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
+        if evaluation.cost is None:
+            broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
             return Verdict(evaluation.cost, None, tuple(broken), found)
-        answer, shown = search(goal, candidate, robust, protocol=strict, folder=own)
+        try:
+            answer, shown = search(goal, candidate, robust, protocol=strict, folder=own)
+        except (FmuError, Crash):
+            return Verdict(evaluation.cost, None, ("refused in strict",), found)
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]

@@ -30,7 +30,7 @@ REMEDIES = {
     "no-case": "List them with: python -m orchestrator.evaluate --list.",
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
-    "small-budget": "Give a larger --budget, or --no-list.",
+    "small-budget": "Give a larger one (--budget, or --robust of tune), or --no-list.",
     "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",

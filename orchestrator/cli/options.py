@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..api.benchmark import Benchmark
 from ..api.conditions import available_cores
@@ -139,6 +141,14 @@ def add_cluster(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help=f"how long to wait for a silent cluster, or one without workers (default: {WAIT:g})",
     )
+
+
+def varied(given: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """What ``--vary`` gives, by name; raises :class:`InputError` for a parameter that is given twice."""
+    names = [name for name, _ in given]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"--vary gives {twice[0]} more than once.", "repeated", "--vary", twice[0])
+    return dict(given)
 
 
 def benchmark(options: argparse.Namespace) -> Benchmark:

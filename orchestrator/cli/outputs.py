@@ -66,3 +66,12 @@ def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespac
         print(f"not written, as {folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
         print(NO_TRAJECTORIES, file=sys.stderr)
     return written
+
+
+def free(folder: Path) -> Path:
+    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
+    number = 2
+    found = folder
+    while found.exists():
+        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
+    return found

@@ -22,7 +22,7 @@ from ..reporting import trajectory_files
 from ..reporting.files import prepare_folder
 from ..reporting.run import load_run
 from ..text import file_name, printable
-from . import options
+from . import options, outputs
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .values import Parser, number
 from .variation import add_options, variation
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     simulation = bench.simulate(controller, case)
     folder = given.output_dir or Path("runs") / _folder_name(controller, bench, simulation)
     if given.output_dir is None:
-        folder = _free(folder)
+        folder = outputs.free(folder)
     prepare_folder(folder)
     written = _write(simulation, folder, given)
     _show(simulation, {name: criterion.unit for name, criterion in bench.rules.criteria.items()})
@@ -106,15 +106,6 @@ def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulatio
     pose = simulation.case.configuration
     angles = f"-{math.degrees(pose.q_a1):g}_{math.degrees(pose.q_a2):g}" if pose.index < 0 else ""
     return file_name(f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}")
-
-
-def _free(folder: Path) -> Path:
-    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
-    number = 2
-    found = folder
-    while found.exists():
-        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
-    return found
 
 
 def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:

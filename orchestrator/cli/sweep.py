@@ -14,7 +14,7 @@ from ..reporting.sweep import COLUMNS, smallest_words, sweep_rows
 from ..search.candidates import Trial
 from . import options
 from .evaluate import folder_name
-from .guard import EXIT_CODES, EXIT_OK
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .tables import safe, table, terminal
 from .values import Parser, grid_values
 
@@ -32,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, ())}-sweep"
-    found = bench.sweep(controller, dict(given.vary), objective=given.protocol, folder=folder, on_trial=_progress)
+    values = options.varied(given.vary)
+    found = bench.sweep(controller, values, objective=given.protocol, folder=folder, on_trial=_progress)
     write_text(folder / TABLE, found.csv())
     written = [SWEEP, TABLE]
     if len(found.varied) <= 2:
@@ -54,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.print(grid)
         console.print(safe(smallest_words(found)))
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
-    return EXIT_OK
+    return EXIT_INCOMPLETE if any(trial.message for trial in found.trials) else EXIT_OK
 
 
 def _progress(trial: Trial, done: int, total: int) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from ..api.tuning import BEST
 from ..benchmark.protocol import names
 from ..codec import to_json
 from ..reporting.files import REPORT, TUNING
@@ -16,6 +17,7 @@ from ..reporting.tuning import Tuning, best_rows, parameter_rows, tuning_remarks
 from ..reporting.wording import number
 from ..search.candidates import Trial
 from ..search.proposals import SAMPLERS
+from ..text import printable
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, ())}-tuning"
     found = bench.tune(
         controller,
-        dict(given.vary),
+        options.varied(given.vary),
         trials=given.trials,
         objective=given.objective,
         robust=given.robust,
@@ -46,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder=folder,
         on_trial=_progress(),
     )
-    written = [TUNING]
+    written = [TUNING] if found.best is None else [TUNING, BEST]
     if not given.no_report:
         found.report(folder / REPORT)
         written.append(REPORT)
@@ -64,10 +66,8 @@ def _progress() -> Callable[[Trial, int, int], None]:
     def told(trial: Trial, done: int, total: int) -> None:
         best[:] = sorted([*best, trial], key=lambda each: each.objective)[:1]
         came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else "")
-        so_far = f"{done:5d} of {total}  {came_to:24}"
-        print(
-            f"{so_far}best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}", file=sys.stderr
-        )
+        lead = f"best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}"
+        print(f"{done:5d} of {total}  {printable(came_to):24}  {lead}", file=sys.stderr)
 
     return told
 

@@ -18,6 +18,7 @@ from ..api.reference import IN_C, USUAL
 from ..benchmark.certificate import Score
 from ..cache import VARIABLE
 from ..codec import to_json
+from ..errors import InputError
 from ..reporting.certificates import Verification, differences
 from ..reporting.files import prepare_folder
 from ..reporting.wording import SHOWN, number
@@ -25,6 +26,7 @@ from ..text import printable
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .outputs import free
 from .progress import progress
 from .tables import safe, table, terminal
 from .values import Parser
@@ -33,6 +35,7 @@ FRESH, ALL = "fresh", "all"
 
 EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu
+  python -m orchestrator.verify my_controller.fmu --beside all
   python -m orchestrator.verify my_controller.fmu --draws 2027-01-01        a date, or a beacon, announced before
   python -m orchestrator.verify --repeat verification.json my_controller.fmu
 
@@ -43,6 +46,8 @@ With --repeat, exit code 1 says that the results differ.
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
+    if given.controller is not None and not given.controller.is_file():
+        raise InputError(f"{given.controller} does not exist.", "no-file", given.controller)
     with _fresh_cache():
         bench = options.benchmark(given)
         return _repeat(bench, given) if given.repeat else _verify(bench, given)
@@ -50,7 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _verify(bench: Benchmark, given: argparse.Namespace) -> int:
     controller = options.controller(given)
-    folder = given.output_dir or Path("runs") / folder_name(bench, controller, ())
+    # A certificate with fresh draws cannot be made again: none is overwritten.
+    folder = given.output_dir or free(Path("runs") / folder_name(bench, controller, ()))
     prepare_folder(folder)
     draws = None if given.draws == FRESH else given.draws
     with progress() as on_result:
@@ -177,7 +183,8 @@ def _parser() -> argparse.ArgumentParser:
         choices=(*IN_C, ALL),
         default=USUAL,
         metavar="NAME",
-        help=f"references, out of {', '.join(IN_C)}, or {ALL} (default: {' '.join(USUAL)}, which take the least time)",
+        help=f"references, given behind the controller, out of {', '.join(IN_C)}, or {ALL} "
+        f"(default: {' '.join(USUAL)}, which take the least time)",
     )
     parser.add_argument(
         "--protocol",

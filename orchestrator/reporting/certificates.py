@@ -78,7 +78,7 @@ class Verification(Document, kw_only=True):
 
 
 def differences(first: Verification, second: Verification) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """How The results of two certificates differ, and how what they were made with does: ``name: this, that``."""
+    """How the results of two certificates differ, and how what they were made with does: ``name: this, that``."""
     one, other = plain(first), plain(second)
     results = tuple(line for name in RESULTS for line in _unequal(name, one[name], other[name]))
     rest = (name for name in one if name not in (*RESULTS, *UNREPEATED))

@@ -129,13 +129,14 @@ def radii(worst: Sequence[WorstEntry], looks: Looks) -> Figure | None:
     for entry in shown:
         look, radius = looks[entry.name], entry.found.radius
         assert radius is not None
-        known = [value for value in (entry.V, entry.found.cost) if value is not None]
+        values = {"none": entry.V, "full": entry.found.cost}
+        known = {fill: value for fill, value in values.items() if value is not None}
         at = radius.limit if radius.stability is None else radius.stability
         marker = ">" if radius.stability is None else look.marker
-        axes.plot([at] * len(known), known, color=look.hue, linewidth=0.6)
-        axes.plot([at] * len(known[-1:]), known[-1:], marker, color=look.hue, label=look.label, markersize=5)
-        if len(known) > 1:
-            axes.plot([at], known[:1], marker, color=look.hue, markersize=5, fillstyle="none")
+        axes.plot([at] * len(known), list(known.values()), color=look.hue, linewidth=0.6)
+        for fill, value in known.items():
+            label = look.label if value is list(known.values())[-1] else None
+            axes.plot([at], [value], marker, color=look.hue, markersize=5, fillstyle=fill, label=label)
     axes.axhline(shown[0].found.rules.cost.target, **DASHED)
     axes.axvline(1.0, **DASHED)
     axes.set(

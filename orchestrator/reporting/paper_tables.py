@@ -196,7 +196,8 @@ _BEYOND = re.compile(r"[<>] ?[0-9]|[0-9]+(/[0-9]+)?$")
 
 def _text(cell: Cell, plus_minus: str) -> str:
     if isinstance(cell, Mean):
-        return "-" if cell.value is None else f"{number(cell.value)}{plus_minus}{number(cell.deviation)}"
+        deviation = "" if cell.deviation is None else f"{plus_minus}{number(cell.deviation)}"
+        return number(cell.value) + deviation
     return printable(cell) if isinstance(cell, str) else number(cell)
 
 

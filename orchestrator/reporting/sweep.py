@@ -99,7 +99,9 @@ class Sweep(Document, kw_only=True):
 def smallest_words(found: Sweep) -> str:
     """The best combination and its V."""
     best = found.best
-    return "A1-A3 fail everywhere" if best is None else f"V = {number(best.cost)} with {assignments(best.values)}"
+    if best is None:
+        return "no combination has a V and holds A1-A3"
+    return f"V = {number(best.cost)} with {assignments(best.values)}"
 
 
 COLUMNS = ("V", "cycle", "A1-A3")

@@ -161,11 +161,7 @@ def tuning_remarks(found: Tuning) -> list[str]:
             f"On the strict list {', '.join(best.strict_broken)} fails; the candidates were "
             f"{'tried on' if found.robust else 'not tried with'} the worst cases of a search."
         )
-    ends = [
-        name
-        for name, own in found.vary.items()
-        if min(abs(best.trial.values[name] - end) for end in (own.low, own.high)) <= NEAR * (own.high - own.low)
-    ]
+    ends = [name for name, own in found.vary.items() if not NEAR < own.place(best.trial.values[name]) < 1.0 - NEAR]
     if ends:
         remarks.append(f"At an end of its range: {', '.join(ends)}.")
     return remarks

@@ -43,10 +43,16 @@ class Range(Struct):
 
     def spaced(self, count: int) -> tuple[float, ...]:
         """At least two values from one end to the other, evenly spaced on its scale."""
-        steps = [step / (count - 1) for step in range(count)]
+        steps = [step / (count - 1) for step in range(1, count - 1)]
+        ratio, width = self.high / self.low if self.log else 1.0, self.high - self.low
+        between = (self.low * ratio**step if self.log else self.low + width * step for step in steps)
+        return (self.low, *(float(f"{value:.12g}") for value in between), self.high)
+
+    def place(self, value: float) -> float:
+        """Where a value lies on the range's scale: 0 at its lower end, 1 at its upper one."""
         if self.log:
-            return tuple(self.rounded(self.low * (self.high / self.low) ** step) for step in steps)
-        return tuple(self.rounded(self.low + (self.high - self.low) * step) for step in steps)
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
 
 
 class Trial(Struct):
