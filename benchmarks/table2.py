@@ -193,6 +193,7 @@ def draw(found: dict[str, list[list[float | None]]], paper: Sequence[float], fil
         panel.set_title(f"{name} [{unit}]" if unit else name, fontsize=9)
         panel.set_yticks(range(len(titles)), titles, fontsize=7)
         panel.tick_params(axis="x", labelsize=7)
+        panel.locator_params(axis="x", nbins=5)
         panel.grid(axis="y", lw=0.3)
     figure.suptitle(
         "Rows of Table 2 for the default PID over what the paper leaves open; the line is the paper's", fontsize=10
