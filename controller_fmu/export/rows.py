@@ -27,13 +27,10 @@ class Row(Protocol):
     def least(self) -> float | None: ...
 
 
-def description(
-    rows: Iterable[Row], starts: Mapping[str, float], what: str, base_units: Mapping[str, BaseUnit]
-) -> Element:
-    """Return the description of a controller that is ``what``; its variables start at ``starts``, or else at zero.
+def head(what: str, step: float, *further: str) -> Element:
+    """Return the FMI 2.0 description of a co-simulation FMU in C that is ``what``, up to its variables.
 
-    Value references count the names of ``rows`` in their order. Raises :class:`UnitError` if a unit is neither known
-    nor one of ``base_units``.
+    ``step`` [s] is the step it is made for, ``further`` are capabilities beside those of all FMUs in C.
     """
     root = Element(
         "fmiModelDescription",
@@ -42,12 +39,24 @@ def description(
         guid="",
         description=what,
         variableNamingConvention="structured",
-        numberOfEventIndicators="0",
     )
-    SubElement(root, "CoSimulation", dict.fromkeys(_CAPABILITIES, "true"), modelIdentifier="")
+    SubElement(root, "CoSimulation", dict.fromkeys((*further, *_CAPABILITIES), "true"), modelIdentifier="")
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="Reasons of calls that failed")
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime="26", stepSize="0.00025")
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime="26", stepSize=repr(step))
+    return root
+
+
+def description(
+    rows: Iterable[Row], starts: Mapping[str, float], what: str, base_units: Mapping[str, BaseUnit]
+) -> Element:
+    """Return the description of a controller that is ``what``; its variables start at ``starts``, or else at zero.
+
+    Value references count the names of ``rows`` in their order. Raises :class:`UnitError` if a unit is neither known
+    nor one of ``base_units``.
+    """
+    root = head(what, 0.00025)
+    root.set("numberOfEventIndicators", "0")
     listed, outputs = SubElement(root, "ModelVariables"), []
     named = [(row, name) for row in rows for name in row.names]
     for reference, (row, name) in enumerate(named):

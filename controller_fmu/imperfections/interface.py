@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
+from controller_fmu.export.rows import head
+
 _WORDS = "32-bit words, the highest first"
 
 VARIABLES: tuple[tuple[str, int, str, str, float, str], ...] = (
@@ -40,28 +42,11 @@ VARIABLES: tuple[tuple[str, int, str, str, float, str], ...] = (
 FEEDTHROUGH = {"y": "q_m", "u_m": "u_c"}
 """The input that an output depends on directly, element by element."""
 
-_CAPABILITIES = (
-    "canHandleVariableCommunicationStepSize",
-    "canNotUseMemoryManagementFunctions",
-    "canGetAndSetFMUstate",
-    "canSerializeFMUstate",
-)
-
 
 def description() -> Element:
     """Return the FMI 2.0 description, which the build completes."""
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName="",
-        guid="",
-        description="What stands between controller and plant: noise, quantization, delays, gain, disturbances",
-        variableNamingConvention="structured",
-    )
-    SubElement(root, "CoSimulation", dict.fromkeys(_CAPABILITIES, "true"), modelIdentifier="")
-    categories = SubElement(root, "LogCategories")
-    SubElement(categories, "Category", name="logStatusError", description="Reasons of calls that failed")
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime="26", stepSize="0.000125")
+    what = "What stands between controller and plant: noise, quantization, delays, gain, disturbances"
+    root = head(what, 0.000125, "canHandleVariableCommunicationStepSize")
     listed = SubElement(root, "ModelVariables")
     outputs = SubElement(SubElement(root, "ModelStructure"), "Outputs")
     indices: dict[str, str] = {}

@@ -116,7 +116,8 @@ def _parser() -> argparse.ArgumentParser:
         type=natural(),
         default=0,
         metavar="N",
-        help="search for the worst case of the best candidates, with N simulations each, and count what is found "
+        help="search for the worst case of the best candidates, with N simulations each, at least the 920 of "
+        "the strict list, and count what is found "
         "(default: 0)",
     )
     parser.add_argument("--sampler", choices=SAMPLERS, default="cmaes", help="of Optuna (default: cmaes)")

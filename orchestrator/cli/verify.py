@@ -31,7 +31,7 @@ from .progress import progress
 from .tables import safe, table, terminal
 from .values import Parser
 
-FRESH, ALL = "fresh", "all"
+FRESH, ALL, PROTOCOL = "fresh", "all", "verification"
 
 EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu
@@ -79,6 +79,10 @@ def _complete(found: Verification) -> bool:
 
 
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
+    fixed = (given.draws != FRESH, not given.strict, given.beside is not USUAL, given.protocol != PROTOCOL)
+    if any(fixed) or given.controller_parameters or given.parameter_files or given.connections or given.mapping_files:
+        message = "The certificate says with what it is repeated: give it and the controller alone."
+        raise InputError(message, "contradiction", given.repeat)
     certificate = Verification.load(given.repeat)
     with progress() as on_result:
         found = bench.repeat(certificate, given.controller, on_result=on_result)
@@ -188,7 +192,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--protocol",
-        default="verification",
+        default=PROTOCOL,
         metavar="NAME",
         help="what is run once per draw (default: verification)",
     )
