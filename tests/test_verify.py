@@ -207,6 +207,11 @@ def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, m
     assert "DIFFERENT: draws.1.cases" in said and "not equal to the certificate" in said
 
 
+@pytest.mark.parametrize("further", ["--no-strict", "--draws=today", "--set=K_p[1]=46", "--beside=TunedPID"])
+def test_a_repetition_takes_everything_from_its_certificate(further):
+    assert refusal(command.main, ["--repeat", "verification.json", further]).what == "contradiction"
+
+
 def test_draws_follow_from_the_controller_and_what_was_published():
     pid = ("0" * 64, {}, {}, 0.25e-3)
     changes = enumerate(("1" * 64, {"K_p[1]": 46.0}, {"q_m": "In"}, 1e-3))
