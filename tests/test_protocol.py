@@ -1,6 +1,7 @@
 """The protocol files: which cases there are, and that they are the same for everybody."""
 
 import math
+import re
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
@@ -173,11 +174,30 @@ def test_another_sample_time_leaves_sensor_and_systems_alone():
         assert other.scenario.longest_hold == Fraction(1, 4000)
 
 
+def test_a_selection_takes_tests_by_name_and_pose(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("extends = 'paper'\n[selection]\ntests = ['noise', 'delay_*']\nposes = [3, 7]\n")
+    found = cases.cases(protocol.load(file), NOMINAL, 0)
+    wanted = [key for key in by_id(CASES) if re.fullmatch(r"c0[37]\..*\.(noise|delay_[12])", key)]
+    assert [case.id for case in found] == wanted and len(found) == protocol.load(file).case_count == 2 * (3 + 3 + 3)
+    assert all(case.scenario == by_id(CASES)[case.id].scenario for case in found)
+
+
 SETS = "[sets]\nperformance = []\n[[tests]]\nname = 'x'\nsystems = 'absent'\nduration = 1"
 LOOPS = ("sample_time = 'soon'", "noise_power = nan", "torque_bits = 60", "unknown = 1")
+SELECTIONS = ("tests = ['nose']", "poses = [18]", "poses = [-1]")
 
 
-@pytest.mark.parametrize("text", ["name = 1", "not TOML", SETS, *(f"[loop]\n{line}" for line in LOOPS)])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name = 1",
+        "not TOML",
+        SETS,
+        *(f"[loop]\n{line}" for line in LOOPS),
+        *(f"[selection]\n{line}" for line in SELECTIONS),
+    ],
+)
 def test_files_that_do_not_describe_a_protocol_are_refused(text, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('extends = "paper"\n' + text)

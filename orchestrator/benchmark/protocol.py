@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from fractions import Fraction
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+from msgspec import structs
 
-from ..codec import Finite, Malformed, NonNegative, Positive, Struct, convert
+from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
 from .case import Disturbance, Test
 
@@ -85,6 +87,19 @@ class Jitter(Struct):
     force_time: NonNegative = 0.0
 
 
+class Selection(Struct):
+    """What a protocol takes of the one it extends: patterns of the names of tests, and poses for all of these; nothing
+    means all."""
+
+    tests: tuple[str, ...] = ()
+    poses: tuple[Natural, ...] = ()
+
+    def of(self, test: Test) -> Test | None:
+        """The test with these poses, or None if it is not taken."""
+        taken = not self.tests or any(fnmatchcase(test.name, pattern) for pattern in self.tests)
+        return (structs.replace(test, poses=self.poses) if self.poses else test) if taken else None
+
+
 class Stability(Struct):
     """When a simulation counts as stable: limits [m] of the limit cycle and of the TCP error, each over the last
     seconds.
@@ -141,6 +156,7 @@ class Protocol(Struct):
     reference: dict[str, Finite]
     extends: str = ""
     jitter: Jitter = Jitter()
+    selection: Selection = Selection()
 
     @property
     def sample_time(self) -> Fraction:
@@ -174,7 +190,11 @@ def load(name: str | Path) -> Protocol:
     """
     raw = _read(str(name))
     try:
-        protocol = convert(raw, Protocol)
+        whole = convert(raw, Protocol)
+        tests = tuple(test for test in map(whole.selection.of, whole.tests) if test is not None)
+        protocol = structs.replace(whole, tests=tests)
+        if not tests:
+            raise Malformed("there are no tests")
         for test in protocol.tests:
             protocol.sets[test.systems]
             if test.poses and max(test.poses) >= protocol.grid.size:
