@@ -33,10 +33,15 @@ PLANT_SOURCES = Path(build_fmus.__file__).parent / "plant_fmu"
 def pytest_configure(config: pytest.Config) -> None:
     """Keep caches in the session's cache folder, for child processes too; the user's own are left alone.
 
+    With pytest-xdist each worker has its own, as some tests spoil what others use.
+
     Numba looks for changes only in the file of the function it compiles, and would test stale machine code after a
     change in a helper of another module: the plant's sources get a folder by their hash.
     """
-    folder = config.cache.mkdir("flexible-manipulator")
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
+    if getattr(config.option, "numprocesses", None) and not worker:
+        return  # tests run in the workers, which inherit this environment
+    folder = config.cache.mkdir(f"flexible-manipulator{worker}")
     digest = hashlib.sha256()
     for source in sorted(PLANT_SOURCES.rglob("*.py")):
         digest.update(source.read_bytes())

@@ -1,8 +1,10 @@
 """A verification: what controllers that cheat gain elsewhere is gone here, and honest ones score the same to the last
 bit."""
 
+import hashlib
 import logging
 import math
+import shutil
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
@@ -21,6 +23,7 @@ from orchestrator.api.reference import USUAL
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
+from orchestrator.cache import cache_folder
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
 from orchestrator.codec import from_json, to_json
@@ -127,6 +130,7 @@ def test_cheating_gains_nothing(name, bench, honest, tmp_path):
     if name == "rounding":
         assert "changed how this process computes: rounding towards zero" in ordinary.cases[0].message
     found = verified(bench, Controller(file))
+    clean(cache_folder() / "built")  # other tests look there
     assert found.sandbox
     (draw,), (honestly,) = found.draws, found.references[PID].draws
     if found.cost.mean is None:
@@ -134,6 +138,13 @@ def test_cheating_gains_nothing(name, bench, honest, tmp_path):
     else:
         assert abs(draw.cost - honestly.cost) <= 3.0 * 2.0  # three times what V has by chance
         assert name == "rounding" or draw.cases == honestly.cases  # to the last bit, as if it did not cheat
+
+
+def clean(built):
+    """Remove the plants that a cheat has replaced."""
+    for file in built.glob("*/*/*/*.fmu"):
+        if hashlib.sha256(file.read_bytes()).hexdigest() != file.parent.name:
+            shutil.rmtree(file.parent)
 
 
 def test_a_plant_that_was_replaced_in_the_cache_is_built_anew(bench, caplog):
