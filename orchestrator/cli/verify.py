@@ -179,7 +179,7 @@ def _parser() -> argparse.ArgumentParser:
         "--no-strict",
         dest="strict",
         action="store_false",
-        help="leave out the worst poses of the protocol strict, which are 144 of 354 simulations per controller",
+        help="leave out the worst poses of the protocol strict, which are 108 of 318 simulations per controller",
     )
     parser.add_argument(
         "--beside",

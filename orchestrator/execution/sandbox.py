@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..cache import PACKAGE, VARIABLE, cache_folder
+from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder
 from ..errors import InputError
 
 OPTIONS = (
@@ -80,7 +80,7 @@ def _is_below(path: str, folders: Iterable[str]) -> bool:
 
 def _given(fmus: Iterable[Path], cache: Path) -> list[str]:
     """Options that show compiled code and the FMUs, and nothing else of the cache."""
-    folders = (cache / "numba", *fmus)
+    folders = (compiled_code_folder(), *fmus)
     inside = {folder: os.path.join(os.path.realpath(cache), GIVEN, folder.relative_to(cache)) for folder in folders}
     return [word for folder in inside if folder.is_dir() for word in ("--ro-bind", str(folder), inside[folder])]
 
