@@ -24,7 +24,7 @@ from controller_fmu.pid_tuned import tune as pid
 from orchestrator import Benchmark, Controller, InputError, Sweep
 from orchestrator.api import tuner
 from orchestrator.api.tuner import Verdict
-from orchestrator.cli import values
+from orchestrator.cli import report, values
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.tuning import Tuning
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
@@ -226,6 +226,16 @@ def test_a_sweep_is_a_line_a_map_or_a_table():
     for wrong in ("K", "K=1:2", "K=0:1:3:log", "K=1:2:1", "=1,2", "K=1,2:log"):
         with pytest.raises(ArgumentTypeError):
             values.grid_values(wrong)
+
+
+def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):
+    tuned().save(tmp_path / "tuning")
+    swept(4).save(tmp_path / "sweep")
+    assert report.main([str(tmp_path / "tuning")]) == report.main([str(tmp_path / "sweep"), "--json"]) == 0
+    printed = capsys.readouterr().out
+    assert "Parameters" in printed and '"flexible-manipulator-sweep/' in printed
+    names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg"})
+    assert [{file.name for file in (tmp_path / kind).iterdir()} for kind in ("tuning", "sweep")] == list(names)
 
 
 @pytest.mark.parametrize(

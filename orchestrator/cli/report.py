@@ -6,39 +6,46 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..api.evaluation import Evaluation
 from ..codec import to_json
 from ..errors import InputError
-from ..reporting.files import REPORT, RESULTS, ROBUSTNESS
+from ..reporting.documents import Document
+from ..reporting.files import RESULTS
 from ..reporting.robustness import Robustness
 from ..reporting.run import load_run
+from ..reporting.sweep import Sweep
+from ..reporting.tuning import Tuning
+from . import robustness, sweep, tune
 from .guard import EXIT_OK
 from .outputs import add_options, check_options, write_outputs
-from .robustness import told
 from .tables import show_results, terminal
 from .values import Parser
+
+OTHERS = ((Robustness, robustness), (Tuning, tune), (Sweep, sweep))
+"""What is no evaluation, and the commands that show it."""
 
 EXAMPLES = """examples:
   python -m orchestrator.report runs/DiagonalPID-paper              report.html again
   python -m orchestrator.report runs/DiagonalPID-paper --figures    and the paper's figures
-  python -m orchestrator.report runs/DiagonalPID-strict-robustness  the report of a search
+  python -m orchestrator.report runs/DiagonalPID-strict-robustness  the report of a search, a tuning or a sweep
 
 exit codes: 0 written, 1 something cannot be written, 2 the folder holds no results"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    parser = Parser(
-        "report", "Report on a finished evaluation or search for the worst case, from the files it wrote.", EXAMPLES
-    )
+    parser = Parser("report", "Report on an evaluation, a search, a tuning or a sweep, from its files.", EXAMPLES)
     parser.add_argument("run", type=Path, metavar="RUN", help="the run's folder, such as runs/DiagonalPID-paper")
     add_options(parser)
     parser.add_argument("--json", action="store_true", help="print results.json instead of tables")
     given = parser.parse_args(arguments)
     check_options(given)
-    if (given.run / ROBUSTNESS).is_file() and not (given.run / RESULTS).is_file():
-        return _of_search(given)
+    if not (given.run / RESULTS).is_file():
+        for kind, command in OTHERS:
+            if (given.run / kind.FILE).is_file():
+                return _of_another(kind, command, given)
     run = load_run(given.run)
     evaluation = Evaluation(run.results, run.recordings)
     folder = run.folder or given.run
@@ -51,13 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _of_search(given: argparse.Namespace) -> int:
-    """Make the page of a search for the worst case again."""
-    found = Robustness.load(given.run)
+def _of_another(kind: type[Document], command: Any, given: argparse.Namespace) -> int:
+    """Show again what another command than ``evaluate`` has found."""
+    found = kind.load(given.run)
     if given.figures or given.parquet or given.mat:
-        raise InputError(f"{given.run} holds a search, of which there is its report only.", "no-run", given.run)
-    if not given.no_report:
-        found.report(given.run / REPORT, given.run)
-    told(found, given.json)
-    print(f"written to {given.run}: {'nothing' if given.no_report else REPORT}", file=sys.stderr)
+        message = f"{given.run} holds no evaluation, and there is its report only."
+        raise InputError(message, "no-run", given.run)
+    written = [] if given.no_report else command.pictured(found, given.run)
+    command.told(found, given.json)
+    print(f"written to {given.run}: {', '.join(written) or 'nothing'}", file=sys.stderr)
     return EXIT_OK

@@ -49,11 +49,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     written = [ROBUSTNESS]
     if not given.no_report:
-        found.report(folder / REPORT, folder)
-        written += [TRAJECTORIES, REPORT]
+        written += [TRAJECTORIES, *pictured(found, folder)]
     told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
     return EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE
+
+
+def pictured(found: Robustness, folder: Path) -> list[str]:
+    """Write what shows the answer; the names of these files."""
+    found.report(folder / REPORT, folder)
+    return [REPORT]
 
 
 def told(found: Robustness, as_json: bool) -> None:

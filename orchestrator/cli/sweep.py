@@ -10,7 +10,7 @@ from pathlib import Path
 from ..codec import to_json
 from ..reporting.figures import FORMATS
 from ..reporting.files import SWEEP, streamed, write_bytes, write_text
-from ..reporting.sweep import COLUMNS, smallest_words, sweep_rows
+from ..reporting.sweep import COLUMNS, Sweep, smallest_words, sweep_rows
 from ..search.candidates import Trial
 from . import options
 from .evaluate import folder_name
@@ -34,28 +34,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, ())}-sweep"
     values = options.varied(given.vary)
     found = bench.sweep(controller, values, objective=given.protocol, folder=folder, on_trial=_progress)
-    write_text(folder / TABLE, found.csv())
-    written = [SWEEP, TABLE]
-    if len(found.varied) <= 2:
-        figure = found.plot()
-        write_bytes(folder / PICTURE, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))
-        written.append(PICTURE)
-    if given.json:
-        print(to_json(found))
-    else:
-        console = terminal()
-        console.print(
-            f"[bold]{safe(found.controller.file)}[/bold]  protocol {safe(found.protocol)}  seed {found.seed}\n"
-        )
-        grid = table("Every combination")
-        for heading in (*found.values, *COLUMNS):
-            grid.add_column(safe(heading), justify="right", overflow="fold")
-        for row in sweep_rows(found):
-            grid.add_row(*map(safe, row))
-        console.print(grid)
-        console.print(safe(smallest_words(found)))
+    written = [SWEEP, *pictured(found, folder)]
+    told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
     return EXIT_INCOMPLETE if any(trial.message for trial in found.trials) else EXIT_OK
+
+
+def pictured(found: Sweep, folder: Path) -> list[str]:
+    """Write what shows the answer; the names of these files."""
+    write_text(folder / TABLE, found.csv())
+    if len(found.varied) > 2:
+        return [TABLE]
+    figure = found.plot()
+    write_bytes(folder / PICTURE, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))
+    return [TABLE, PICTURE]
+
+
+def told(found: Sweep, as_json: bool) -> None:
+    """Print the answer, as a table or as it stands in its file."""
+    if as_json:
+        print(to_json(found))
+        return
+    console = terminal()
+    console.print(f"[bold]{safe(found.controller.file)}[/bold]  protocol {safe(found.protocol)}  seed {found.seed}\n")
+    grid = table("Every combination")
+    for heading in (*found.values, *COLUMNS):
+        grid.add_column(safe(heading), justify="right", overflow="fold")
+    for row in sweep_rows(found):
+        grid.add_row(*map(safe, row))
+    console.print(grid)
+    console.print(safe(smallest_words(found)))
 
 
 def _progress(trial: Trial, done: int, total: int) -> None:

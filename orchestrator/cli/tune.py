@@ -49,27 +49,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         on_trial=_progress(),
     )
     written = [TUNING] if found.best is None else [TUNING, BEST]
-    if not given.no_report:
-        found.report(folder / REPORT)
-        written.append(REPORT)
-    if given.json:
+    written += [] if given.no_report else pictured(found, folder)
+    told(found, given.json)
+    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    return EXIT_OK if found.best is not None else EXIT_INCOMPLETE
+
+
+def pictured(found: Tuning, folder: Path) -> list[str]:
+    """Write what shows the answer; the names of these files."""
+    found.report(folder / REPORT)
+    return [REPORT]
+
+
+def told(found: Tuning, as_json: bool) -> None:
+    """Print the answer, as tables or as it stands in its file."""
+    if as_json:
         print(to_json(found))
     else:
         show(found, terminal())
-    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
-    return EXIT_OK if found.best is not None else EXIT_INCOMPLETE
 
 
 def _progress() -> Callable[[Trial, int, int], None]:
     best: list[Trial] = []
 
-    def told(trial: Trial, done: int, total: int) -> None:
+    def say(trial: Trial, done: int, total: int) -> None:
         best[:] = sorted([*best, trial], key=lambda each: each.objective)[:1]
         came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else "")
         lead = f"best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}"
         print(f"{done:5d} of {total}  {printable(came_to):24}  {lead}", file=sys.stderr)
 
-    return told
+    return say
 
 
 def show(found: Tuning, console: Console) -> None:
