@@ -1,6 +1,7 @@
 """How much of B5 is the arm's: the force on the most compliant arm, with a controller and with motors that do not move.
 
-    python benchmarks/held_motors.py                    the paper's PID and RobustLQG, about a minute
+    python benchmarks/held_motors.py                    the paper's PID and RobustLQG, about a minute;
+                                                        needs a C compiler
     python benchmarks/held_motors.py RobustLinearLQG    another one
 
 All poses and directions of the force in the protocol ``strict``, the system ``compliant``, without chirp; B5 as in

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..codec import to_json
-from ..reporting.figures import FORMATS
 from ..reporting.files import SWEEP, streamed, write_bytes, write_text
 from ..reporting.sweep import COLUMNS, Sweep, smallest_words, sweep_rows
 from ..search.candidates import Trial
@@ -45,6 +44,8 @@ def pictured(found: Sweep, folder: Path) -> list[str]:
     write_text(folder / TABLE, found.csv())
     if len(found.varied) > 2:
         return [TABLE]
+    from ..reporting.figures import FORMATS  # Matplotlib takes as long to load as the rest of the command
+
     figure = found.plot()
     write_bytes(folder / PICTURE, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))
     return [TABLE, PICTURE]
