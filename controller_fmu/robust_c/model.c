@@ -1,6 +1,7 @@
 /* Two LQGs, a stiff one at rest and a damping one with a dither after an event, as a model for the FMI glue. */
 #include "model.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "checks.h"
@@ -16,6 +17,13 @@ typedef struct {
     Watch watch;
     double T_s, u_0[AXES], amplitude[AXES];
 } RobustLqg;
+
+/* Distance of the TCP from the first axis, relative to that of the stretched arm; lengths [m] as in Table 1. */
+static double reach(const double q_m_ref[AXES])
+{
+    const double first = 1.0, second = 1.5, ratio = 200.0;
+    return sqrt(first * first + second * second - 2.0 * first * second * sin(q_m_ref[1] / ratio)) / (first + second);
+}
 
 const size_t model_size = sizeof(RobustLqg);
 const size_t model_variables = sizeof(Variables) / sizeof(double);
@@ -33,6 +41,9 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
     if (!check(of, message)) return false;
     memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
+    /* The filters take what a folded arm does for a larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
+    lqg->switching.threshold /= reach(of->q_m_ref);
+    lqg->switching.sway /= reach(of->q_m_ref);
     lqg->watch = watch(&lqg->switching);
     for (int i = 0; i < AXES; i++)
         lqg->amplitude[i] = amplitude(&lqg->switching, i, of->u_m0[i], TORQUE_LIMIT[i]);
