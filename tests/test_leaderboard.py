@@ -46,9 +46,9 @@ def test_the_model_based_controllers_meet_the_papers_target_in_its_sample(name):
 
 
 def test_one_controller_holds_in_truth():
-    """It meets the target on the strict list, and a search with 2,000 simulations breaks none of the requirements."""
+    """It meets the target with what a search of 2,000 simulations finds, which breaks none of the requirements."""
     (figures,) = (figures for figures in KEPT if leaderboard.name_of(figures) == "RobustLQG")
-    assert figures["strict"]["cost"] < 88.0 and figures["cost"] < 78.0
+    assert figures["strict"]["cost"] < 88.0 and figures["cost"] < 78.0 and figures["robustness"]["cost"] < 100.0
     found = figures["robustness"]
     assert all(entry["passed"] for entry in (*figures["stability"].values(), *found["requirements"].values()))
     assert min(found["margins"][f"gain_{axis}"]["value"] or 20.0 for axis in (1, 2)) >= 2.5
