@@ -207,13 +207,14 @@ def leaderboard(kept: Sequence[Figures]) -> str:
 
 def scorecard(kept: Sequence[Figures], name: str) -> str:
     """The tables of a controller's own page: its figures, their shares of V, those on ``strict``, the baseline's; and
-    the worst case found, with the commands that repeat what broke a requirement."""
+    the worst cases found, with the commands that repeat them; the spread over seeds."""
     own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
     shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
-        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}{_seeds(own)}"
+        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}"
+        f"{_seeds(own)}\n{largest(own['robustness'])}"
     )
 
 
@@ -245,6 +246,20 @@ def broken(found: Mapping[str, Any]) -> str:
         f"{entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n```sh\n{command}\n```\n"
         for command, (entry, names) in failures.items()
     )
+
+
+def largest(found: Mapping[str, Any]) -> str:
+    """The worst cases found, and those that the margins are of, with their commands."""
+    lines = [
+        f"# {name} {_shown(entry)} {SHOWN[entry['unit']][1]}\n{entry['command']}"
+        for name, entry in found["worst_case"].items()
+    ]
+    for name, entry in found["margins"].items():
+        if entry["value"] is not None:
+            kind, factor, unit = ("delay", 1e3, " ms") if name.startswith("delay") else ("gain", 1.0, " times")
+            where = "axis " + name.removeprefix(f"{kind}_").replace("_down", ", downwards")
+            lines.append(f"# {kind} margin of {where}: {number(factor * entry['value'])}{unit}\n{entry['command']}")
+    return "The worst cases found, and what the margins were found with:\n\n```sh\n" + "\n".join(lines) + "\n```\n"
 
 
 def submissions(folder: Path) -> list[tuple[str, Verification]]:

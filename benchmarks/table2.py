@@ -1,6 +1,6 @@
 """Where the paper's row of Table 2 lies among the rows that our default PID gets over what the paper leaves open.
 
-    python benchmarks/table2.py --write            a thousand rows: 40 minutes on two idle cores
+    python benchmarks/table2.py --write            a thousand rows: half an hour on two cores
     python benchmarks/table2.py --seeds 2          a look, which writes nothing
     python benchmarks/table2.py --picture          docs/pictures/table2.png from docs/table2.json alone
 

@@ -4,6 +4,7 @@ import math
 import shlex
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 STRICT = load("strict")
 B6, DELAY = (next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "delay_2"))
+LIST = cases_of(STRICT, NOMINAL, 0)
 CORNER = {name: -1.0 if place % 3 else 1.0 for place, name in enumerate(names(STRICT))}
 START = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(STRICT)))
 
@@ -96,7 +98,7 @@ def test_a_controller_that_fails_only_there_is_found(planted):
 
 def hunt_of(of, budget, told=lambda *known: True):
     """A search from the list of ``strict`` with the figures that ``of`` gives."""
-    listed = [of_case(case) for case in cases_of(STRICT, NOMINAL, 0)]
+    listed = [of_case(case) for case in LIST]
     archive = Archive(STRICT, answers(of))
     return Hunt(archive, rules(STRICT), listed, targets(STRICT), lambda member: "", told, budget)
 
@@ -137,6 +139,30 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
             "gain_2": 3.0312, "gain_2_down": None, "delay_2": 1.8125e-3,
         }  # fmt: skip
         assert reach.stability == 1.15 and reach.cost is not None
+
+
+@pytest.mark.parametrize("cost", [95.0, 105.0])
+def test_v_passes_its_target_within_the_tolerances_just_if_v_found_does(cost):
+    """B6 is in proportion to the tolerances, and which force has the largest depends on the pose."""
+    places = {q_a: place for place, q_a in enumerate(dict.fromkeys(of_case(case).q_a for case in LIST))}
+
+    def of(member, largest=1.0):
+        if not STRICT.test(member.test).criteria:
+            return {}
+        size = max(abs(value) for _, value in loose(member, STRICT).deviations)
+        worst = member.test == ("disturbance_90", "disturbance_135")[places[member.q_a] % 2]
+        return {"B6": largest * size * (1.0 if worst else 0.5)}
+
+    unit, _ = costs(searched(of))
+    hunt = searched(partial(of, largest=cost / unit))
+    assert costs(hunt)[0] == pytest.approx(cost)
+    assert radius(hunt).cost == pytest.approx(math.floor(100.0 / cost * 20.0 + 1.0) / 20.0)
+
+
+def searched(of):
+    hunt = hunt_of(of, 2000)
+    hunt.archive.results(hunt.listed)
+    return hunt
 
 
 def test_the_same_members_are_tried_again_and_in_another_order_of_targets():

@@ -25,7 +25,7 @@ from .findings import (
     RequirementFound,
     Step,
 )
-from .member import Member, loose, names
+from .member import Member, Pair, loose, names
 from .target import Target, fails
 
 SEEDS = range(1, 9)
@@ -120,6 +120,18 @@ def worst_members(hunt: Hunt) -> dict[Target, Member]:
     """The criteria that are searched for, and the worst member of each."""
     found = ((target, hunt.archive.worst(target)) for target in hunt.wanted if target.criterion)
     return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
+
+
+def worst_at_each(hunt: Hunt) -> list[Member]:
+    """The worst member of each criterion that is searched for at each configuration of the list."""
+    poses = {member.q_a for member in hunt.listed}
+    found: dict[tuple[Target, Pair], tuple[float, Member]] = {}
+    for target in hunt.wanted:
+        for value, member in hunt.archive.heights(target) if target.criterion else ():
+            at = target, member.q_a
+            if member.q_a in poses and (at not in found or value > found[at][0]):
+                found[at] = value, member
+    return list(dict.fromkeys(loose(member, hunt.protocol) for _, member in found.values()))
 
 
 def card(hunt: Hunt, members: Sequence[Member]) -> Scorecard:

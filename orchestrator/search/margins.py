@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from ..benchmark.protocol import Protocol
 from .findings import Margin, Radius
-from .hunt import SEEDS, Hunt, card, other_noise, worst_members
+from .hunt import SEEDS, Hunt, card, costs, other_noise, worst_at_each
 from .member import Member, loose
 from .race import race
 from .target import Target, fails, targets
@@ -149,24 +149,26 @@ def radius(hunt: Hunt) -> Radius | None:
 
 
 def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> float | None:
-    """By bisection, with the worst members of the heaviest criteria at all configurations.
+    """By bisection: at 1 V of all that was found, else with the worst members of each configuration.
 
     Raises :class:`Spent` if the stage's share does not even last for the first steps.
     """
-    poses = dict.fromkeys(member.q_a for member in hunt.listed)
-    worst = list(dict.fromkeys(worst_members(hunt).values()))
+    worst = worst_at_each(hunt)
     quiet = [member for member in hunt.listed if not hunt.protocol.test(member.test).disturbed]
     steps = (0.0, *SCALES)
 
     def too_much(step: int) -> bool:
-        members = [scaled(replace(member, q_a=q_a), steps[step]) for member in worst for q_a in poses]
-        if len(hunt.afford(members)) < len(members):
-            raise Spent
-        hunt.archive.results(members)
-        cost = card(hunt, [*members, *quiet]).cost
+        if step == one:
+            cost, _ = costs(hunt)
+        else:
+            members = [scaled(member, steps[step]) for member in worst]
+            if len(hunt.afford(members)) < len(members):
+                raise Spent
+            hunt.archive.results(members)
+            cost = card(hunt, [*members, *quiet]).cost
         return cost is None or cost > hunt.rules.cost.target
 
-    low, one, high = -1, steps.index(1.0), len(steps) - 1  # of 1, most is known
+    low, one, high = -1, steps.index(1.0), len(steps) - 1
     if not worst:
         return None
     if too_much(one):
