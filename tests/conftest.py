@@ -19,7 +19,6 @@ import build_fmus
 from orchestrator import Benchmark, Controller, Evaluation
 from orchestrator.api import campaign
 from orchestrator.api.campaign import Bench
-from orchestrator.execution import supervision
 
 # A test run is repeatable: the same examples every time. New ones are searched with --hypothesis-profile=search.
 # No deadlines: compilation and a busy machine are no faults.
@@ -141,4 +140,3 @@ def no_slack(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time limits in proportion to the simulated time alone, and what comes on top of them short."""
     monkeypatch.setattr(campaign, "START_TIME", 0.0)
     monkeypatch.setattr(campaign, "FIRST_START_TIME", HANG_LIMIT)
-    monkeypatch.setattr(supervision, "GRACE", 0.3)

@@ -49,8 +49,11 @@ def test_the_environment_chooses_the_compiler(monkeypatch):
 
 
 def test_a_compiler_that_hangs_ends_with_all_its_parts_and_one_that_floods_is_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiler, "TIME_LIMIT", 1.0)
-    assert "1 s" in refused("sh", "-c", f"sleep 1000 & echo $! > {tmp_path}/pid; wait")
+    with monkeypatch.context() as patch:
+        patch.setattr(compiler, "TIME_LIMIT", 1.0)
+        assert "1 s of processor time" in refused("sh", "-c", "while :; do :; done")
+        patch.setattr(compiler, "HANG_LIMIT", 1.0)
+        assert "within 1 s" in refused("sh", "-c", f"sleep 1000 & echo $! > {tmp_path}/pid; wait")
     part = int(Path(tmp_path, "pid").read_text())
     assert wait_for(lambda: not psutil.pid_exists(part) or psutil.Process(part).status() == psutil.STATUS_ZOMBIE, 30.0)
     monkeypatch.setattr(compiler, "MESSAGE_SIZE", 10)

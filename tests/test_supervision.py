@@ -15,7 +15,7 @@ import pytest
 from hostile import fmus
 from hostile.commands import wait_for
 from hostile.fmus import Fault
-from hostile.runs import HANG_LIMIT, SPARED, STRUCK, bench, job, run, short_cases
+from hostile.runs import HANG_LIMIT, PLENTY, SPARED, STRUCK, bench, job, run, short_cases
 from support.python_controllers import python_controller
 from support.refusals import refusal
 
@@ -27,7 +27,9 @@ from orchestrator.execution import supervision
 from orchestrator.execution.job import Died, Done, Limits, Refused
 from orchestrator.execution.launch import Child
 from orchestrator.execution.messages import ErrorRecord, Failed, Finished, Loaded, frame
+from orchestrator.execution.process_tree import Use
 from orchestrator.execution.shared_trace import SharedTrace
+from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING_REACHED
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, PLANT, Place, Trace
 from orchestrator.loop.trajectory import Status
 
@@ -77,9 +79,12 @@ CORPUS = [
     expected(CRASHED, "grow", "of memory; the limit is 400 MB", memory=400_000_000),
     expected(CRASHED, "log:1", "logged more than 1 MB", "still here, and talking", output=1_000_000),
     expected(CRASHED, "print", "printed or logged more than 1 MB", "no news", output=1_000_000),
-    expected(TIMEOUT, "spin", "in the call 'fmi2DoStep' of the controller"),
-    *(expected(TIMEOUT, what) for what in ("ignore-alarm", "stop-timer", "block-signals", "handlers")),
-    *(expected(TIMEOUT, what) for what in ("stop", "log:0", "close-all")),
+    expected(CRASHED, "close-all", "it closed the channel of its results"),
+    expected(
+        TIMEOUT, "spin", "the limit of processor time was reached: 1.", "in the call 'fmi2DoStep' of the controller"
+    ),
+    *(expected(TIMEOUT, what, PROCESSOR_REACHED) for what in ("block-signals", "handlers", "log:0", "fork", "forks")),
+    *(expected(TIMEOUT, what, WAITING_REACHED) for what in ("sleep", "lock", "socket", "stop")),
     expected(ERROR, "status:2", "fmi2DoStep returned discard", "as you wish"),
     expected(ERROR, "status:5", "fmi2DoStep returned pending"),
     expected(ERROR, "status:-1", "illegal status -1"),
@@ -99,14 +104,14 @@ CORPUS = [
 @pytest.fixture(scope="module")
 def healthy(plant_file, faulty) -> list[CaseRun]:
     """The runs of the two cases with a controller without a fault."""
-    runs = run(bench(plant_file, faulty(fmus.NONE), limit=120.0), short_cases((STRUCK, SPARED)))
+    runs = run(bench(plant_file, faulty(fmus.NONE)), short_cases((STRUCK, SPARED)))
     assert [run.result.status for run in runs] == [DONE, DONE]
     return runs
 
 
 @pytest.mark.parametrize("expected", CORPUS, ids=str)
 def test_a_hostile_controller_costs_its_own_case_only(expected, plant_file, faulty, healthy):
-    limit = HANG_LIMIT if expected.status is TIMEOUT else 10.0
+    limit = HANG_LIMIT if expected.status is TIMEOUT else PLENTY
     own = bench(plant_file, faulty(expected.fault), limit, limits=expected.limits)
     struck, spared = run(own, short_cases((STRUCK, SPARED)))
     assert (struck.result.status, struck.result.time) == (expected.status, pytest.approx(expected.time, abs=1e-9))
@@ -116,6 +121,12 @@ def test_a_hostile_controller_costs_its_own_case_only(expected, plant_file, faul
     assert spared.result == healthy[1].result  # bit for bit: no fault leaks into another case
     if expected.status is DONE:
         assert struck.result == healthy[0].result
+
+
+def test_nine_tenths_of_the_limit_are_no_timeout(plant_file, faulty, healthy):
+    limit = 3.0
+    own = bench(plant_file, faulty(Fault(f"compute:{0.9 * limit:g}")), limit)
+    assert [run.result for run in run(own, short_cases((STRUCK,)))] == [healthy[0].result]
 
 
 def test_a_warning_is_counted(plant_file, faulty):
@@ -225,7 +236,7 @@ def test_a_cache_that_is_deleted_is_filled_again(side, harmless, healthy, monkey
 
 
 SEVENTH = Place(7, CONTROLLER, "")
-DIES = SimpleNamespace(is_stopped=lambda: False, is_alive=lambda: True, memory=lambda: 0)
+DIES = SimpleNamespace(is_alive=lambda: True, use=lambda: Use(0.0, 0, False, False))
 
 
 def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place = SEVENTH, code=-6):
@@ -300,19 +311,11 @@ def test_a_process_that_ends_before_the_controller_comes_is_an_environment_fault
 
 
 @pytest.mark.parametrize(
-    ("code", "timeout", "outside"),
-    [(-signal.SIGALRM, True, False), (-signal.SIGKILL, False, True), (256, False, True), (3, False, False)],
+    ("code", "outside"), [(-signal.SIGALRM, False), (-signal.SIGKILL, True), (256, True), (3, False)]
 )
-def test_who_has_ended_a_process(code, timeout, outside):
+def test_who_has_ended_a_process(code, outside):
     (found,) = listened(code=code)
-    assert (found.timeout, found.outside) == (timeout, outside)
-
-
-def test_a_timeout_while_the_owner_was_suspended_is_not_the_workers(monkeypatch):
-    clock = iter(range(0, 10**6, 100))
-    monkeypatch.setattr(supervision.time, "monotonic", lambda: float(next(clock)))
-    (found,) = listened(code=-signal.SIGALRM)
-    assert (found.timeout, found.outside) == (True, True)
+    assert (found.timeout, found.outside) == (False, outside)
 
 
 def test_a_place_that_makes_no_sense_stays_within_the_simulation():

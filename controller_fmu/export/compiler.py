@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import shutil
@@ -21,7 +22,10 @@ from controller_fmu.export.platforms import cross_compilers
 COMPILERS = ("cc", "gcc", "clang")
 
 TIME_LIMIT = 300.0
-"""Seconds that a compiler may take."""
+"""Seconds of processor time that each process of a compiler may use, where the system has limits."""
+
+HANG_LIMIT = 3000.0
+"""Seconds of wall time that a compiler may take at least: far more, since other processes may need the processor."""
 
 MEMORY, FILE = 2 * 1024**3, 1024**3
 """Bytes of the address space of each process of a compiler, and of each file it writes, where the system has limits."""
@@ -31,10 +35,12 @@ MESSAGE_SIZE = 65536
 
 _LIMITED = f"""
 import os, resource, sys
-for kind, limit in ((resource.RLIMIT_AS, {MEMORY}), (resource.RLIMIT_FSIZE, {FILE})):
+seconds = int(sys.argv.pop(1))
+for kind, limit in ((resource.RLIMIT_AS, {MEMORY}), (resource.RLIMIT_FSIZE, {FILE}), (resource.RLIMIT_CPU, seconds)):
     most = resource.getrlimit(kind)[1]
     own = limit if most == resource.RLIM_INFINITY else min(limit, most)
-    resource.setrlimit(kind, (own, own))
+    # At the soft limit of processor time SIGXCPU ends a process, at the hard one SIGKILL, as others might.
+    resource.setrlimit(kind, (own, most if kind == resource.RLIMIT_CPU else own))
 try:
     os.execvp(sys.argv[1], sys.argv[1:])
 except OSError as problem:
@@ -79,14 +85,16 @@ def run_compiler(
 ) -> None:
     """Run ``command``, which writes the file ``product``, in ``folder`` (the current one if None).
 
-    It gets no input, and is ended after ``time_limit`` [s] (TIME_LIMIT if None) together with all that it has started.
+    It gets no input. It is ended together with all that it has started if one of its processes has used ``time_limit``
+    [s] of processor time (TIME_LIMIT if None), or after HANG_LIMIT.
     Raises :class:`CompilerError` with its messages, or with how it ended, if it fails.
     """
-    limit = TIME_LIMIT if time_limit is None else time_limit
+    seconds = math.ceil(TIME_LIMIT if time_limit is None else time_limit)
+    limit = max(HANG_LIMIT, seconds)
     with tempfile.TemporaryFile() as messages:
         # In a session of its own all its parts can be ended, and none of them receives a Ctrl-C of the terminal.
         process = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-c", _LIMITED, *command],
+            [sys.executable, "-I", "-S", "-c", _LIMITED, str(seconds), *command],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -104,6 +112,8 @@ def run_compiler(
                 process.wait()
         messages.seek(0)
         words = messages.read(MESSAGE_SIZE).decode(errors="replace").strip()
+    if -code == getattr(signal, "SIGXCPU", None):
+        raise CompilerError(f"'{command[0]}' needed more than {seconds} s of processor time", value=command[0])
     if code != 0:
         ended = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         raise CompilerError(words or f"'{command[0]}' {ended} without a message", value=command[0])

@@ -57,7 +57,8 @@ class Benchmark(Conditions):
         ``"native"``, the manipulator in C; ``"python"``, the same by pythonfmu; ``"auto"``, the first where there is a
         compiler whose code gives the bits of the second, else the second; or an FMU of your own.
     timeout : float
-        Wall time [s] that a simulation of 26 s may take; shorter ones get their share, all some seconds to start.
+        Processor time [s] that a simulation of 26 s may take; shorter ones get their share, all some seconds to start.
+        A simulation that waits, without computing, may do so for twice as long.
     memory_limit : float
         Memory [bytes] that a simulation's process may use.
     sandbox : bool

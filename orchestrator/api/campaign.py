@@ -39,9 +39,9 @@ FULL_LENGTH = 26.0
 """Simulated time [s] that a time limit is given for; shorter simulations get their share."""
 
 START_TIME = 5.0
-"""Wall time [s] for instantiation and initialization, on top of the share."""
+"""Seconds for instantiation and initialization, on top of the share."""
 
-FIRST_START_TIME = 30.0
+FIRST_START_TIME = 60.0
 """The same where compiled code may be missing from the cache, at the least."""
 
 Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
@@ -52,8 +52,8 @@ Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
 class Bench:
     """The two FMUs and the conditions they run under.
 
-    ``timeout`` is the wall time [s] a simulation of FULL_LENGTH may take. If ``apart``, the process of plant and judge
-    never loads the controller.
+    ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``apart``, the process of plant
+    and judge never loads the controller.
     """
 
     plant: Archive
@@ -204,7 +204,7 @@ def rehearse(case: Case, bench: Bench, probe: bool = True) -> Rehearsal:
     step. It also leaves the compiled code of both in the cache, before several processes would compile it at once.
     """
     scenario = replace(case.scenario, duration=case.scenario.sample_time)
-    start = max(FIRST_START_TIME, 0.5 * bench.timeout)  # who gives cases more time has a controller that needs it
+    start = max(FIRST_START_TIME, 0.5 * bench.timeout)  # a user who raises the limit has a slow controller
     task = work.ScenarioTask(bench.setup, scenario, OBSERVED)
     timing = work.TimingRecord()
     # Two jobs, since a crash of the probe, which takes further instances, is no verdict on the controller.

@@ -109,8 +109,9 @@ def add_controller(parser: argparse.ArgumentParser) -> None:
         type=number(most=MOST, positive=True),
         default=60.0,
         metavar="SECONDS",
-        help="wall time that a simulation of 26 s, or a look of the check, may take; shorter simulations get their "
-        "share, all some seconds to start (default: 60)",
+        help="processor time that a simulation of 26 s, or a look of the check, may take; shorter simulations get "
+        "their share, all some seconds to start; a simulation may wait, without computing, for twice as long "
+        "(default: 60)",
     )
     parser.add_argument(
         "--memory-limit",

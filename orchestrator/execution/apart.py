@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -22,10 +23,11 @@ from ..loop.serving import c_function
 from ..loop.setup import Setup
 from . import sandbox
 from .messages import OVERHEAD, ErrorRecord, FmuFiles, error_of, frame, read_frame, write_all
-from .process_tree import FOREIGN_SIGNALS, end_of
+from .process_tree import FOREIGN_SIGNALS, ProcessTree, end_of, exit_code
+from .time_limit import end_within
 
 LAST_WORDS = 1.0
-"""Seconds to wait for the end of a process that gives no answer."""
+"""Seconds that a process that gives no answer may go on, computing or waiting, before it is said so."""
 
 
 class Begin(Struct, frozen=True):
@@ -96,10 +98,11 @@ class Apart:
 
     def lost(self) -> Crash:
         """What became of its process, which gives no answer."""
-        try:
-            words, name = end_of(self._process.wait(LAST_WORDS), self._command[0] != sys.executable)
-        except subprocess.TimeoutExpired:
+        code = end_within(LAST_WORDS, partial(exit_code, self._process), ProcessTree(self._process.pid))
+        if code is None:
             words, name = "process sent what is no answer", ""
+        else:
+            words, name = end_of(code, self._command[0] != sys.executable)
         trace.use(trace.Trace())  # the one that its owner reads stays at the place where this happened
         return Crash(f"the controller's {words}", "killed" if name in FOREIGN_SIGNALS else "")
 

@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 
 from .. import __version__
 from ..cache import cache_folder, code_hash, plant_hash
-from ..codec import Malformed, Struct, pack, plain, unpack
+from ..codec import Malformed, NonNegative, Struct, pack, plain, unpack
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from ..fmi.trace import Place
@@ -57,6 +57,7 @@ class RemoteJob(Struct, frozen=True):
 
     client: Identity
     order: Order
+    time_limits: tuple[NonNegative, ...]
     limits: Limits
     largest: int
     sandbox: bool
@@ -209,7 +210,7 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(identity(), job.order(), job.limits, job.largest, job.sandbox, job.apart))
+    return pack(RemoteJob(identity(), job.order(), job.time_limits, job.limits, job.largest, job.sandbox, job.apart))
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
@@ -222,7 +223,7 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             _open(remote.order.controller, controller),
             remote.order.work,
             remote.order.tasks,
-            remote.order.time_limits,
+            remote.time_limits,
             lambda _, value: value,
             remote.largest,
             remote.limits,

@@ -38,7 +38,7 @@ class Job:
     largest : int
         Bytes that a value has at most.
     time_limits : tuple of float
-        Seconds of wall time, one per task.
+        One per task [s]; see :mod:`~orchestrator.execution.time_limit` for what they limit.
     sandbox : bool
         Whether the process that loads the controller runs in a :mod:`~orchestrator.execution.sandbox`.
     apart : bool
@@ -77,7 +77,7 @@ class Job:
             FmuFiles(archive.name, archive.sha256, str(archive.folder), digests)
             for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
-        return Order(plant, controller, self.work, self.tasks, self.time_limits, apart, self.core)
+        return Order(plant, controller, self.work, self.tasks, apart, self.core)
 
 
 class Done(msgspec.Struct, frozen=True):
@@ -95,7 +95,7 @@ Refused = Failed
 class Died(Struct, frozen=True, tag=True):
     """The process ended in task ``index`` at ``place`` in its simulation.
 
-    ``timeout`` tells whether at its time limit, ``message`` how, ``kind`` the same without what was measured, so that
+    ``timeout`` tells whether at a time limit, ``message`` how, ``kind`` the same without what was measured, so that
     equal failures have equal ones, and ``output`` holds the last lines that the process printed, the FMUs' own messages
     among them. ``outside`` tells whether somebody else may have ended the process, such as a system that is out of
     memory.

@@ -24,7 +24,7 @@ from ..errors import EnvironmentFault
 from . import sandbox
 from .job import Job
 from .messages import NUMBER, REQUEST, frame, readable
-from .process_tree import ProcessTree
+from .process_tree import ProcessTree, exit_code
 from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
@@ -290,9 +290,7 @@ class _SandboxedProcess:
         self.tree = ProcessTree(self._process.pid)
 
     def exit_code(self, patience: float) -> int | None:
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(patience)
-        return self._process.returncode
+        return exit_code(self._process, patience)
 
     def kill(self) -> None:
         self.tree.kill()

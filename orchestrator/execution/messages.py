@@ -54,7 +54,6 @@ class Order(Struct, frozen=True):
     controller: FmuFiles
     work: str
     tasks: tuple[bytes, ...]
-    time_limits: tuple[NonNegative, ...]
     apart: tuple[str, ...] = ()
     core: int = -1
 

@@ -1,17 +1,46 @@
-"""A process and all that it has started: how much memory they use, and how all of them are ended."""
+"""A process and all that it has started: what they use, and how all of them are ended."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import signal
+import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+
+
+@dataclass(frozen=True)
+class Use:
+    """What a process tree has used so far, and what it is doing.
+
+    ``processor`` [s] is the processor time of all its processes, as far as they have been seen, ``memory`` [bytes] is
+    the resident memory of those alive. ``ready`` tells whether one of their threads runs or waits for a processor; one
+    that sleeps, or waits for a lock, a file or a socket does not. ``stopped`` tells whether the first process is
+    stopped, as by SIGSTOP or a debugger.
+    """
+
+    processor: float
+    memory: int
+    ready: bool
+    stopped: bool
+
+
+@dataclass(frozen=True)
+class _Member:
+    """One process: its own processor time and that of the children it has waited for [s], see :class:`Use`."""
+
+    own: float
+    children: float
+    memory: int
+    ready: bool
+    stopped: bool
 
 
 class ProcessTree:
@@ -22,29 +51,30 @@ class ProcessTree:
 
     def __init__(self, pid: int) -> None:
         self._pid, self._members = pid, dict[int, psutil.Process]()
+        self._own, self._most = dict[int, float](), 0.0
         self._meet(pid)
 
-    def memory(self) -> int:
-        """Resident memory [bytes] of those alive; also looks for new members."""
+    def use(self) -> Use:
+        """What it uses; also looks for new members."""
         self._look()
-        used = 0
-        for member in self._members.values():
-            with suppress(psutil.Error):
-                used += member.memory_info().rss
-        return used
-
-    def is_stopped(self) -> bool:
-        """Whether the first of them is stopped, as by SIGSTOP or a frozen container."""
-        return self._status() in (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
+        found = {pid: read for pid, member in self._members.items() if (read := _read(member)) is not None}
+        self._own.update((pid, read.own) for pid, read in found.items())
+        # The system adds the time of a child to that of its parent, unless the parent ignores how its children end:
+        # such a child counts as far as it was seen. Neither sum is more than what was used.
+        seen, waited_for = sum(self._own.values()), sum(read.own + read.children for read in found.values())
+        self._most = max(self._most, seen, waited_for)
+        return Use(
+            processor=self._most,
+            memory=sum(read.memory for read in found.values()),
+            ready=any(read.ready for read in found.values()),
+            stopped=self._pid in found and found[self._pid].stopped,
+        )
 
     def is_alive(self) -> bool:
         """Whether the first of them has not ended."""
-        return self._status() not in ("", psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
-
-    def _status(self) -> str:
         with suppress(psutil.Error, KeyError):
-            return str(self._members[self._pid].status())
-        return ""
+            return self._members[self._pid].status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+        return False
 
     def kill(self) -> None:
         """End all of them. psutil makes sure that each is still the process it was."""
@@ -72,6 +102,48 @@ class ProcessTree:
                 self._members[pid] = psutil.Process(pid)
 
 
+_STATE, _TIMES, _RESIDENT = 0, slice(11, 15), 21
+"""Fields of /proc/PID/stat (proc(5)) behind the name: state; utime, stime, cutime, cstime; rss."""
+
+
+def _read(member: psutil.Process) -> _Member | None:
+    """What the system says of a process; None if it is gone."""
+    if sys.platform != "linux":
+        return _read_portably(member)
+    place = Path("/proc", str(member.pid))
+    fields = _fields(place)
+    if not fields or not member.is_running():  # another process may have its number by now
+        return None
+    states = {thread[_STATE] for thread in map(_fields, _threads(place)) if thread}
+    tick, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
+    user, system, *waited_for = (int(field) / tick for field in fields[_TIMES])
+    memory = int(fields[_RESIDENT]) * page
+    return _Member(user + system, sum(waited_for), memory, "R" in states, bool(states & {"T", "t"}))
+
+
+def _threads(place: Path) -> list[Path]:
+    with suppress(OSError):
+        return list((place / "task").iterdir())
+    return []
+
+
+def _fields(place: Path) -> list[str]:
+    """Of a process or a thread, nothing if it is gone; its name, which may hold anything, is left out."""
+    with suppress(OSError):
+        return (place / "stat").read_text(errors="replace").rpartition(")")[2].split()
+    return []
+
+
+def _read_portably(member: psutil.Process) -> _Member | None:
+    try:
+        times, memory, status = member.cpu_times(), member.memory_info().rss, member.status()
+    except psutil.Error:
+        return None
+    waited_for = getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0)
+    ready, stopped = status == psutil.STATUS_RUNNING, status == psutil.STATUS_STOPPED
+    return _Member(times.user + times.system, waited_for, memory, ready, stopped)
+
+
 FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")
 """With which others end a process, such as a system that is out of memory."""
 
@@ -84,6 +156,13 @@ def end_of(exit_code: int, sandboxed: bool) -> tuple[str, str]:
     known = {each.value: each.name for each in signal.Signals}
     name = known.get(number, f"signal {number}")
     return f"process was ended by {name}", name
+
+
+def exit_code(process: subprocess.Popen[bytes], patience: float) -> int | None:
+    """The exit code of ``process``, negative for a signal; None if it is alive after ``patience`` [s]."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(patience)
+    return process.returncode
 
 
 def bind_to_parent(parent: int) -> None:

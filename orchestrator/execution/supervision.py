@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -19,22 +18,18 @@ from .job import Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
+from .time_limit import Stopwatch, end_within
 
 TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
 
 LINES = 10
 LOOK = 0.2
-"""Seconds between two looks at the stop signal and the worker's memory."""
+"""Seconds between two looks at the stop signal and at what the worker uses."""
 
-PAUSE = 2.0
-"""Seconds between two looks, beyond which this process must have been suspended, and its workers perhaps with it."""
-
-GRACE = 5.0
-"""Seconds after which a worker is ended that outlives its own alarm: an FMU may ignore that."""
-
-SANDBOX_GRACE = 60.0
-"""The same if the worker starts from nothing and may have to compile."""
+START, FRESH_START = 10.0, 60.0
+"""Seconds that a worker may take to load the FMUs, on top of its first task's limit: a forked one, and one that starts
+from nothing and may have to compile."""
 
 ATTEMPTS = 3
 """Workers that may be lost to faults of the environment before that is given up."""
@@ -90,27 +85,24 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     Raises :class:`EnvironmentFault` for a process that dies before an FMU can have anything to do with it, or that
     reports such a fault itself.
     """
-    index, tail, printed = 0, b"", 0
-    begin = looked = awake = time.monotonic()
-    loaded = suspended = False
+    index, tail, printed, loaded = 0, b"", 0, False
+    watch = Stopwatch(child.process.tree)
     inbox = Inbox(child.channel, job.largest)
     sources = [child.channel, child.output]
-    grace = SANDBOX_GRACE if job.sandbox else GRACE
+    start = FRESH_START if job.sandbox and not job.apart else START
 
     def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
-        words, taken = _lines(tail + _rest(child.output, job.limits.output)), time.monotonic() - begin
+        words = _lines(tail + _rest(child.output, job.limits.output))
         place = child.trace.read()
         if not loaded and place.side != CONTROLLER:
             told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
             raise EnvironmentFault(told, "worker-lost")
-        return Died(index, timeout, message, kind or message, taken, place, words, outside or (timeout and suspended))
+        outside |= timeout and watch.spent.stopped
+        return Died(index, timeout, message, kind or message, watch.elapsed, place, words, outside)
 
     while not stop.is_set():
         ready = readable(sources, LOOK)
-        now = time.monotonic()
-        suspended |= now - awake > PAUSE  # known before it is asked why a worker has ended
-        awake = now
         if child.output in ready:
             piece = os.read(child.output, 65536)
             tail, printed = (tail + piece)[-TAIL:], printed + len(piece)
@@ -128,6 +120,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                         if loaded:
                             raise Garbage("it has loaded the FMUs twice")
                         loaded = True
+                        watch.begin()
                         continue
                     if message.index != index or (isinstance(message, Finished) and not loaded):
                         raise Garbage("an outcome that is not due")
@@ -140,8 +133,8 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                             yield message
                         return
                     yield Done(index, job.decode(index, message.value), message.wall_time)
-                    index, printed, suspended = index + 1, 0, False
-                    begin = awake = time.monotonic()
+                    index, printed = index + 1, 0
+                    watch.begin()
                     if index == len(job.tasks):
                         return
             except (Garbage, Malformed) as problem:
@@ -149,22 +142,23 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                 yield died(f"{words} ({problem})", kind=words)
                 return
             if closed:
-                yield died(*_cause(child.process, LAST_WORDS, job.sandbox))
+                words, outside = _ending(child.process, job.sandbox)
+                yield died(words, outside=outside)
                 return
-        if now - looked > LOOK:
-            suspended |= child.process.tree.is_stopped()
-            looked = now
-            used = child.process.tree.memory()
-            if used > job.limits.memory:
-                told = f"it used {used / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
+        if watch.age > LOOK:
+            used = watch.look()
+            if used.memory > job.limits.memory:
+                told = f"it used {used.memory / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
                 yield died(told, kind="it used too much memory")
                 return
-            if now - begin > job.time_limits[index] + grace:
-                yield died(TIMED_OUT, timeout=True)
+            told, kind = watch.spent.excess(job.time_limits[index] + (0.0 if loaded else start))
+            if told:
+                yield died(told, timeout=True, kind=kind)
                 return
-            if child.channel not in ready and child.process.exit_code(0.0) is not None:
-                # Whatever it has started may still hold the channel open.
-                yield died(*_cause(child.process, 0.0, job.sandbox))
+            code = None if child.channel in ready else child.process.exit_code(0.0)
+            if code is not None:  # whatever it has started may still hold the channel open
+                words, outside = _cause(code, job.sandbox)
+                yield died(words, outside=outside)
                 return
 
 
@@ -180,19 +174,19 @@ def _lines(tail: bytes) -> tuple[str, ...]:
     return tuple(line[:500] for line in printable(tail).splitlines()[-LINES:])
 
 
-TIMED_OUT = "the time limit was reached"
+def _ending(process: Process, sandboxed: bool) -> tuple[str, bool]:
+    """How a process ends that has closed its channel, in words; whether somebody else may have ended it."""
+    code = end_within(LAST_WORDS, process.exit_code, process.tree)
+    if code is not None:
+        return _cause(code, sandboxed)
+    if process.tree.is_alive():
+        return "it closed the channel of its results", False
+    return "the process that started it does not say how it ended", True
 
 
-def _cause(process: Process, patience: float, sandboxed: bool) -> tuple[str, bool, bool]:
-    """How a process ended, in words; whether at its time limit; whether somebody else may have ended it."""
-    exit_code = process.exit_code(patience)
-    if exit_code is None:
-        if process.tree.is_alive():
-            return "it closed the channel of its results", False, False
-        return "the process that started it does not say how it ended", False, True
+def _cause(exit_code: int, sandboxed: bool) -> tuple[str, bool]:
+    """How a process ended, in words; whether somebody else may have ended it."""
     if exit_code == LOST:
-        return "the process was lost with the one that started it", False, True
+        return "the process was lost with the one that started it", True
     words, name = end_of(exit_code, sandboxed)
-    if name == "SIGALRM":
-        return TIMED_OUT, True, False
-    return f"the {words}", False, name in FOREIGN_SIGNALS
+    return f"the {words}", name in FOREIGN_SIGNALS

@@ -24,8 +24,6 @@ from .process_tree import bind_to_parent
 from .shared_trace import SharedTrace
 
 MOST_DESCRIPTORS = 65536
-FAREWELL = 10.0
-"""Seconds that a worker whose tasks are done waits for its owner to end it."""
 
 Work = Callable[[Slave, Slave | Apart, bytes], bytes]
 
@@ -59,13 +57,11 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     begin = time.perf_counter()
     index = 0
     try:
-        _alarm(order.time_limits[0])
         plant = _load(order.plant, trace.PLANT)
         controller = Apart(order.controller, order.apart) if order.apart else _load(order.controller, trace.CONTROLLER)
         write_all(channel, frame(Loaded()))
         for index, task in enumerate(order.tasks):  # noqa: B007 - the handler below needs the index
             surroundings.restore()
-            _alarm(order.time_limits[index])
             begin = time.perf_counter()
             value = work(plant, controller, task)
             write_all(channel, frame(Finished(index, value, time.perf_counter() - begin)))
@@ -73,7 +69,6 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
         write_all(channel, frame(Failed(index, error_record(error), time.perf_counter() - begin)))
     sys.stdout.flush()
     sys.stderr.flush()
-    _alarm(FAREWELL)
     while True:  # the owner ends us, after it has looked for what the FMUs have started
         signal.pause()
 
@@ -114,10 +109,3 @@ def _mathematics() -> ctypes.CDLL | None:
             library.fesetenv, library.fegetenv  # noqa: B018 - looked up here
             return library
     return None
-
-
-def _alarm(limit: float) -> None:
-    """Let the system end this process after ``limit`` seconds (0: never), even inside a native loop that hangs."""
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # an FMU may have changed it
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
-    signal.setitimer(signal.ITIMER_REAL, limit)

@@ -11,7 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/time.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "fmi2FunctionTypes.h"
@@ -37,6 +39,14 @@ static int instances;
 static void say(Controller *own, fmi2Status status, const char *message)
 {
     own->logger(own->environment, "hostile", status, "log", "%s", message);
+}
+
+/* Of this process [s]. */
+static double processor_time(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
 static void spin(void)
@@ -124,14 +134,37 @@ static fmi2Status strike(Controller *own)
     if (equal(what, "trap")) feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);
     if (equal(what, "round")) fesetround(FE_UPWARD);
     if (equal(what, "spin")) spin();
-    if (equal(what, "ignore-alarm")) {
-        signal(SIGALRM, SIG_IGN);
-        spin();
+    if (strncmp(what, "compute:", 8) == 0) {
+        const double begin = processor_time();
+        while (processor_time() < begin + strtod(what + 8, NULL)) continue;
+        own->what[0] = 0;
     }
-    if (equal(what, "stop-timer")) {
-        const struct itimerval never = {0};
-        setitimer(ITIMER_REAL, &never, NULL);
-        spin();
+    if (equal(what, "sleep"))
+        for (;;) sleep(1);
+    if (equal(what, "lock")) {
+        pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+        pthread_mutex_lock(&mutex);
+        pthread_mutex_lock(&mutex);
+    }
+    if (equal(what, "socket")) {
+        int pair[2];
+        char byte;
+        if (socketpair(AF_UNIX, SOCK_STREAM, 0, pair) == 0 && read(pair[0], &byte, 1) < 0) return fmi2Error;
+    }
+    if (equal(what, "fork")) { /* computes in a child, and waits for it */
+        const pid_t child = fork();
+        if (child == 0) spin();
+        waitpid(child, NULL, 0);
+    }
+    if (equal(what, "forks")) { /* computes in children that nobody waits for */
+        signal(SIGCHLD, SIG_IGN);
+        for (;;) {
+            const pid_t child = fork();
+            const double begin = processor_time();
+            while (child == 0)
+                if (processor_time() > begin + 0.5) _exit(0);
+            waitpid(child, NULL, 0);
+        }
     }
     if (equal(what, "block-signals")) {
         sigset_t all;

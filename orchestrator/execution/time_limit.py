@@ -1,0 +1,111 @@
+"""Time limits that do not depend on what else the machine does.
+
+A limit counts the processor time of a process and of all that it has started. A process that waits, for a lock, a
+socket or a clock, uses none: how long it waits is limited as well, and is counted only while it uses next to no
+processor time and is not ready to.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from .process_tree import Use
+
+WAITING = 2.0
+"""Limit of waiting, in time limits."""
+
+IDLE = 0.05
+"""Processor time per second below which a process waits: one that sleeps between short calls does, too."""
+
+LONGEST = 1.0
+"""Seconds that count at most between two looks: whoever looks may have been suspended, and the process with it."""
+
+PAUSE = 0.1
+"""Seconds between two looks at a process that should end."""
+
+PROCESSOR_REACHED, WAITING_REACHED = "the limit of processor time was reached", "the limit of waiting was reached"
+
+
+class Tree(Protocol):
+    """What uses processor time."""
+
+    def use(self) -> Use:
+        """What it has used so far."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a process has used at a ``time`` [s] of any steady clock."""
+
+    time: float
+    use: Use
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Since some beginning: ``processor`` time [s], time ``waited`` [s], and whether it was ``stopped`` meanwhile."""
+
+    processor: float = 0.0
+    waited: float = 0.0
+    stopped: bool = False
+
+    def after(self, one: Look, next: Look) -> Spent:
+        """What is spent at the ``next`` look, if this is at ``one``."""
+        passed, used = next.time - one.time, max(next.use.processor - one.use.processor, 0.0)
+        waits = not next.use.ready and used < IDLE * passed
+        waited = min(passed, LONGEST) if waits else 0.0
+        return Spent(self.processor + used, self.waited + waited, self.stopped or next.use.stopped)
+
+    def excess(self, limit: float) -> tuple[str, str]:
+        """What has exceeded the time limit [s], in words with and without figures; empty if nothing has."""
+        if self.processor > limit:
+            return f"{PROCESSOR_REACHED}: {self.processor:.1f} s of {limit:g} s", PROCESSOR_REACHED
+        if self.waited > WAITING * limit:
+            used = f"it waited for {self.waited:.1f} s of {WAITING * limit:g} s"
+            return f"{WAITING_REACHED}: {used}, and computed for {self.processor:.1f} s", WAITING_REACHED
+        return "", ""
+
+
+class Stopwatch:
+    """What a process tree spends from now on."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew."""
+        self._first = self._last = Look(time.monotonic(), self._tree.use())
+        self.spent = Spent()
+
+    @property
+    def elapsed(self) -> float:
+        """Wall time since the beginning [s]."""
+        return time.monotonic() - self._first.time
+
+    @property
+    def age(self) -> float:
+        """Wall time since the last look [s]."""
+        return time.monotonic() - self._last.time
+
+    def look(self) -> Use:
+        """Bring ``spent`` up to date; what the tree uses."""
+        now = Look(time.monotonic(), self._tree.use())
+        self.spent = self.spent.after(self._last, now)
+        self._last = now
+        return now.use
+
+
+def end_within(patience: float, exit_code: Callable[[float], int | None], tree: Tree) -> int | None:
+    """The exit code of a process that should end, or None if it goes on for ``patience`` [s], computing or waiting.
+
+    ``exit_code`` waits for the end, for so many seconds at most.
+    """
+    watch, code = Stopwatch(tree), exit_code(0.0)
+    while code is None and watch.spent.processor + watch.spent.waited < patience:
+        code = exit_code(PAUSE)
+        watch.look()
+    return code
