@@ -16,7 +16,7 @@ from pathlib import Path
 import psutil
 import pytest
 from hostile import fmus
-from hostile.commands import wait_for
+from hostile.commands import GUARD, wait_for
 from hostile.fmus import Fault
 from hostile.runs import STRUCK, bench, job, noise_cases, run, short_cases
 from support.refusals import refusal
@@ -223,5 +223,5 @@ def test_an_owner_that_is_killed_leaves_nothing(number, plant_file, faulty):
         members = [psutil.Process(int(pid)), *psutil.Process(int(pid)).children()]
         assert os.listdir(scratch)
         owner.send_signal(number)
-    assert not psutil.wait_procs(members, timeout=60)[1]
+    assert not psutil.wait_procs(members, timeout=GUARD)[1]
     assert not Path(scratch).exists()

@@ -137,7 +137,7 @@ def test_workers_that_are_killed_lose_nothing(dask, local, tmp_path):
         assert wait_for(dask.simulating)
         for victim in dask.workers():
             kill(victim)
-        errors = process.communicate(timeout=120)[1]
+        errors = process.communicate()[1]
     assert (process.returncode, "Traceback" in errors) == (0, False), errors
     assert (tmp_path / "cases.csv").read_bytes() == local
 
@@ -160,7 +160,7 @@ def test_a_scheduler_that_is_killed_keeps_what_is_finished(local, tmp_path):
     with running(tmp_path) as own, started(command(tmp_path, *NOISE, "--scheduler", own.address)) as process:
         assert wait_for(own.simulating)
         kill(psutil.Process(own.scheduler.pid))
-        errors = process.communicate(timeout=120)[1]
+        errors = process.communicate()[1]
         assert (process.returncode, "Traceback" in errors) == (1, False), errors
     evaluated(None, tmp_path)
     assert (tmp_path / "cases.csv").read_bytes() == local
@@ -171,7 +171,7 @@ def test_a_scheduler_that_freezes_is_given_up_and_what_is_finished_is_kept(tmp_p
     with running(tmp_path) as own, started(command(tmp_path, *options, own.address)) as process:
         assert wait_for(lambda: stored(tmp_path) > 0)
         own.scheduler.send_signal(signal.SIGSTOP)
-        errors = process.communicate(timeout=60)[1]
+        errors = process.communicate()[1]
         assert process.returncode == 1 and "no answer within 8 s" in errors and "Traceback" not in errors, errors
     assert stored(tmp_path) > 0
 
@@ -196,7 +196,7 @@ def test_a_run_over_tls(local, certificate, tmp_path):
         assert own.address.startswith("tls://")
         words = command(tmp_path, *NOISE, "--scheduler", own.address)
         with started(words, environment=environment) as process:
-            errors = process.communicate(timeout=120)[1]
+            errors = process.communicate()[1]
         assert process.returncode == 0, errors
         assert (tmp_path / "cases.csv").read_bytes() == local
         assert refusal(list, cluster.run([], own.address, 5.0)).what == "no-scheduler", "without certificates"

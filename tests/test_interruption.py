@@ -165,7 +165,7 @@ def test_a_controller_that_hangs_ends_with_the_command_that_is_killed(tmp_path):
     with started(command(tmp_path / "out", str(hanging), *NOISE, "--timeout", "400")) as process:
         assert wait_for(lambda: any(child.cpu_times().user > 0.3 for child in simulations(process.pid)))
         kill(process)
-        process.communicate(timeout=60)
+        process.communicate()
         assert wait_for(lambda: not session_members(process.pid))
 
 
@@ -180,7 +180,7 @@ def test_control_c_stops_keeps_and_leaves_nothing(tmp_path, uninterrupted):
 def interrupted(process) -> str:
     """The last line of a command after Ctrl-C, which leaves nothing behind."""
     os.killpg(process.pid, signal.SIGINT)
-    errors = process.communicate(timeout=60)[1]
+    errors = process.communicate()[1]
     assert wait_for(lambda: not session_members(process.pid))
     assert process.returncode == 130 and "Traceback" not in errors
     return errors.splitlines()[-1]

@@ -111,7 +111,7 @@ def test_a_message_in_pieces_is_waited_for():
 
 def test_an_order_arrives_and_one_that_is_cut_short_does_not():
     files = FmuFiles("x.fmu", "0" * 64, "/nowhere")
-    order = Order(files, files, "module:function", (b"task",), (1.0,))
+    order = Order(files, files, "module:function", (b"task",))
     near, far = socket.socketpair()
     with near, far:
         far.sendall(frame(order) + frame(order)[:-1])

@@ -213,4 +213,4 @@ def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what ``function`` returns in a fresh process."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
-        return pool.submit(function, *arguments).result(timeout=120)
+        return pool.submit(function, *arguments).result()
