@@ -91,13 +91,13 @@ def show(found: Robustness, console: Console) -> None:
     grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
     console.print(grid)
     for name, requirement in found.requirements.items():
-        console.print(f"{name}  {safe(verdict_words(requirement))}", style=None if requirement.passed else "red")
+        console.print(f"{name}  {safe(verdict_words(requirement))}", style="red" if requirement.passed is False else None)
     for name, margin in found.margins.items():
         console.print(f"{safe(name):12}{margin_words(name, margin)}")
     for name, words in radius_rows(found.radius):
         console.print(f"{name}: {words} the tolerances of Table 1")
     commands = {name: entry.worst_case.command for name, entry in found.criteria.items() if entry.worst_case.command}
-    commands |= {name: each.command for name, each in found.requirements.items() if not each.passed}
+    commands |= {name: each.command for name, each in found.requirements.items() if each.passed is False}
     commands |= {f"margin {name}": margin.command for name, margin in found.margins.items() if margin.command}
     console.print("\nto repeat these:")
     for name, command in commands.items():
