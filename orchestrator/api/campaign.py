@@ -174,7 +174,7 @@ def simulate(bench: Bench, scenario: Scenario) -> Trajectory:
     )
     (outcome,) = run_isolated(job)
     if isinstance(outcome, Died):
-        raise Crash(account(outcome, scenario))
+        raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")
     if not isinstance(outcome, Done):
         raise error_of(outcome.error)
     found: Trajectory = outcome.value

@@ -134,7 +134,9 @@ def overall(rules: Rules, draws: Sequence[tuple[int, Sequence[CaseResult]]]) -> 
         criteria={name: _criterion(name, cards) for name in rules.criteria},
         requirements={name: _requirement(name, cards) for name in cards[0][1].stability},
         cases=tuple(
-            CaseEnding(each.id, seed, each.status, each.time, each.message) for seed, results in draws for each in results
+            CaseEnding(each.id, seed, each.status, each.time, each.message)
+            for seed, results in draws
+            for each in results
         ),
     )
 

@@ -13,8 +13,8 @@ from .tally import Tally
 
 class SeedScore(Struct):
     """What the evaluation with one seed came to: V, B1 to B7 as in :class:`.CriterionScore`, and which requirements
-    are met (None: not judged), with the tallies of their cases. A value is None where a case that counts has none, as if
-    it is unstable."""
+    are met (None: not judged), with the tallies of their cases. A value is None where a case that counts has none, as
+    if it is unstable."""
 
     seed: Natural
     cost: NonNegative | None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from ..codec import Natural, Struct
 
@@ -18,10 +18,10 @@ UNJUDGED: tuple[Unjudged, ...] = get_args(Unjudged)
 
 Outcome = Failure | Unjudged | Literal["holds"]
 
-MEASURED = ("no rest", "limit cycle")
+MEASURED: frozenset[Failure] = frozenset({"no rest", "limit cycle"})
 """Failures with an amplitude; of the others, none is worse than another."""
 
-VERBS: Mapping[str, str] = {
+VERBS: Mapping[Outcome, str] = {
     "crashed": "ended with `crashed`",
     "timeout": "ended with `timeout`",
     "error": "ended with `error`",
@@ -84,26 +84,28 @@ def _of(cases: int, counts: Mapping[str, int], first: str) -> Tally:
 
 
 def reason(found: Tally) -> str:
-    """Why a requirement is not met or not judged, such as "3 of 36 cases ended with `timeout`, first c04.sticky.gain_1";
-    empty if it is met."""
+    """Why a requirement is not met or not judged, such as "3 of 36 cases ended with `timeout`, first
+    c04.sticky.gain_1"; empty if it is met."""
     if found.passed:
         return ""
     if not found.cases:
         return "the protocol has no case for it"
-    counts: dict[str, int] = {**(found.failed or found.not_judged)}
-    ended = [f"{count} {_verb(name, count)}" for name, count in counts.items()]
-    total = sum(counts.values())
-    word = "failed" if found.failed else _be(total) + " not judged"
-    lead = f"{total} of {found.cases} cases "
-    text = lead + (ended[0].partition(" ")[2] if len(ended) == 1 else f"{word} ({', '.join(ended)})")
+    counts: Mapping[Any, int] = found.failed or found.not_judged
+    total, ended = sum(counts.values()), [f"{count} {_verb(name, count)}" for name, count in counts.items()]
+    text = f"{total} of {found.cases} cases "
+    if len(ended) == 1:
+        text += ended[0].removeprefix(f"{total} ")
+    else:
+        text += ("failed" if found.failed else "were not judged") + f" ({', '.join(ended)})"
     if found.first:
-        text += f", {'worst' if found.failed and found.failed.keys() <= {*MEASURED} else 'first'} {found.first}"
+        text += f", {'worst' if found.failed and found.failed.keys() <= MEASURED else 'first'} {found.first}"
     if found.failed and found.not_judged:
-        text += f"; {sum(found.not_judged.values())} more not judged"
+        rest = sum(found.not_judged.values())
+        text += f"; {rest} more {_be(rest)} not judged"
     return text
 
 
-def _verb(name: str, count: int) -> str:
+def _verb(name: Outcome, count: int) -> str:
     return VERBS.get(name) or f"{_be(count)} not run"
 
 
