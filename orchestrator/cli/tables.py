@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import io
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -117,15 +117,15 @@ def _requirements(results: Results, width: int) -> Table:
     return grid
 
 
-def show_endings(cases: Sequence[CaseResult | CaseEnding], file: str, console: Console) -> list[str]:
-    """Print the first cases that did not end with ``done``, with status and message; all are in ``file``. Returns their
-    names."""
-    failed = [case for case in cases if case.status is not Status.DONE]
-    for case in failed[:MESSAGES]:
-        console.print(f"{safe(case.id)}: [red]{case.status.value}[/red]: {safe(case.message)}")
+def show_endings(cases: Iterable[tuple[str, CaseResult | CaseEnding]], file: str, console: Console) -> list[str]:
+    """Print the first of the named cases that did not end with ``done``, with status and message; all are in ``file``.
+    Returns the names of those printed that were run."""
+    failed = [(name, case) for name, case in cases if case.status is not Status.DONE]
+    for name, case in failed[:MESSAGES]:
+        console.print(f"{safe(name)}: [red]{case.status.value}[/red]: {safe(case.message)}")
     if len(failed) > MESSAGES:
         console.print(f"... and {len(failed) - MESSAGES} more; see {file}.")
-    return [case.id for case in failed[:MESSAGES]]
+    return [name for name, case in failed[:MESSAGES] if case.status is not Status.SKIPPED]
 
 
 def show_reasons(lines: Iterable[Reason], console: Console) -> None:
@@ -136,7 +136,7 @@ def show_reasons(lines: Iterable[Reason], console: Console) -> None:
 
 def _failures(results: Results, console: Console) -> None:
     """The first cases that failed, why requirements are not met, and the commands that repeat the other worst cases."""
-    failed = show_endings(results.cases, "cases.csv", console)
+    failed = show_endings(((case.id, case) for case in results.cases), "cases.csv", console)
     show_reasons(reasons(results), console)
     shown = {entry.tally.first for entry in results.stability.values() if entry.passed is False}
     worst = [row.judged.worst_case for row in requirement_rows(results) if row.judged.passed is False]

@@ -129,7 +129,8 @@ def show(found: Verification, console: Console) -> None:
     if found.strict is not None:
         known = {name: each.strict for name, each in found.references.items() if each.strict is not None}
         console.print(_table("The worst poses of strict, moved by the first draw", found.strict, known))
-    show_endings((*found.cases, *(found.strict.cases if found.strict else ())), found.FILE, console)
+    cases = (*found.cases, *(found.strict.cases if found.strict else ()))
+    show_endings(((f"{case.id} --seed {case.seed}", case) for case in cases), found.FILE, console)
     show_reasons(verification_reasons(found), console)
 
 

@@ -145,7 +145,7 @@ def without_cost(results: Results) -> str:
 def incomplete(results: Results) -> str:
     """How many cases of the protocol were not simulated, by status."""
     ended = Counter(case.status.value for case in results.cases if not case.simulated)
-    parts = [f"{count} ended with `{status}`" for status, count in ended.items()]
+    parts = [f"{count} ended with {status}" for status, count in ended.items()]
     if rest := results.rules.cases - len(results.cases):
         parts.append(f"{rest} {'was' if rest == 1 else 'were'} not run")
     return f"of the protocol's {results.rules.cases} cases, {', '.join(parts)}"
