@@ -7,13 +7,13 @@ After a change of words, look at the difference that ``REFRESH=1 python -m pytes
 import io
 import json
 from collections import Counter
-from html import escape
 from itertools import groupby
 from typing import get_args
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from markupsafe import escape
 from msgspec.structs import replace
 from rich.console import Console
 from support.reports import CONTROLLER, PLANT, results_of, scaled, searched, stored
@@ -190,7 +190,7 @@ def test_every_output_has_the_line(name, tmp_path):
     for line in map(str, lines):
         assert line in text.splitlines()
     for line in lines:
-        assert line.text.replace("`", "") in page and line.text in fragment and escape(line.command) in page
+        assert line.text.replace("`", "") in page and line.text in fragment and str(escape(line.command)) in page
     for entry in results.stability.values():
         assert entry.reason in text
     assert stored(tmp_path, results, ()).results == results

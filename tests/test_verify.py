@@ -189,12 +189,12 @@ def test_cases_that_do_not_end_are_told_with_their_reason(what, bench, faulty, t
 
 
 def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
-    """A hang of the second case: the first one has no requirement."""
     slow = replace(bench, timeout=1.0)
     found = verified(slow, Controller(faulty(Fault("spin"))), count=2)
     assert {case.status for case in found.cases} <= {Status.TIMEOUT, Status.SKIPPED}
-    assert found.requirements["A3"].passed is False and found.requirements["A3"].tally.failed["timeout"] >= 1
-    assert found.requirements["A3"].reason.endswith("first c00.compliant.disturbance") and not found.complete
+    assert found.requirements["A3"].passed is False
+    assert found.requirements["A3"].reason.startswith("1 of 2 cases ended with `timeout`, first c00.")
+    assert not found.complete
 
 
 @pytest.mark.parametrize("name", ["DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG"])
