@@ -125,7 +125,7 @@ def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> 
     def speed(execute: Callable[..., Any]) -> float:
         begin = time.perf_counter()
         found = list(run_cases(protocol, cases, bench, execute))
-        assert all(run.result.judged for _, run in found)
+        assert all(run.result.simulated for _, run in found)
         return len(found) / (time.perf_counter() - begin)
 
     single = speed(functools.partial(pool.run, workers=1))

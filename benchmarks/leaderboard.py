@@ -70,6 +70,9 @@ WORST_HEAD = (
     + 12 * "|---"
     + "|\n"
 )
+HELD = {True: "holds", False: "fails", None: "not judged"}
+"""The verdict on a requirement, as a word of the tables."""
+
 SEARCHED = ("B5", "B6", "B7")
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
@@ -191,7 +194,7 @@ def _shown(entry: Mapping[str, Any]) -> str:
 
 
 def _verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
-    return " ".join("holds" if entry["passed"] else "fails" for entry in requirements.values())
+    return " ".join(HELD[entry["passed"]] for entry in requirements.values())
 
 
 def _margin(margin: Mapping[str, Any], factor: float) -> str:
@@ -236,7 +239,7 @@ def broken(found: Mapping[str, Any]) -> str:
     """What a search found against the requirements, with the commands."""
     failures: dict[str, tuple[Mapping[str, Any], list[str]]] = {}
     for name, entry in found["requirements"].items():
-        if not entry["passed"]:
+        if entry["passed"] is False:
             failures.setdefault(entry["command"], (entry, []))[1].append(name)
     if not failures:
         return f"No system that breaks A1, A2 or A3 was found in {found['simulations']} simulations.\n"
@@ -291,7 +294,7 @@ def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
     """The table of the submissions; mean and standard deviation over the draws."""
     lines = []
     for name, known in found:
-        verdicts = " ".join("holds" if entry.passed else "fails" for entry in known.requirements.values())
+        verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
         values = " | ".join(
             spread(known.criteria[key], SHOWN[known.criteria[key].unit][0]) for key in ("B5", "B6", "B7")
         )

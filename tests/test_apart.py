@@ -41,7 +41,7 @@ def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
 FAULTS = [
     (Fault("segfault"), Status.CRASHED, "controller's process was ended by SIGSEGV, in the call 'fmi2DoStep' of the"),
     (Fault("exit:0"), Status.CRASHED, "controller's process ended by itself with exit code 0"),
-    (Fault("kill-parent"), Status.CRASHED, "ended by SIGKILL"),
+    (Fault("kill-parent"), Status.LOST, "ended by SIGKILL"),
     (Fault("garbage"), Status.CRASHED, "controller's process sent what is no answer"),
     (Fault("spin"), Status.TIMEOUT, "in the call 'fmi2DoStep' of the controller at t = 0.02 s"),
     (Fault("status:3"), Status.ERROR, "fmi2DoStep returned error\n  hostile: as you wish"),

@@ -5,7 +5,6 @@ tests/test_error_texts.py`` makes to the file.
 """
 
 import ast
-import os
 import re
 from collections.abc import Callable
 from fractions import Fraction
@@ -17,6 +16,7 @@ from fmpy.model_description import BaseUnit, Unit
 from support.closed_loops import PAPER
 from support.descriptions import T_S, archive, description, pair, usual, variable
 from support.refusals import refusal
+from support.snapshots import snapshot
 
 import orchestrator
 from controller_fmu.export import find_compiler
@@ -32,7 +32,6 @@ from orchestrator.loop import plan, sampling, setup
 from orchestrator.loop.scenario import NO_DELAY, Scenario
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
-SNAPSHOT = Path(__file__).parent / "snapshots" / "messages.txt"
 WHERE = "The controller x.fmu"
 NAMED = description(
     [variable("K", "parameter", size=2), variable("n", "parameter", kind="Integer"), variable("y", "output")]
@@ -139,10 +138,7 @@ def test_texts_are_those_of_the_snapshot(tmp_path, monkeypatch):
         text = text.replace(str(tmp_path), "FOLDER").replace(fmpy.platform, "PLATFORM")
         found[error.what] = re.sub(r"Premature end.*", "(libxml's words)", text)
     told = "".join(f"{what}\n    {text}\n\n" for what, text in sorted(found.items()))
-    if os.environ.get("REFRESH"):
-        SNAPSHOT.parent.mkdir(exist_ok=True)
-        SNAPSHOT.write_text(told, encoding="utf-8")
-    assert told == SNAPSHOT.read_text(encoding="utf-8")
+    assert told == snapshot("messages.txt", told)
     assert lower_codes() - set(found) <= SEEN_ELSEWHERE, "every code of the lower rooms has its text in the snapshot"
 
 

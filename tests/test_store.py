@@ -154,7 +154,7 @@ def test_a_run_comes_back_to_the_last_bit(own, case, status, figure, time, messa
 
 def test_a_second_record_takes_the_first_ones_place_and_what_is_not_final_is_not_kept(opened, own):
     put(opened, own, *map(run_of, CASES[:2]), run_of(CASES[0], warnings=3))
-    put(opened, own, replace(run_of(CASES[2], Status.CRASHED), final=False), run_of(CASES[3], Status.SKIPPED))
+    put(opened, own, run_of(CASES[2], Status.LOST), run_of(CASES[3], Status.SKIPPED))
     assert load(opened, own) == [run_of(CASES[0], warnings=3), run_of(CASES[1])]
     opened.forget([key_of(own)[CASES[0].id]])
     assert load(opened, own) == [run_of(CASES[1])]

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hostile.cheats import BODIES, DEFINES, cheat
+from hostile.fmus import Fault
 from msgspec import structs
 from support.refusals import refusal
 
@@ -25,10 +26,11 @@ from orchestrator.benchmark.certificate import Figure, Score, identity, overall,
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
 from orchestrator.cli import verify as command
-from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
+from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.certificates import Verification, differences
+from orchestrator.reporting.wording import VERDICTS
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
@@ -163,6 +165,36 @@ def test_a_plant_that_is_changed_after_it_was_opened_is_not_run(bench, honest):
     library.write_bytes(content + b"other")  # it would do the same, but nobody knows
     assert bench.evaluate(recordings=False).cases == honest.cases
     assert library.read_bytes() == content
+
+
+ENDS = {"kill:9": (Status.LOST, None, EXIT_NOT_JUDGED), "abort": (Status.CRASHED, False, EXIT_INCOMPLETE)}
+
+
+@pytest.mark.parametrize("what", ENDS)
+def test_cases_that_do_not_end_are_told_with_their_reason(what, bench, faulty, tmp_path, capsys, monkeypatch):
+    """One that a signal from anywhere has ended is not judged; one that ended itself fails."""
+    status, passed, code = ENDS[what]
+    monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
+    options = ["--no-strict", "--beside", PID, "--jobs", "2", "--output-dir", str(tmp_path)]
+    assert command.main([str(faulty(Fault(what))), "--protocol", str(bench.protocol), *options]) == code
+    found = Verification.load(tmp_path)
+    assert found.requirements["A3"].passed is passed and found.references[PID].requirements["A3"].passed
+    assert {case.status for case in found.cases} <= {status, Status.SKIPPED} and len(found.cases) == 6
+    assert all("ended by SIG" in case.message for case in found.cases)
+    assert {case.status for case in found.references[PID].cases} == {Status.DONE}
+    said = capsys.readouterr().out
+    assert f"A3 {VERDICTS[passed]}" in said and found.requirements["A3"].reason in said
+    repeats = f"--case c00.compliant.disturbance --protocol {bench.protocol} --seed"
+    assert (repeats in said) is (passed is False)
+
+
+def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
+    slow = replace(bench, timeout=1.0)
+    found = verified(slow, Controller(faulty(Fault("spin"))), count=2)
+    assert {case.status for case in found.cases} <= {Status.TIMEOUT, Status.SKIPPED}
+    assert found.requirements["A3"].passed is False
+    assert found.requirements["A3"].reason.startswith("1 of 2 cases ended with `timeout`, first c00.")
+    assert not found.complete
 
 
 @pytest.mark.parametrize("name", ["DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG"])

@@ -99,16 +99,12 @@ class Bench:
 
 @dataclass(frozen=True)
 class CaseRun:
-    """A case with its result, and the wall time [s] it took.
-
-    ``final`` is False if something from outside ended it, so that it is worth another try. ``kind`` is what went wrong
-    without figures, the same for equal failures; empty if nothing did.
-    """
+    """A case with its result, and the wall time [s] it took. ``kind`` is what went wrong without figures, the same for
+    equal failures; empty if nothing did."""
 
     case: Case
     result: CaseResult
     wall_time: float = 0.0
-    final: bool = True
     kind: str = ""
 
 
@@ -178,7 +174,7 @@ def simulate(bench: Bench, scenario: Scenario) -> Trajectory:
     )
     (outcome,) = run_isolated(job)
     if isinstance(outcome, Died):
-        raise Crash(account(outcome, scenario))
+        raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")
     if not isinstance(outcome, Done):
         raise error_of(outcome.error)
     found: Trajectory = outcome.value
@@ -236,18 +232,19 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
     if isinstance(outcome, Done):
         judgement: Judgement = outcome.value
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
-        return CaseRun(case, named(case, judgement), outcome.wall_time, kind=kind)
+        return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
     if isinstance(outcome, Died):
-        status = Status.TIMEOUT if outcome.timeout else Status.CRASHED
+        # What somebody else has ended, or kept from ending in time, is no failure of the controller.
+        status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED
         outcome = structs.replace(outcome, place=_plausible(outcome.place, case.scenario))
         time = float(outcome.place.sample * case.scenario.sample_time)
         judgement = Judgement(status=status, time=time, message=account(outcome, case.scenario))
-        return CaseRun(case, named(case, judgement), outcome.wall_time, not outcome.outside, outcome.kind)
+        return CaseRun(case, named(case, judgement), outcome.wall_time, outcome.kind)
     error = outcome.error
     kind = f"{error.call} failed" if error.call else _first_line(error.message)
     # Errors are raised before the first sample; a trajectory tells those that come later.
     judgement = Judgement(status=Status.ERROR, time=0.0, message=error.message)
-    return CaseRun(case, named(case, judgement), outcome.wall_time, kind=kind)
+    return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
 
 
 def account(death: Died, scenario: Scenario) -> str:

@@ -11,6 +11,7 @@ from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, 
 from ..reporting.files import prepare_folder
 from ..reporting.recording import Recording
 from ..reporting.run import Run, load_run, save_run
+from ..reporting.wording import VERDICTS
 
 if TYPE_CHECKING:
     import pandas
@@ -38,7 +39,7 @@ class Evaluation:
 
     @property
     def complete(self) -> bool:
-        """Whether every case of the protocol came to a verdict."""
+        """Whether every case of the protocol ended with ``done`` or ``unstable``."""
         return self.results.complete
 
     @property
@@ -48,7 +49,8 @@ class Evaluation:
 
     @property
     def requirements(self) -> Mapping[str, Requirement]:
-        """A1 to A3, with ``passed``, ``limit_cycle`` [m], ``worst_case`` and the verdicts by ``axes``."""
+        """A1 to A3, with ``passed`` (None: not judged), ``reason``, ``limit_cycle`` [m], ``worst_case`` and the
+        verdicts by ``axes``."""
         return self.results.stability
 
     @property
@@ -112,8 +114,5 @@ class Evaluation:
 
     def __repr__(self) -> str:
         cost = "no cost" if self.cost is None else f"V = {self.cost:.1f}"
-        verdicts = ", ".join(
-            f"{name} {'holds' if entry.passed else 'not tested' if entry.passed is None else 'fails'}"
-            for name, entry in self.requirements.items()
-        )
+        verdicts = ", ".join(f"{name} {VERDICTS[entry.passed]}" for name, entry in self.requirements.items())
         return f"Evaluation({self.results.controller.file}, {self.results.protocol}: {cost}, {verdicts})"

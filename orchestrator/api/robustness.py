@@ -13,7 +13,6 @@ from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..errors import Crash, InputError
-from ..loop.trajectory import Status
 from ..reporting.files import REPORT, TRAJECTORIES, remove
 from ..reporting.recording import BESIDE, FOUND
 from ..reporting.recording import save as save_recordings
@@ -148,7 +147,7 @@ def find_worst_case(
         seed=setting.seed,
         budget=budget,
         simulations=len(results),
-        failures=sum(result.status in (Status.TIMEOUT, Status.CRASHED, Status.ERROR) for result in results),
+        failures=sum(result.judged and not result.simulated for result in results),
         complete=hunt.complete,
         cut_short=tuple(hunt.cut_short),
         cost=found,

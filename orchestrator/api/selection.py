@@ -38,15 +38,15 @@ def shown(
 ) -> list[Shown]:
     """What to simulate for the report of ``runs``.
 
-    A case that hung or ended its process would do so again: it is not tried. Where one hung, or none came to its end,
-    nothing is tried that was not tried before. The spread is limited to as many systems as the evaluation ran, so
-    that a short evaluation stays short.
+    A case that hung or ended its process would do so again, and one that was lost may: it is not tried. Where one hung,
+    or none came to its end, nothing is tried that was not tried before. The spread is limited to as many systems as the
+    evaluation ran, so that a short evaluation stays short.
     """
     known = {run.case.id: run for run in runs}
     chosen = [
         Shown(known[id].case, tuple(roles))
         for id, roles in _worst(card).items()
-        if known[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.SKIPPED)
+        if known[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.LOST, Status.SKIPPED)
     ]
     statuses = {run.result.status for run in runs}
     if Status.DONE not in statuses or Status.TIMEOUT in statuses:
@@ -78,6 +78,6 @@ def _worst(card: Scorecard) -> dict[str, list[str]]:
             roles.setdefault(score.worst_case.id, []).append(name)
     for name, requirement in card.stability.items():
         for axis, verdict in requirement.axes.items():
-            if verdict.worst_case and not verdict.passed:
+            if verdict.worst_case and verdict.passed is False:
                 roles.setdefault(verdict.worst_case, []).append(f"{name} {axis}")
     return roles

@@ -64,13 +64,13 @@ def load(
             stored = from_json(records[key], StoredRun)
             check_judgement(protocol, case, stored.judgement)
             if stored.judgement.status in LASTING or (failures and stored.conditions == bench.conditions):
-                found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, kind=stored.kind)
+                found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, stored.kind)
     return found
 
 
 def keep(store: Store, key: str, run: CaseRun, bench: Bench) -> None:
-    """Store a run, unless somebody else may have had a part in it."""
-    if run.final and run.result.status is not Status.SKIPPED:
+    """Store a run that says something about the controller."""
+    if run.result.judged:
         result = run.result
         judgement = Judgement(
             status=result.status,

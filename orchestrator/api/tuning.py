@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..benchmark.results import rules
+from ..benchmark.results import Requirement, rules
 from ..errors import Crash, FmuError, InputError
 from ..execution import store
 from ..fmi.variables import variables
@@ -104,7 +104,7 @@ def tune(
         seeds = evaluate_seeds(goal, chosen, others, _in(folder, "seeds"), None, recordings=False)
         listed = evaluate(list_of, chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True)
         broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
-        found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken)
+        found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, not_judged(listed.requirements))
     return Tuning(
         schema=Tuning.SCHEMA,
         benchmark=goal.rules.benchmark,
@@ -177,10 +177,11 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
             verdict.worst_case: None
             for name in broken
             for verdict in evaluation.requirements[name].axes.values()
-            if not verdict.passed and verdict.worst_case
+            if verdict.passed is False and verdict.worst_case
         }
         named = {case.id: case for case in cases}
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
+        broken += [f"{name} not judged" for name in not_judged(evaluation.requirements)]
         if evaluation.cost is None:
             broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
@@ -192,9 +193,15 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]
-        return Verdict(evaluation.cost, answer.cost, answer.broken, found)
+        unknown = (f"{name} not judged" for name, entry in answer.requirements.items() if entry.passed is None)
+        return Verdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found)
 
     return verdict
+
+
+def not_judged(requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
+    """The requirements that the protocol has cases for, but that are not judged."""
+    return tuple(name for name, entry in requirements.items() if entry.passed is None and entry.tally.cases)
 
 
 def _command(answer: Robustness, role: str) -> str:
@@ -202,7 +209,7 @@ def _command(answer: Robustness, role: str) -> str:
     if role in answer.criteria:
         return answer.criteria[role].worst_case.command
     entry = answer.requirements[role[:2]]
-    return "" if entry.passed else entry.command
+    return entry.command if entry.passed is False else ""
 
 
 def _name(trial: Trial) -> str:

@@ -24,15 +24,13 @@ from ..cache import code_hash
 from ..errors import InputError
 from ..execution import pool, sandbox, store
 from ..loop.sampling import controller_sample_time
-from ..reporting.certificates import FRESH, PUBLISHED, Verification
+from ..reporting.certificates import FRESH, PUBLISHED, STRICT, Verification
 from . import document
 from .campaign import Bench, CaseRun, rehearse
 from .conditions import Conditions
 from .controller import Controller
 from .reference import reference
 from .running import Runner
-
-STRICT = "strict-verification"
 
 OnCase = Callable[[CaseResult, int, int], None]
 

@@ -10,9 +10,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..codec import Natural, NonNegative, Struct, to_json
-from .results import CaseResult, Kind, Rules, Scorecard
+from ..loop.trajectory import Status
+from .results import CaseResult, Kind, Requirement, Rules, Scorecard
 from .scorecard import score
 from .spread import statistic
+from .tally import Tally, merged, reason
 
 
 class Figure(Struct):
@@ -39,21 +41,49 @@ class CriterionFound(Figure):
 
 
 class RequirementFound(Struct):
-    """A requirement: whether it holds in all draws, in how many it does not, and the worst case."""
+    """A requirement over the draws.
+
+    ``passed`` is False if it is not met in a draw (there are ``failed_draws`` of them), else None if it is not judged
+    in one, else True. ``tally`` counts the cases of all draws. ``worst_case`` is that of the worst draw, or the first
+    case that was skipped or lost; it has no value then.
+    """
 
     passed: bool | None
     failed_draws: Natural
     kind: Kind
     worst_case: WorstDraw | None
+    tally: Tally
+
+    @property
+    def reason(self) -> str:
+        """Why it is not met or not judged, in words; empty if it is met."""
+        return reason(self.tally)
+
+
+class CaseEnding(Struct, omit_defaults=True):
+    """How a case of a draw ended, at which simulated ``time`` [s], and why if not with ``done``."""
+
+    id: str
+    seed: Natural
+    status: Status
+    time: NonNegative
+    message: str = ""
+
+    @property
+    def simulated(self) -> bool:
+        """As in :class:`.results.Judgement`."""
+        return self.status in (Status.DONE, Status.UNSTABLE)
 
 
 class Score(Struct):
-    """A controller over all draws. ``complete`` tells whether every case came to a verdict."""
+    """A controller over all draws: its figures, and how each case ended. ``complete`` tells whether all ended with
+    ``done`` or ``unstable``."""
 
     complete: bool
     cost: Figure
     criteria: dict[str, CriterionFound]
     requirements: dict[str, RequirementFound]
+    cases: tuple[CaseEnding, ...]
 
 
 class Draw(Struct):
@@ -103,6 +133,11 @@ def overall(rules: Rules, draws: Sequence[tuple[int, Sequence[CaseResult]]]) -> 
         cost=figure((seed, card.cost) for seed, card in cards),
         criteria={name: _criterion(name, cards) for name in rules.criteria},
         requirements={name: _requirement(name, cards) for name in cards[0][1].stability},
+        cases=tuple(
+            CaseEnding(each.id, seed, each.status, each.time, each.message)
+            for seed, results in draws
+            for each in results
+        ),
     )
 
 
@@ -123,10 +158,19 @@ def _criterion(name: str, cards: Sequence[tuple[int, Scorecard]]) -> CriterionFo
 
 def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> RequirementFound:
     found = [(seed, card.stability[name]) for seed, card in cards]
-    seed, worst = max(
-        found, key=lambda each: (each[1].passed is False, each[1].limit_cycle is None, each[1].limit_cycle or 0.0)
+
+    def badness(draw: tuple[int, Requirement]) -> tuple[bool, bool, bool, float]:
+        own = draw[1]
+        return own.passed is False, own.passed is None, own.limit_cycle is None, own.limit_cycle or 0.0
+
+    seed, worst = max(found, key=badness)
+    id = worst.tally.first or worst.worst_case
+    value = worst.limit_cycle if id == worst.worst_case else None
+    over = merged((each.tally for _, each in found), worst.tally.first)
+    return RequirementFound(
+        passed=over.passed,
+        failed_draws=sum(each.passed is False for _, each in found),
+        kind=worst.kind if id == worst.worst_case else "no verdict",
+        worst_case=None if id is None else WorstDraw(id, seed, value),
+        tally=over,
     )
-    case = None if worst.worst_case is None else WorstDraw(worst.worst_case, seed, worst.limit_cycle)
-    verdicts = [each.passed for _, each in found]
-    passed = False if False in verdicts else None if None in verdicts else True
-    return RequirementFound(passed, verdicts.count(False), worst.kind, case)

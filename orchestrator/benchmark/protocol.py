@@ -166,7 +166,11 @@ class Protocol(Struct):
     @property
     def case_count(self) -> int:
         """Number of cases of the whole protocol."""
-        return sum((len(test.poses) or self.grid.size) * len(self.sets[test.systems]) for test in self.tests)
+        return sum(map(self.count, self.tests))
+
+    def count(self, test: Test) -> int:
+        """Number of cases of ``test``."""
+        return (len(test.poses) or self.grid.size) * len(self.sets[test.systems])
 
     def test(self, name: str) -> Test:
         """The test called ``name``; raises :class:`InputError` with the names there are."""

@@ -14,8 +14,12 @@ from ..loop.computing import ComputingTime
 from ..loop.trajectory import Status
 from .case import Configuration, Test
 from .protocol import Protocol, Stability
+from .tally import Tally, reason
 
-SCHEMA = "flexible-manipulator-results/2"
+SCHEMA = "flexible-manipulator-results/3"
+
+SCHEMA_2 = "flexible-manipulator-results/2"
+"""The form before it, without tallies, in which a case that was lost is ``crashed``; it is still read."""
 
 
 class Measurements(Struct, omit_defaults=True):
@@ -69,9 +73,14 @@ class Judgement(Struct, kw_only=True):
     warnings: Natural = 0
 
     @property
-    def judged(self) -> bool:
-        """Whether the simulation came to a verdict on the controller."""
+    def simulated(self) -> bool:
+        """Whether the loop was simulated until its end, or until it left the workspace."""
         return self.status in (Status.DONE, Status.UNSTABLE)
+
+    @property
+    def judged(self) -> bool:
+        """Whether its end says anything about the controller: one that was skipped or lost does not."""
+        return self.status not in (Status.SKIPPED, Status.LOST)
 
 
 class CaseResult(Judgement, kw_only=True):
@@ -120,15 +129,18 @@ class CriterionScore(CriterionSpec):
 
 
 class Verdict(Struct, kw_only=True):
-    """Whether a requirement holds, and the worst case with the amplitude of its limit cycle [m].
+    """Whether a requirement is met, and the worst case with the amplitude of its limit cycle [m].
 
-    ``passed`` is None if no case has been tried. The worst is a case without an amplitude (left, crashed), else the
-    largest limit cycle of those that fail, else of all; ``kind``, ``ratio`` and ``frequency`` [Hz] are that case's.
+    ``passed`` is False if a case fails, else None if a case that the protocol asks for was skipped, lost or not run
+    (the requirement is not judged), else True; ``tally`` counts how the cases ended. The worst is, of those that fail,
+    the first without an amplitude (it left the workspace, crashed, ...), else that with the largest limit cycle; if
+    none fails, the largest of all that were judged; ``kind``, ``ratio`` and ``frequency`` [Hz] are that case's.
     ``rest_error`` is given if it fails by it alone: its TCP error at the end [m], which is too large for rest. With
     other noise the same test failed ``seeds_failed`` times of ``seeds_tried``.
     """
 
     passed: bool | None
+    tally: Tally = Tally()
     limit_cycle: NonNegative | None = None
     rest_error: NonNegative | None = None
     worst_case: str | None = None
@@ -137,6 +149,11 @@ class Verdict(Struct, kw_only=True):
     frequency: NonNegative | None = None
     seeds_failed: Natural = 0
     seeds_tried: Natural = 0
+
+    @property
+    def reason(self) -> str:
+        """Why it is not met or not judged, in words; empty if it is met."""
+        return reason(self.tally)
 
 
 class Requirement(Verdict, kw_only=True):
@@ -156,7 +173,8 @@ class ConfigurationScore(Struct):
 
 
 class TestRules(Struct):
-    """What a test adds to the loop, and what is measured in it."""
+    """What a test adds to the loop, and what is measured in it. ``cases`` is the number of its cases in the whole
+    protocol; None if that is not known, as in files that are older than this field."""
 
     __test__ = False
 
@@ -168,6 +186,7 @@ class TestRules(Struct):
     requirements: tuple[str, ...]
     repeats: str = ""
     draws: bool = False
+    cases: Natural | None = None
 
 
 class CostRules(Struct):
@@ -269,7 +288,7 @@ class RunTiming(Struct):
 
 class Scorecard(Struct):
     """``cost`` is V of eq. (15), None if a criterion has no value. ``complete`` tells whether every case of the
-    protocol came to a verdict."""
+    protocol ended with ``done`` or ``unstable``."""
 
     complete: bool
     cost: NonNegative | None
@@ -330,12 +349,12 @@ def rules(protocol: Protocol) -> Rules:
         stability=protocol.stability,
         settling_error=protocol.settling.error,
         torque_limit=protocol.loop.torque_limit,
-        tests=tuple(map(test_rules, protocol.tests)),
+        tests=tuple(test_rules(test, protocol.count(test)) for test in protocol.tests),
     )
 
 
-def test_rules(test: Test) -> TestRules:
-    """The rules of a test."""
+def test_rules(test: Test, cases: int | None = None) -> TestRules:
+    """The rules of a test, which has so many ``cases``; None if that is not known."""
     return TestRules(
         name=test.name,
         axis=test.axis,
@@ -345,4 +364,5 @@ def test_rules(test: Test) -> TestRules:
         requirements=test.requirements,
         repeats=test.repeats,
         draws=test.draws,
+        cases=cases,
     )

@@ -24,17 +24,27 @@ from .results import (
     Verdict,
     WorstCase,
 )
+from .tally import UNJUDGED, Outcome, tally
 
 HOLDING = ("quiet", "ring-down")
 """Kinds of a case in which a requirement holds."""
 
+ENDED: dict[Status, Outcome] = {
+    Status.CRASHED: "crashed",
+    Status.TIMEOUT: "timeout",
+    Status.ERROR: "error",
+    Status.LOST: "lost",
+    Status.SKIPPED: "skipped",
+}
+"""How a case counts that did not reach its end."""
+
 
 def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = None) -> Scorecard:
-    """The scorecard of ``results``; it is complete if ``expected`` cases (default: all) came to a verdict."""
+    """The scorecard of ``results``; it is complete if ``expected`` cases (default: all) were simulated."""
     criteria = {name: _criterion(rules, name, spec, results) for name, spec in rules.criteria.items()}
-    judged = sum(result.judged for result in results)
+    simulated = sum(result.simulated for result in results)
     return Scorecard(
-        complete=judged == (rules.cases if expected is None else expected),
+        complete=simulated == (rules.cases if expected is None else expected),
         cost=_sum(criterion.share for criterion in criteria.values()),
         criteria=criteria,
         stability={
@@ -124,27 +134,55 @@ def kind(result: Judgement, limits: Stability, amplitude: float | None = None) -
     return "ring-down" if ratio is not None and ratio < limits.ring_down else "limit cycle"
 
 
-def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]]) -> Verdict:
-    """Over pairs of a case and its limit-cycle amplitude [m], None if it has no such amplitude."""
+def outcome(result: Judgement, limits: Stability, amplitude: float | None = None) -> Outcome:
+    """How ``result`` counts for a requirement, with the limit cycle's ``amplitude`` [m] in place of its own."""
+    if result.status is Status.UNSTABLE:
+        return "left the workspace" if result.measurements.rest_error is None else "no rest"
+    if result.status is not Status.DONE:
+        return ENDED[result.status]
+    found = kind(result, limits, amplitude)
+    if found == "limit cycle":
+        return "limit cycle"
+    return "holds" if found in HOLDING else "lost"  # what has no figure says nothing
+
+
+def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]], expected: int) -> Verdict:
+    """Over pairs of a case and its limit-cycle amplitude [m], None if it has no such amplitude, of ``expected``."""
     limits, pairs = rules.stability, list(candidates)
-    kinds = {result.id: kind(result, limits, value) for result, value in pairs}
-    tried = [(value is None, kinds[result.id] not in HOLDING, value or 0.0, result) for result, value in pairs]
-    if not tried:
-        return Verdict(passed=None)
-    without, fails, amplitude, worst = max(tried, key=lambda candidate: candidate[:3])
-    alike = [result for result, _ in pairs if _experiment(rules, result) == _experiment(rules, worst)]
+    ended = {result.id: outcome(result, limits, value) for result, value in pairs}
+    judged = [(result, value) for result, value in pairs if ended[result.id] not in UNJUDGED]
+    if not judged:
+        first = min((result for result, _ in pairs), key=_place, default=None)
+        return Verdict(passed=None, tally=tally(ended.values(), expected, first.id if first else ""))
+
+    def badness(pair: tuple[CaseResult, float | None]) -> tuple[bool, bool, float, tuple[int, str]]:
+        result, value = pair
+        return ended[result.id] == "holds", value is not None, -(value or 0.0), _place(result)
+
+    worst, amplitude = min(judged, key=badness)
+    fails = ended[worst.id] != "holds"
+    left = min((result for result, _ in pairs if ended[result.id] in UNJUDGED), key=_place, default=None)
+    found = tally(ended.values(), expected, worst.id if fails else left.id if left else "")
+    alike = [result for result, _ in judged if _experiment(rules, result) == _experiment(rules, worst)]
     figures = worst.measurements
+    alone = ended[worst.id] == "no rest" and amplitude is not None and amplitude < limits.limit_cycle
     return Verdict(
-        passed=not fails,
-        limit_cycle=None if without else amplitude,
-        rest_error=figures.rest_error if fails and not without and amplitude < limits.limit_cycle else None,
+        passed=found.passed,
+        tally=found,
+        limit_cycle=amplitude,
+        rest_error=figures.rest_error if alone else None,
         worst_case=worst.id,
-        kind=kinds[worst.id],
+        kind=kind(worst, limits, amplitude),
         ratio=figures.limit_cycle_ratio,
         frequency=figures.limit_cycle_frequency,
-        seeds_failed=sum(kinds[result.id] not in HOLDING for result in alike),
+        seeds_failed=sum(ended[result.id] != "holds" for result in alike),
         seeds_tried=len(alike),
     )
+
+
+def _place(result: CaseResult) -> tuple[int, str]:
+    """What decides between equals, whatever order the cases are in."""
+    return result.configuration.index, result.id
 
 
 def _experiment(rules: Rules, result: CaseResult) -> tuple[int, str, str]:
@@ -163,26 +201,41 @@ def _required(name: str, rules: Rules, results: Sequence[CaseResult]) -> dict[in
     return found
 
 
-def _overall(rules: Rules, axes: dict[str, Verdict], candidates: Iterable[CaseResult]) -> Requirement:
-    verdict = _verdict(rules, ((result, result.measurements.limit_cycle) for result in candidates))
-    return Requirement(**asdict(verdict), axes=axes)
+def _expected(name: str, rules: Rules, results: Sequence[CaseResult], axis: int | None = None) -> int:
+    """Number of cases that the protocol asks for to judge a requirement, in tests of ``axis`` or in all."""
+    tests = {test.name: test.cases for test in rules.tests if name in test.requirements and axis in (None, test.axis)}
+    known = [count for count in tests.values() if count is not None]
+    if len(known) == len(tests):
+        return sum(known)
+    # Results of the older form do not say whose cases those are that were not run.
+    return sum(result.test in tests for result in results) + rules.cases - len(results)
+
+
+def _overall(
+    name: str, rules: Rules, results: Sequence[CaseResult], axes: dict[str, Verdict], candidates: Iterable[CaseResult]
+) -> Requirement:
+    pairs = ((result, result.measurements.limit_cycle) for result in candidates)
+    return Requirement(**asdict(_verdict(rules, pairs, _expected(name, rules, results))), axes=axes)
 
 
 def _per_axis(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
     chosen = _required(name, rules, results)
-    axes = {
-        str(axis): _verdict(rules, ((r, r.measurements.limit_cycle) for r in chosen.get(axis, ()))) for axis in (1, 2)
-    }
-    return _overall(rules, axes, _in_order(results, chosen))
+
+    def on(axis: int) -> Verdict:
+        pairs = ((result, result.measurements.limit_cycle) for result in chosen.get(axis, ()))
+        return _verdict(rules, pairs, _expected(name, rules, results, axis))
+
+    return _overall(name, rules, results, {str(axis): on(axis) for axis in (1, 2)}, _in_order(results, chosen))
 
 
 def _limit_cycles(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
     chosen = _in_order(results, _required(name, rules, results))
+    expected = _expected(name, rules, results)
     axes = {
-        "x": _verdict(rules, ((r, r.measurements.limit_cycle_x) for r in chosen)),
-        "z": _verdict(rules, ((r, r.measurements.limit_cycle_z) for r in chosen)),
+        "x": _verdict(rules, ((r, r.measurements.limit_cycle_x) for r in chosen), expected),
+        "z": _verdict(rules, ((r, r.measurements.limit_cycle_z) for r in chosen), expected),
     }
-    return _overall(rules, axes, chosen)
+    return _overall(name, rules, results, axes, chosen)
 
 
 def _in_order(results: Sequence[CaseResult], chosen: dict[int, list[CaseResult]]) -> list[CaseResult]:

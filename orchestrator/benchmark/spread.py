@@ -8,16 +8,19 @@ from collections.abc import Mapping, Sequence
 
 from ..codec import Finite, Natural, NonNegative, Struct
 from .results import Results, Rules
+from .tally import Tally
 
 
 class SeedScore(Struct):
     """What the evaluation with one seed came to: V, B1 to B7 as in :class:`.CriterionScore`, and which requirements
-    hold. A value is None where a case that counts has none, as if it is unstable."""
+    are met (None: not judged), with the tallies of their cases. A value is None where a case that counts has none, as
+    if it is unstable."""
 
     seed: Natural
     cost: NonNegative | None
     criteria: dict[str, NonNegative | None]
     requirements: dict[str, bool | None]
+    tallies: dict[str, Tally] = {}
 
 
 class Statistic(Struct):
@@ -34,7 +37,7 @@ class Statistic(Struct):
 
 
 class Holding(Struct):
-    """For how many of how many seeds, of those that it was tested with, a requirement holds."""
+    """With how many of how many seeds, of those that it was judged with, a requirement is met."""
 
     seeds: Natural
     of: Natural
@@ -64,13 +67,15 @@ def seed_score(results: Results) -> SeedScore:
         cost=results.cost,
         criteria={name: entry.value for name, entry in results.criteria.items()},
         requirements={name: entry.passed for name, entry in results.stability.items()},
+        tallies={name: entry.tally for name, entry in results.stability.items()},
     )
 
 
-def summary(rules: Rules, scores: Sequence[SeedScore]) -> Summary:
-    """The statistics of ``scores``, which have the criteria of ``rules``."""
+def summary(rules: Rules, scores: Sequence[SeedScore], incomplete: Sequence[SeedScore] = ()) -> Summary:
+    """The statistics of ``scores``, which have the criteria of ``rules``. Of evaluations that are ``incomplete`` only
+    the requirements count: a failure is one, whatever was not run."""
     verdicts: dict[str, list[bool]] = {}
-    for score in scores:
+    for score in (*scores, *incomplete):
         for name, passed in score.requirements.items():
             verdicts.setdefault(name, []).extend([] if passed is None else [passed])
     return Summary(

@@ -17,7 +17,7 @@ from ..reporting.run import Run, load_run
 from ..reporting.spread import Spread
 from ..text import printable
 from .comparison_tables import show_comparison, show_spreads, show_worst
-from .guard import EXIT_OK
+from .judged import shown_code
 from .tables import terminal
 from .values import Parser
 
@@ -27,7 +27,8 @@ EXAMPLES = """examples:
   python -m orchestrator.compare runs/*-paper runs/*-robustness --latex --figures
   python -m orchestrator.compare runs/*-paper-seeds runs/*-robustness
 
-exit codes: 0 compared, 2 none of the folders holds results"""
+exit codes: 0 compared, 2 none of the folders holds results, 3 compared, but a requirement is not judged in one of them
+since cases were skipped or lost"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if empty:
             print(f"not written, as there is nothing to show in them: {', '.join(empty)}", file=sys.stderr)
     print(f"written to {given.output_dir}: {', '.join(written)}", file=sys.stderr)
-    return EXIT_OK
+    return max(shown_code(each.results if isinstance(each, Run) else each) for each, _ in found)
 
 
 def _finished(paths: Sequence[Path]) -> list[tuple[Run | Spread | Robustness, Path]]:

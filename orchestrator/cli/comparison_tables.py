@@ -10,10 +10,10 @@ from rich.table import Table
 from ..reporting.beside import SpreadGroup, WorstEntry
 from ..reporting.comparison import Entry, Group
 from ..reporting.spread import mean_words, spread_remarks
-from ..reporting.wording import SHOWN, figure, number, requirement_rows
-from .tables import NARROW, safe, table
+from ..reporting.wording import SHOWN, VERDICTS, figure, number, requirement_rows
+from .tables import COLOURS, NARROW, safe, table
 
-SIGNS = {True: "[green]holds[/green]", False: "[red]fails[/red]", None: "-"}
+SIGNS = {passed: f"[{COLOURS[word]}]{word}[/{COLOURS[word]}]" for passed, word in VERDICTS.items()}
 
 
 def show_comparison(groups: Sequence[Group], console: Console) -> None:
@@ -61,7 +61,7 @@ def _verdicts(group: Group, narrow: bool) -> Table:
         grid.add_column("controller", overflow="fold", min_width=10)
     for row in requirement_rows(group.entries[0].run.results):
         axis = row.axis if narrow else f"axis {row.axis}"
-        grid.add_column(f"{row.name}\n{axis if row.axis else 'all'}", no_wrap=True)
+        grid.add_column(f"{row.name}\n{axis if row.axis else 'all'}", overflow="fold")
     for rank, entry in _rows(group):
         words = [SIGNS[row.judged.passed] for row in requirement_rows(entry.run.results)]
         grid.add_row(rank, *(() if narrow else (safe(entry.name),)), *words)

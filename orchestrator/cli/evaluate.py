@@ -18,7 +18,8 @@ from ..reporting.spread import Spread
 from ..reporting.wording import number
 from ..text import file_name
 from . import options, outputs
-from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .guard import EXIT_CODES, EXIT_OK
+from .judged import results_code
 from .progress import progress
 from .spread_tables import show_spread
 from .tables import show_results, terminal
@@ -47,10 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     controller = options.controller(given)
     name = folder_name(bench, controller, given.only) + ("-seeds" if given.seeds else "")
     folder = given.output_dir or Path("runs") / name
-    judged: list[bool] = []
+    codes: list[int] = []
 
     def finish(evaluation: Evaluation, folder: Path) -> None:
-        judged.append(all(case.judged for case in evaluation.cases))
+        codes.append(results_code(evaluation.results))
         recorded = [TRAJECTORIES] if evaluation.recordings else []
         written = [RESULTS, CASES, *recorded, *outputs.write_outputs(evaluation, folder, given)]
         print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
@@ -74,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found = bench.evaluate(controller, folder=folder, **shared)
             finish(found, folder)
     _print(found, given.json)  # at the end: the reader of standard output may go away
-    return EXIT_OK if all(judged) else EXIT_INCOMPLETE
+    return max(codes)
 
 
 def _print(found: Evaluation | Spread, as_json: bool) -> None:

@@ -7,13 +7,14 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-from ..errors import BenchmarkError, FmuError, InputError
+from ..errors import BenchmarkError, Crash, FmuError, InputError
 from ..text import printable
 
-EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
+EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_NOT_JUDGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 
-EXIT_CODES = """exit codes: 0 all cases have a verdict, 1 some have none or the run could not go on (a full disk, a lost
-cluster, a crash), 2 bad input, 130 interrupted"""
+EXIT_CODES = """exit codes: 0 all cases ended with done or unstable, 1 some ended with crashed, timeout or error, or the
+run could not go on (a full disk, a lost cluster), 2 bad input, 3 not judged: a case was lost to something else than the
+controller, or a requirement has no verdict since cases were skipped, 130 interrupted"""
 
 REMEDIES = {
     "connector-missing": "Rename it, or map it: --map {value}[1]=NAME --map {value}[2]=NAME.",
@@ -60,6 +61,8 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         return EXIT_INCOMPLETE
     except BenchmarkError as error:
         print(f"error: {printable(' '.join(filter(None, (str(error), remedy(error)))))}", file=sys.stderr)
+        if isinstance(error, Crash) and error.what == "killed":
+            return EXIT_NOT_JUDGED
         return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

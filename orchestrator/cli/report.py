@@ -19,6 +19,7 @@ from ..reporting.sweep import Sweep
 from ..reporting.tuning import Tuning
 from . import robustness, sweep, tune
 from .guard import EXIT_OK
+from .judged import shown_code
 from .outputs import add_options, check_options, write_outputs
 from .tables import show_results, terminal
 from .values import Parser
@@ -31,7 +32,8 @@ EXAMPLES = """examples:
   python -m orchestrator.report runs/DiagonalPID-paper --figures    and the paper's figures
   python -m orchestrator.report runs/DiagonalPID-strict-robustness  the report of a search, a tuning or a sweep
 
-exit codes: 0 written, 1 something cannot be written, 2 the folder holds no results"""
+exit codes: 0 written, 1 something cannot be written, 2 the folder holds no results, 3 written, but a requirement of the
+evaluation or the search is not judged since cases were skipped or lost"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:
         show_results(evaluation.results, terminal())
     print(f"written to {folder}: {', '.join(written) or 'nothing'}", file=sys.stderr)
-    return EXIT_OK
+    return shown_code(evaluation.results)
 
 
 def _of_another(kind: type[Document], command: Any, given: argparse.Namespace) -> int:
@@ -67,4 +69,4 @@ def _of_another(kind: type[Document], command: Any, given: argparse.Namespace) -
     written = [] if given.no_report else command.pictured(found, given.run)
     command.told(found, given.json)
     print(f"written to {given.run}: {', '.join(written) or 'nothing'}", file=sys.stderr)
-    return EXIT_OK
+    return shown_code(found) if isinstance(found, Robustness) else EXIT_OK

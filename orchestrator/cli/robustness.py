@@ -17,6 +17,7 @@ from ..reporting.wording import SHOWN, number
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .judged import shown_code
 from .tables import safe, table, terminal
 from .values import MOST, Parser, natural
 from .values import number as value
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         written += [TRAJECTORIES, *pictured(found, folder)]
     told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
-    return EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE
+    return shown_code(found) or (EXIT_OK if found.complete and not found.failures else EXIT_INCOMPLETE)
 
 
 def pictured(found: Robustness, folder: Path) -> list[str]:
@@ -91,13 +92,15 @@ def show(found: Robustness, console: Console) -> None:
     grid.add_row("V", f"[bold]{number(found.cost)}[/bold]", number(found.protocol_cost), "")
     console.print(grid)
     for name, requirement in found.requirements.items():
-        console.print(f"{name}  {safe(verdict_words(requirement))}", style=None if requirement.passed else "red")
+        console.print(
+            f"{name}  {safe(verdict_words(requirement))}", style="red" if requirement.passed is False else None
+        )
     for name, margin in found.margins.items():
         console.print(f"{safe(name):12}{margin_words(name, margin)}")
     for name, words in radius_rows(found.radius):
         console.print(f"{name}: {words} the tolerances of Table 1")
     commands = {name: entry.worst_case.command for name, entry in found.criteria.items() if entry.worst_case.command}
-    commands |= {name: each.command for name, each in found.requirements.items() if not each.passed}
+    commands |= {name: each.command for name, each in found.requirements.items() if each.passed is False}
     commands |= {f"margin {name}": margin.command for name, margin in found.margins.items() if margin.command}
     console.print("\nto repeat these:")
     for name, command in commands.items():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from ..reporting.reasons import spread_reasons
 from ..reporting.spread import Spread, spread_remarks, statistic_rows
-from .tables import NARROW, safe, table
+from .tables import NARROW, safe, show_reasons, table
 
 
 def show_spread(spread: Spread, console: Console) -> None:
@@ -29,6 +30,7 @@ def show_spread(spread: Spread, console: Console) -> None:
         grid.add_row(name, *((safe(title),) if console.width >= NARROW else ()), *figures)
     console.print(grid)
     for name, held in spread.requirements.items():
-        console.print(f"{safe(name)} holds for {held.seeds} of {held.of} seeds")
+        console.print(f"{safe(name)} met with {held.seeds} of {held.of} seeds that it was judged with")
+    show_reasons(spread_reasons(spread), console)
     for remark in spread_remarks(spread):
         console.print(f"[yellow]{safe(remark)}[/yellow]")

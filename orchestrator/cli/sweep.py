@@ -13,7 +13,7 @@ from ..reporting.sweep import COLUMNS, Sweep, smallest_words, sweep_rows
 from ..search.candidates import Trial
 from . import options
 from .evaluate import folder_name
-from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from .tables import safe, table, terminal
 from .values import Parser, grid_values
 
@@ -36,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     written = [SWEEP, *pictured(found, folder)]
     told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    if not all(trial.judged for trial in found.trials):
+        return EXIT_NOT_JUDGED
     return EXIT_INCOMPLETE if any(trial.message for trial in found.trials) else EXIT_OK
 
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 import codecs
 import io
 import sys
+from collections.abc import Iterable
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..benchmark.results import CriterionScore, Results
+from ..benchmark.certificate import CaseEnding
+from ..benchmark.results import CaseResult, CriterionScore, Results
+from ..loop.trajectory import Status
+from ..reporting.reasons import Reason, reasons
 from ..reporting.repeat import simulate_command
 from ..reporting.wording import SHOWN, computing_time, connectors, figure, loop_delay, number, remarks, requirement_rows
 from ..text import printable
 
-COLOURS = {"holds": "green", "fails": "red"}
+COLOURS = {"met": "green", "not met": "red", "not judged": "yellow"}
 
 MESSAGES = 3
 """Failed cases that are named; the others are counted."""
@@ -108,28 +112,39 @@ def _requirements(results: Results, width: int) -> Table:
     grid.add_column("largest", justify="right", no_wrap=width >= TINY, overflow="fold")
     grid.add_column("where", overflow="fold", min_width=None if width < TINY else 9)
     for row in requirement_rows(results):
-        colour = COLOURS.get(row.verdict)
-        word = f"[{colour}]{row.verdict}[/{colour}]" if colour else row.verdict
+        word = f"[{COLOURS[row.verdict]}]{row.verdict}[/{COLOURS[row.verdict]}]"
         grid.add_row(row.name, row.title, word, row.amplitude, safe(row.judged.worst_case or "-"))
     return grid
 
 
-def _failures(results: Results, console: Console) -> None:
-    """The first cases that failed, and the worst case of every requirement that fails, each with its command."""
-    failed = [case for case in results.cases if case.status != "done"]
-    repeated = {
-        case.id: f"{safe(case.id)}: [red]{case.status.value}[/red]: {safe(case.message)}" for case in failed[:MESSAGES]
-    }
-    for text in repeated.values():
-        console.print(text)
+def show_endings(cases: Iterable[tuple[str, CaseResult | CaseEnding]], file: str, console: Console) -> list[str]:
+    """Print the first of the named cases that did not end with ``done``, with status and message; all are in ``file``.
+    Returns the names of those printed that were run."""
+    failed = [(name, case) for name, case in cases if case.status is not Status.DONE]
+    for name, case in failed[:MESSAGES]:
+        console.print(f"{safe(name)}: [red]{case.status.value}[/red]: {safe(case.message)}")
     if len(failed) > MESSAGES:
-        console.print(f"... and {len(failed) - MESSAGES} more; see cases.csv.")
-    worst = {row.judged.worst_case: None for row in requirement_rows(results) if row.judged.passed is False}
-    commands = [simulate_command(results, id) for id in dict.fromkeys([*repeated, *worst]) if id]
-    if commands:
-        console.print("to repeat these, and the worst case of each requirement that fails:")
-    for command in commands:  # not wrapped: a command is there to be copied
-        console.print(f"  {safe(command)}", soft_wrap=True, highlight=False)
+        console.print(f"... and {len(failed) - MESSAGES} more; see {file}.")
+    return [name for name, case in failed[:MESSAGES] if case.status is not Status.SKIPPED]
+
+
+def show_reasons(lines: Iterable[Reason], console: Console) -> None:
+    """Print why requirements are not met or not judged. The lines are not wrapped: they hold commands to be copied."""
+    for line in lines:
+        console.print(safe(str(line)), soft_wrap=True, highlight=False)
+
+
+def _failures(results: Results, console: Console) -> None:
+    """The first cases that failed, why requirements are not met, and the commands that repeat the other worst cases."""
+    failed = show_endings(((case.id, case) for case in results.cases), "cases.csv", console)
+    show_reasons(reasons(results), console)
+    shown = {entry.tally.first for entry in results.stability.values() if entry.passed is False}
+    worst = [row.judged.worst_case for row in requirement_rows(results) if row.judged.passed is False]
+    rest = [id for id in dict.fromkeys([*failed, *worst]) if id and id not in shown]
+    if rest:
+        console.print("to repeat the other cases above:")
+    for id in rest:
+        console.print(f"  {safe(simulate_command(results, id))}", soft_wrap=True, highlight=False)
 
 
 def _coloured(score: CriterionScore) -> str:

@@ -20,7 +20,7 @@ from ..search.proposals import SAMPLERS
 from ..text import printable
 from . import options
 from .evaluate import folder_name
-from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from .tables import safe, table, terminal
 from .values import Parser, natural, variation
 
@@ -52,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     written += [] if given.no_report else pictured(found, folder)
     told(found, given.json)
     print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
-    return EXIT_OK if found.best is not None else EXIT_INCOMPLETE
+    if found.best is None:
+        return EXIT_INCOMPLETE
+    return EXIT_NOT_JUDGED if found.best.strict_not_judged else EXIT_OK
 
 
 def pictured(found: Tuning, folder: Path) -> list[str]:

@@ -21,14 +21,16 @@ from ..codec import to_json
 from ..errors import InputError
 from ..reporting.certificates import Verification, differences
 from ..reporting.files import prepare_folder
-from ..reporting.wording import SHOWN, number
+from ..reporting.reasons import verification_reasons
+from ..reporting.wording import SHOWN, VERDICTS, number
 from ..text import printable
 from . import options
 from .evaluate import folder_name
-from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
+from .judged import verification_code
 from .outputs import free
 from .progress import progress
-from .tables import safe, table, terminal
+from .tables import safe, show_endings, show_reasons, table, terminal
 from .values import Parser
 
 FRESH, ALL, PROTOCOL = "fresh", "all", "verification"
@@ -39,7 +41,7 @@ EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu --draws 2027-01-01        a date, or a beacon, announced before
   python -m orchestrator.verify --repeat verification.json my_controller.fmu
 
-With --repeat, exit code 1 says that the results differ.
+With --repeat, exit code 1 says that the results differ, 3 that cases were skipped or lost, so that this is not judged.
 """
 
 
@@ -71,11 +73,7 @@ def _verify(bench: Benchmark, given: argparse.Namespace) -> int:
     found.save(folder)
     _print(found, given)
     print(f"written to {folder}: {found.FILE}", file=sys.stderr)
-    return EXIT_OK if _complete(found) else EXIT_INCOMPLETE
-
-
-def _complete(found: Verification) -> bool:
-    return found.complete and (found.strict is None or found.strict.complete)
+    return verification_code(found)
 
 
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
@@ -91,6 +89,9 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     for title, lines in (("made with other", rest), ("DIFFERENT", results)):
         for line in lines:
             print(printable(f"{title}: {line}"), file=sys.stderr)
+    if results and verification_code(found) == EXIT_NOT_JUDGED:
+        print("not judged whether it is equal to the certificate: cases were skipped or lost", file=sys.stderr)
+        return EXIT_NOT_JUDGED
     print("equal to the certificate" if not results else "not equal to the certificate", file=sys.stderr)
     return EXIT_INCOMPLETE if results else EXIT_OK
 
@@ -128,8 +129,9 @@ def show(found: Verification, console: Console) -> None:
     if found.strict is not None:
         known = {name: each.strict for name, each in found.references.items() if each.strict is not None}
         console.print(_table("The worst poses of strict, moved by the first draw", found.strict, known))
-    if not _complete(found):
-        console.print("[red]Some cases came to no verdict.[/red]")
+    cases = (*found.cases, *(found.strict.cases if found.strict else ()))
+    show_endings(((f"{case.id} --seed {case.seed}", case) for case in cases), found.FILE, console)
+    show_reasons(verification_reasons(found), console)
 
 
 def _table(title: str, found: Score | Verification, others: Mapping[str, Score]) -> Table:
@@ -161,7 +163,7 @@ def _figure(mean: float | None, sd: float | None, factor: float = 1.0) -> str:
 
 def _verdict(score: Score | Verification, name: str) -> str:
     found = score.requirements[name]
-    return {True: "holds", None: "-"}.get(found.passed, f"fails in {found.failed_draws}")
+    return VERDICTS[found.passed] + (f" in {found.failed_draws}" if found.failed_draws else "")
 
 
 def _parser() -> argparse.ArgumentParser:

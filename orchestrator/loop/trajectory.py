@@ -11,13 +11,18 @@ from .scenario import Pair
 
 
 class Status(str, Enum):
-    """How a simulation ended."""
+    """How a simulation ended.
+
+    All but the last two are the controller's. LOST was ended by something else, such as a system that is out of memory;
+    SKIPPED was not run after failures. These two say nothing about the controller.
+    """
 
     DONE = "done"
     UNSTABLE = "unstable"
     CRASHED = "crashed"
     TIMEOUT = "timeout"
     ERROR = "error"
+    LOST = "lost"
     SKIPPED = "skipped"
 
 

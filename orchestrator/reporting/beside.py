@@ -14,6 +14,7 @@ from ..codec import plain
 from .comparison import Conditions, Entry, Group, conditions, grouped, names
 from .robustness import Robustness, largest_words, margin_words, radius_rows
 from .spread import Spread, mean_words
+from .wording import VERDICTS
 
 
 @dataclass(frozen=True)
@@ -91,15 +92,17 @@ class WorstEntry:
 
     @property
     def verdicts(self) -> str:
-        """The requirements that the scorecard fails, with any seed."""
+        """The requirements that the scorecard fails, with any seed, and those that are not judged."""
         card = self.scorecard
         if card is None:
             return "-"
         if isinstance(card, SpreadEntry):
-            failed = [name for name, held in card.spread.requirements.items() if held.seeds < held.of]
+            verdicts = {name: card.spread.passed(name) for name in card.spread.requirements}
         else:
-            failed = [name for name, entry in card.run.results.stability.items() if entry.passed is False]
-        return ", ".join(failed) or "none"
+            verdicts = {name: entry.passed for name, entry in card.run.results.stability.items()}
+        failed = [name for name, passed in verdicts.items() if passed is False]
+        unknown = [f"{name} {VERDICTS[None]}" for name, passed in verdicts.items() if passed is None]
+        return ", ".join([*failed, *unknown]) or "none"
 
     @property
     def margins(self) -> dict[str, str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
 from ..benchmark.certificate import (
+    CaseEnding,
     CriterionFound,
     Draw,
     Figure,
@@ -24,8 +25,14 @@ from .files import VERIFICATION
 FRESH: Literal["fresh"] = "fresh"
 PUBLISHED: Literal["published"] = "published"
 
-RESULTS = ("complete", "cost", "criteria", "requirements", "draws", "strict", "references")
+STRICT = "strict-verification"
+"""The protocol of the list of worst cases."""
+
+RESULTS = ("complete", "cost", "criteria", "requirements", "cases", "draws", "strict", "references")
 """Fields of a certificate that its repetition must find again to the last bit; the others say what it was made with."""
+
+WORDS = "message"
+"""Field that may differ in a result: it says what was measured, such as memory, and what FMUs have printed."""
 
 UNREPEATED = ("start", "wall_time", "environment", "sandbox")
 """Fields that may well differ."""
@@ -34,20 +41,21 @@ UNREPEATED = ("start", "wall_time", "environment", "sandbox")
 class Verification(Document, kw_only=True):
     """What a controller came to where it could reach neither judge nor draws, and everything needed to repeat it.
 
-    The first six fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
+    The first seven fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
     name, on the same draws. ``entropy`` is what the seeds follow from together with the controller: ``source`` says
     whether it was fresh, or published after the controller was. ``code`` is the SHA-256 of the sources; ``sandbox``
     tells whether there was one.
     """
 
     FILE: ClassVar[str] = VERIFICATION
-    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/2"
+    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/3"
     MISSING: ClassVar[str] = "no-file"
 
     complete: bool
     cost: Figure
     criteria: dict[str, CriterionFound]
     requirements: dict[str, RequirementFound]
+    cases: tuple[CaseEnding, ...]
     draws: tuple[Draw, ...]
     strict: Score | None
     references: dict[str, Reference]
@@ -74,6 +82,11 @@ class Verification(Document, kw_only=True):
             return "its draws do not follow from its entropy and its controller"
         if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
             return "a V is not that of its draws"
+        scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
+        if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
+            return "it is complete or not, other than its cases"
+        if any(entry.passed != entry.tally.passed for each in scores for entry in each.requirements.values()):
+            return "a verdict is not that of its tally"
         return ""
 
 
@@ -87,7 +100,7 @@ def differences(first: Verification, second: Verification) -> tuple[tuple[str, .
 
 def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        for key in dict.fromkeys((*one, *other)):
+        for key in (key for key in dict.fromkeys((*one, *other)) if key != WORDS):
             yield from _unequal(f"{name}.{key}", one.get(key), other.get(key))
     elif isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
         for number, (own, its) in enumerate(zip(one, other, strict=True)):

@@ -74,7 +74,7 @@ class Entry:
 
     @property
     def cost(self) -> float | None:
-        """V, if it counts, that is if every case of the protocol has a verdict."""
+        """V, if it counts, that is if every case of the protocol was simulated."""
         return self.run.results.cost if self.run.results.complete else None
 
 
@@ -179,7 +179,7 @@ def standing(results: Results) -> tuple[bool, float]:
 
 
 def _reason(results: Results) -> str:
-    failed = Counter(case.status.value for case in results.cases if not case.judged)
+    failed = Counter(case.status.value for case in results.cases if not case.simulated)
     if failed:
         return "incomplete: " + ", ".join(f"{count} {status}" for status, count in failed.items())
     return without_cost(results) or "incomplete: not all cases of the protocol were run"

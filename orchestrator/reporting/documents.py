@@ -61,15 +61,16 @@ def file_of(path: Path, name: str) -> Path:
     return path / name if path.is_dir() else path
 
 
-def read(file: Path, kind: type[T], schema: str, missing: str = Document.MISSING) -> T:
-    """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that, of the form ``schema``."""
+def read(file: Path, kind: type[T], schema: str, missing: str = Document.MISSING, older: str = "") -> T:
+    """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that, of the form ``schema`` or
+    ``older``."""
     try:
         text = file.read_bytes()
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.", missing, file) from problem
     try:
         found = from_json(text, _Schema).schema
-        if found != schema:
+        if found not in (schema, older or schema):
             message = f"{file} holds results of the form {found!r}, not {schema}."
             raise InputError(message, "other-schema", file, found)
         return from_json(text, kind)

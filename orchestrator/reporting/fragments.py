@@ -9,6 +9,7 @@ from ..benchmark.linearization import Mode
 from ..benchmark.results import CaseResult, Results
 from ..loop.trajectory import Ending
 from . import pages
+from .reasons import reasons, spread_reasons
 from .robustness import (
     Robustness,
     largest_words,
@@ -38,6 +39,7 @@ def results_fragment(results: Results) -> str:
         results=results,
         criteria=rows,
         requirements=requirement_rows(results),
+        reasons=list(reasons(results)),
         remarks=remarks(results),
     )
 
@@ -45,7 +47,11 @@ def results_fragment(results: Results) -> str:
 def spread_fragment(spread: Spread) -> str:
     """Mean, standard deviation and range of V and the criteria, and for how many seeds the requirements hold."""
     return pages.filled(
-        "spread_fragment.html", spread=spread, rows=statistic_rows(spread), remarks=spread_remarks(spread)
+        "spread_fragment.html",
+        spread=spread,
+        rows=statistic_rows(spread),
+        reasons=list(spread_reasons(spread)),
+        remarks=spread_remarks(spread),
     )
 
 

@@ -14,7 +14,7 @@ from .beside import SpreadGroup, WorstEntry
 from .comparison import Group
 from .files import csv_text
 from .tables import inert
-from .wording import SHOWN, number
+from .wording import SHOWN, VERDICTS, number
 
 
 class Mean(NamedTuple):
@@ -51,7 +51,7 @@ def _leaderboard(group: Group) -> Table:
     for entry in group.entries:
         results = entry.run.results
         values = (_times(results.criteria[name].value, factor) for name, (factor, _) in units.items())
-        held = (WORDS[results.stability[name].passed] for name in verdicts)
+        held = (VERDICTS[results.stability[name].passed] for name in verdicts)
         rows.append((entry.name, entry.cost, *values, *held))
     for words, which in (("target", "target"), ("paper's PID", "paper")):
         values = (getattr(spec, which) * units[name][0] for name, spec in rules.criteria.items())
@@ -100,9 +100,6 @@ def _worst(entries: Sequence[WorstEntry]) -> Table:
     headings = ("controller", "V", "V found", *largest, "fails", "fails at worst")
     shown = (name.replace("_", " ") + (" [ms]" if name.startswith("delay") else "") for name in margins)
     return Table("Worst case found, beside the scorecard", (*headings, *shown), rows)
-
-
-WORDS: Mapping[bool | None, str] = {True: "holds", False: "fails", None: "-"}
 
 
 def _headings(units: Mapping[str, tuple[float, str]]) -> Iterator[str]:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..benchmark.results import CriterionSpec, Results
-from ..benchmark.scorecard import kind
+from ..benchmark.scorecard import kind, outcome
+from ..benchmark.tally import tally
 from ..codec import plain
 from .recording import SPREAD, Recording, thin
 from .repeat import recording_command
@@ -110,7 +111,9 @@ def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> lis
 
 
 def _stability(results: Results) -> list[dict[str, Any]]:
-    """Every case with a requirement: its test, status, limit cycle [m] and what it came to."""
+    """Every case with a requirement: its test, status, limit cycle [m], what it came to, and whether it ``passed``
+    (None: not judged)."""
+    limits = results.rules.stability
     return [
         {
             "id": case.id,
@@ -120,7 +123,8 @@ def _stability(results: Results) -> list[dict[str, Any]]:
             "status": case.status.value,
             "limit_cycle": case.measurements.limit_cycle,
             "ratio": case.measurements.limit_cycle_ratio,
-            "kind": kind(case, results.rules.stability),
+            "kind": kind(case, limits) if case.simulated else "failed",
+            "passed": tally([outcome(case, limits)], 1).passed,
         }
         for case in results.cases
         if results.rules.test(case.test).requirements

@@ -14,8 +14,10 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from ..benchmark.results import ControllerRecord, PlantRecord, Results
+from ..benchmark.tally import Tally
 from ..search.member import Member
 from .recording import About
+from .spread import Spread
 
 
 class Setting(NamedTuple):
@@ -28,15 +30,20 @@ class Setting(NamedTuple):
     sample_time: float | None
 
 
-def setting(results: Results) -> Setting:
-    """The setting of a run."""
+def setting(results: Results | Spread, seed: int) -> Setting:
+    """The setting of a run with this seed."""
     own = None if results.sample_time.as_in_benchmark else results.sample_time.seconds
-    return Setting(results.controller, results.plant, results.protocol_file or results.protocol, results.seed, own)
+    return Setting(results.controller, results.plant, results.protocol_file or results.protocol, seed, own)
 
 
 def simulate_command(results: Results, id: str) -> str:
     """The whole command that simulates the case ``id`` again, with the run's controller, protocol, seed and values."""
-    return _command(setting(results), "--case", id)
+    return case_command(setting(results, results.seed), id)
+
+
+def case_command(setting: Setting, id: str) -> str:
+    """The whole command that simulates the case ``id`` in this setting."""
+    return _command(setting, "--case", id)
 
 
 def recording_command(results: Results, about: About) -> str:
@@ -44,7 +51,16 @@ def recording_command(results: Results, about: About) -> str:
     if about.configuration >= 0:
         return simulate_command(results, about.id)
     pose = (_exact(degrees(angle)) for angle in about.q_a)
-    return _command(setting(results), "--configuration", *pose, "--system", about.system, "--test", about.test)
+    return _command(
+        setting(results, results.seed), "--configuration", *pose, "--system", about.system, "--test", about.test
+    )
+
+
+def again(tally: Tally) -> str:
+    """How to get the cases that a requirement is not judged without; empty if they were not asked for."""
+    if "skipped" in tally.not_judged:
+        return "to run what was skipped, repeat with --keep-going"
+    return "to run again what was lost, repeat the same command" if "lost" in tally.not_judged else ""
 
 
 def degrees(angle: float) -> float:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from functools import partial
 from typing import Any
 
 from ..benchmark.results import Results
-from ..benchmark.scorecard import HOLDING
+from ..loop.trajectory import Status
 from . import pages
 from .payload import criteria, report_payload
+from .reasons import reasons
 from .recording import SPREAD
 from .repeat import simulate_command
 from .run import Run, contradictions
@@ -34,7 +36,8 @@ def report_html(run: Run) -> str:
         criteria=criteria(results.criteria),
         requirements=requirement_rows(results),
         limit=results.rules.stability.limit_cycle,
-        holding=HOLDING,
+        reasons=list(reasons(results)),
+        endings=Counter(case.status.value for case in results.cases if case.status is not Status.DONE),
         facts=facts(results),
         remarks=remarks(results),
         contradictions=contradictions(run),
@@ -43,7 +46,7 @@ def report_html(run: Run) -> str:
         poses=poses(results),
         stability=sorted(payload["stability"], key=amplitude, reverse=True),
         spread=[entry.about.id for entry in run.recorded(SPREAD)],
-        failures=[case for case in results.cases if case.status != "done"],
+        failures=[case for case in results.cases if case.status is not Status.DONE],
         recorded=bool(payload["recordings"]),
     )
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from ..benchmark.results import ControllerRecord, PlantRecord, Rules
 from ..codec import Natural, NonNegative
+from ..loop.trajectory import Status
 from ..search.findings import (
     ConfigurationFound,
     CriterionFound,
@@ -76,7 +77,7 @@ class Robustness(Document, kw_only=True):
     @property
     def broken(self) -> tuple[str, ...]:
         """The requirements that a failure was found of."""
-        return tuple(name for name, entry in self.requirements.items() if not entry.passed)
+        return tuple(name for name, entry in self.requirements.items() if entry.passed is False)
 
     def _repr_html_(self) -> str:
         from .fragments import robustness_fragment
@@ -85,6 +86,8 @@ class Robustness(Document, kw_only=True):
 
     def __repr__(self) -> str:
         verdict = f"{', '.join(self.broken)} broken" if self.broken else "no requirement broken"
+        if unknown := [name for name, entry in self.requirements.items() if entry.passed is None]:
+            verdict += f", {', '.join(unknown)} not judged"
         return f"Robustness({self.controller.file}, {self.simulations} simulations: V = {number(self.cost)}, {verdict})"
 
 
@@ -92,6 +95,10 @@ def verdict_words(found: RequirementFound) -> str:
     """What a requirement came to."""
     if found.passed:
         return f"no failure found; nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
+    if found.passed is None:
+        return "not judged: no failure found, but simulations were skipped or lost"
+    if found.status not in (Status.DONE, Status.UNSTABLE):
+        return f"fails: a simulation ended with {found.status.value}"
     cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
     return f"fails: {found.kind}{cycle}, with {found.seeds_failed} of {found.seeds_tried} seeds"
 
@@ -126,7 +133,7 @@ def robustness_remarks(found: Robustness) -> list[str]:
     """What a reader must know of a search."""
     remarks = []
     if found.failures:
-        remarks.append(f"{found.failures} simulations hung, crashed or failed.")
+        remarks.append(f"{found.failures} simulations ended with crashed, timeout or error.")
     if found.cut_short:
         stages = ", ".join(found.cut_short)
         remarks.append(f"The budget of {found.budget} simulations cut short: {stages}.")

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
-from ..benchmark.results import SCHEMA, Results
+from ..benchmark.results import SCHEMA, SCHEMA_2, Results
 from ..benchmark.scorecard import score
 from ..codec import Malformed, from_json, to_json
 from ..errors import InputError
@@ -96,11 +96,13 @@ def _is_outdated(folder: Path, results: Results) -> bool:
 def load_run(path: Path) -> Run:
     """The run in the folder ``path`` (or of that results file).
 
-    The scorecard is computed again from the cases. Raises :class:`InputError` if there is none, or a field is not what
-    it should be, or the scorecard is not that of the cases.
+    The scorecard is computed again from the cases; a file of the older form gets that one. Raises :class:`InputError`
+    if there is none, or a field is not what it should be, or the scorecard is not that of the cases.
     """
     file = file_of(path, RESULTS)
-    results = read(file, Results, SCHEMA)
+    results = read(file, Results, SCHEMA, older=SCHEMA_2)
+    if results.schema == SCHEMA_2:
+        results = replace(results, schema=SCHEMA, **asdict(score(results.rules, results.cases)))
     check_consistent(results, file)
     return Run(results, recording.load(file.parent), file.parent)
 

@@ -19,8 +19,9 @@ class Spread(Document, kw_only=True):
     """How good a controller is with several seeds; shows itself in a notebook. All values are in SI units.
 
     ``cost`` and ``criteria`` have ``mean``, ``deviation`` (sample standard deviation), ``smallest``, ``largest``, and
-    the seeds ``without`` a value. ``requirements`` say for how many seeds they hold. All are of ``seeds``, the finished
-    evaluations; those of ``unfinished`` do not count.
+    the seeds ``without`` a value: all of ``seeds``, the evaluations in which every case was simulated. Those of
+    ``unfinished`` do not count. ``requirements`` say with how many seeds they are met, of those that they were judged
+    with, in ``seeds`` or in ``incomplete``, the evaluations in which a case was not simulated.
     """
 
     FILE: ClassVar[str] = SPREAD
@@ -38,14 +39,27 @@ class Spread(Document, kw_only=True):
     plant: PlantRecord
     rules: Rules
     sample_time: SampleTimeRecord
+    incomplete: tuple[SeedScore, ...] = ()
+
+    def passed(self, name: str) -> bool | None:
+        """Whether a requirement is met: False if not with some seed, None if it is not judged with one."""
+        held = self.requirements[name]
+        if held.seeds < held.of:
+            return False
+        return True if held.of == len(self.seeds) + len(self.unfinished) > 0 else None
+
+    def worst(self, name: str) -> SeedScore | None:
+        """The first seed that a requirement is not met with; if it is met with all, the first it is not judged with."""
+        found = [score for score in (*self.seeds, *self.incomplete) if not score.requirements[name]]
+        return min(found, key=lambda score: score.requirements[name] is None, default=None)
 
     def _problem(self) -> str:
         names = set(self.rules.criteria)
         if problem := rules_problem(self.rules):
             return problem
-        if any(set(score.criteria) != names for score in self.seeds):
+        if any(set(score.criteria) != names for score in (*self.seeds, *self.incomplete)):
             return "its seeds have other criteria than its rules"
-        same = asdict(summary(self.rules, self.seeds)).items() <= asdict(self).items()
+        same = asdict(summary(self.rules, self.seeds, self.incomplete)).items() <= asdict(self).items()
         return "" if same else "its statistics are not those of its seeds"
 
     def _repr_html_(self) -> str:
@@ -59,14 +73,16 @@ class Spread(Document, kw_only=True):
 
 def spread_of(seeds: Sequence[int], found: Sequence[Results]) -> Spread:
     """The spread over ``seeds`` of the evaluations ``found`` so far, at least one, which differ in their seed alone."""
-    first, scores = found[0], [seed_score(results) for results in found if results.complete]
+    first = found[0]
+    scores, incomplete = ([seed_score(each) for each in found if each.complete is whole] for whole in (True, False))
     finished = {score.seed for score in scores}
     return Spread(
         schema=Spread.SCHEMA,
         **{name: getattr(first, name) for name in SAME},
-        **asdict(summary(first.rules, scores)),
+        **asdict(summary(first.rules, scores, incomplete)),
         seeds=tuple(scores),
         unfinished=tuple(seed for seed in seeds if seed not in finished),
+        incomplete=tuple(incomplete),
     )
 
 
@@ -104,5 +120,5 @@ def spread_remarks(spread: Spread) -> list[str]:
         found.append(f"No V with the seeds {seeds}, where a loop that counts is unstable: so there is no mean.")
     if spread.unfinished:
         seeds = ", ".join(map(str, spread.unfinished))
-        found.append(f"Not counted, since not every case of the protocol has a verdict: the seeds {seeds}.")
+        found.append(f"Not counted for V and B1 to B7, since not every case was simulated: the seeds {seeds}.")
     return found

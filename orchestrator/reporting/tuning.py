@@ -21,8 +21,8 @@ OVERFITTED = 2.0
 class Judged(Struct):
     """A candidate on the whole protocol and, if a worst case was searched for, as far as one was found.
 
-    ``worst_cost`` is V with what was found; ``broken`` are the requirements that fail in the one or the other, in the
-    cases that the ``commands`` repeat, which the objective has had from then on.
+    ``worst_cost`` is V with what was found; ``broken`` are the requirements that fail or are not judged in the one or
+    the other; the objective has had the failing cases, which the ``commands`` repeat, from then on.
     """
 
     trial: Natural
@@ -37,7 +37,8 @@ class Best(Struct):
     """The candidate that is best of those that hold A1 to A3, and what tells whether that is luck.
 
     ``held_out`` is V of the objective's performance cases with other draws; ``seeds`` V of the whole protocol with
-    other seeds; ``strict`` V of the protocol strict, and ``strict_broken`` what fails there.
+    other seeds; ``strict`` V of the protocol strict, ``strict_broken`` what fails there, and ``strict_not_judged``
+    what is not judged there.
     """
 
     trial: Trial
@@ -46,6 +47,7 @@ class Best(Struct):
     seeds: Statistic
     strict: NonNegative | None
     strict_broken: tuple[str, ...]
+    strict_not_judged: tuple[str, ...] = ()
 
     @property
     def overfitted(self) -> bool:
@@ -138,7 +140,9 @@ def best_rows(found: Tuning) -> list[tuple[str, str]]:
     best = found.best
     if best is None:
         return []
-    strict = f"{', '.join(best.strict_broken)} fails" if best.strict_broken else "A1-A3 hold"
+    words = [f"{', '.join(best.strict_broken)} fails"] if best.strict_broken else []
+    words += [f"{', '.join(best.strict_not_judged)} not judged"] if best.strict_not_judged else []
+    strict = ", ".join(words) or "A1-A3 hold"
     return [
         (f"{found.protocol}, seed {found.seed}", f"{number(best.cost)}, A1-A3 hold"),
         (f"{found.protocol}, other seeds", mean_words(best.seeds)),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,9 @@ from ..benchmark.results import ControllerRecord, CriterionSpec, LoopDelay, Resu
 
 SHOWN = {"m": (1e3, "mm"), "N.m": (1.0, "Nm"), "s": (1.0, "s")}
 """Factor and name of the unit that a value is shown in."""
+
+VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
+"""The verdict on a requirement as a word, everywhere."""
 
 REQUIREMENTS = {
     "A1": "loop gain × {gain:g}, axis {axis}",
@@ -47,8 +51,7 @@ class RequirementRow:
     @property
     def verdict(self) -> str:
         """The verdict as a word."""
-        passed = self.judged.passed
-        return "not tested" if passed is None else "holds" if passed else "fails"
+        return VERDICTS[self.judged.passed]
 
     @property
     def amplitude(self) -> str:
@@ -139,6 +142,15 @@ def without_cost(results: Results) -> str:
     return f"{lost} of the cases that B1 to B7 are measured in are unstable"
 
 
+def incomplete(results: Results) -> str:
+    """How many cases of the protocol were not simulated, by status."""
+    ended = Counter(case.status.value for case in results.cases if not case.simulated)
+    parts = [f"{count} ended with {status}" for status, count in ended.items()]
+    if rest := results.rules.cases - len(results.cases):
+        parts.append(f"{rest} {'was' if rest == 1 else 'were'} not run")
+    return f"of the protocol's {results.rules.cases} cases, {', '.join(parts)}"
+
+
 def collapsed(notes: Iterable[str]) -> list[str]:
     """Notes on connectors, those on variables without a unit in one line."""
     others: list[str] = []
@@ -165,7 +177,7 @@ def remarks(results: Results) -> list[str]:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"
         found.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
     if not results.complete:
-        found.append("Incomplete: not every case of the protocol has a verdict.")
+        found.append(f"Incomplete: {incomplete(results)}.")
     if reason := without_cost(results):
         found.append(f"No cost V: {reason}.")
     if not results.sample_time.as_in_benchmark:

@@ -82,13 +82,14 @@ def _requirements(found: Robustness) -> Iterator[dict[str, Any]]:
         tests = [test for test in found.rules.tests if name in test.requirements and not test.repeats]
         title = REQUIREMENTS[name].format(gain=tests[0].gain, delay=tests[0].delay * 1e3, axis="1 or 2")
         words = verdict_words(entry).removeprefix("fails: ").removeprefix("no failure found; ")
+        words = words.removeprefix("not judged: ")
         yield {"name": name, "title": title, "passed": entry.passed, "words": words}
 
 
 def _commands(found: Robustness) -> Iterator[tuple[str, str]]:
     """Commands by what they repeat: failures first, then margins, then the largest values."""
     for name, requirement in found.requirements.items():
-        if not requirement.passed:
+        if requirement.passed is False:
             yield f"{name} fails", requirement.command
     for name, margin in found.margins.items():
         if margin.command:

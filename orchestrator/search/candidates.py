@@ -60,7 +60,8 @@ class Trial(Struct):
 
     ``objective`` is ``cost``, V of eq. (15), with a penalty where A1 to A3 do not hold. ``cycle`` is the largest limit
     cycle relative to what A3 allows (None for an unstable loop, or where it was not looked for). A candidate that is
-    worse than others by V alone is ``cut_short``: A1 to A3 are not tested. ``message`` says what failed.
+    worse than others by V alone is ``cut_short``: A1 to A3 are not tested. ``message`` says what failed; ``judged`` is
+    False if that was not the candidate.
     """
 
     number: Natural
@@ -71,6 +72,7 @@ class Trial(Struct):
     holds: bool = False
     cut_short: bool = False
     message: str = ""
+    judged: bool = True
 
 
 def check_range(name: str, given: Range) -> Range:
@@ -98,7 +100,7 @@ def trial(rules: Rules, number: int, values: dict[str, float], results: Sequence
     So without them the objective is a lower bound of the whole one.
     """
     if message := failed(results):
-        return Trial(number, values, REFUSED, message=message)
+        return Trial(number, values, REFUSED, message=message, judged=all(map(_not_lost, results)))
     cost, limits = score(rules, results).cost, rules.stability
     bound = REFUSED if cost is None else cost
     if not whole:
@@ -109,6 +111,10 @@ def trial(rules: Rules, number: int, values: dict[str, float], results: Sequence
     known = [cycle / limits.limit_cycle for cycle in cycles if cycle is not None]
     largest = max(known) if known and len(known) == len(cycles) else None
     return Trial(number, values, bound + sum(penalties), cost, largest, not any(penalties))
+
+
+def _not_lost(result: CaseResult) -> bool:
+    return result.status is not Status.LOST
 
 
 def penalty(result: CaseResult, limits: Stability) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ..benchmark.results import Kind
 from ..codec import Finite, Natural, NonNegative, Struct
+from ..loop.trajectory import Status
 
 
 class Found(Struct):
@@ -29,9 +30,10 @@ class CriterionFound(Struct):
 
 class RequirementFound(Struct):
     """A requirement: the worst case found, which fails with ``seeds_failed`` of ``seeds_tried`` realizations of the
-    noise. A failure found is a proof; none found is none."""
+    noise. A failure found is a proof; none found is none. ``passed`` is None if nothing fails, but a simulation was
+    skipped or lost. ``status`` is that of the worst case's simulation."""
 
-    passed: bool
+    passed: bool | None
     kind: Kind
     limit_cycle: NonNegative | None
     ratio: NonNegative | None
@@ -39,6 +41,7 @@ class RequirementFound(Struct):
     seeds_failed: Natural
     seeds_tried: Natural
     command: str
+    status: Status = Status.DONE
 
 
 class Margin(Struct):

@@ -185,22 +185,26 @@ def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
             (value, member) for test in tests for value, member in hunt.archive.heights(Target(test.name, test.name))
         ]
         if members:
-            _, worst = max(members, key=lambda pair: pair[0])
-            found[name] = _judged(hunt, worst)
+            known, limits = hunt.archive.found, protocol.stability
+            # A simulation that crashed has no height, but fails all the same.
+            _, worst = max(members, key=lambda pair: (fails(known[pair[1]], limits), pair[0]))
+            found[name] = _judged(hunt, worst, all(known[member].judged for _, member in members))
             test = protocol.test(worst.test)
-            hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
+            if known[worst].simulated:
+                hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
     hunt.note("other noise")
     return found
 
 
-def _judged(hunt: Hunt, worst: Member) -> RequirementFound:
+def _judged(hunt: Hunt, worst: Member, whole: bool) -> RequirementFound:
+    """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
     limits = hunt.protocol.stability
     (result,) = hunt.archive.results([worst])
-    passed = not fails(result, limits)
-    failed, tried = (0, 0) if passed else other_noise(hunt, worst)
+    broken = fails(result, limits)
+    failed, tried = other_noise(hunt, worst) if broken and result.simulated else (0, 0)
     figures = result.measurements
     return RequirementFound(
-        passed=passed,
+        passed=False if broken else True if whole else None,
         kind=kind(result, limits),
         limit_cycle=figures.limit_cycle,
         ratio=figures.limit_cycle_ratio,
@@ -208,13 +212,14 @@ def _judged(hunt: Hunt, worst: Member) -> RequirementFound:
         seeds_failed=failed,
         seeds_tried=tried,
         command=hunt.command(worst),
+        status=result.status,
     )
 
 
 def other_noise(hunt: Hunt, member: Member) -> tuple[int, int]:
     """With how many of the other realizations of the noise a member fails, and how many were tried."""
     results = hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
-    return sum(fails(result, hunt.protocol.stability) for result in results), len(results)
+    return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
 
 
 def effects(hunt: Hunt) -> tuple[Effect, ...]:

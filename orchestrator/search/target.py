@@ -35,8 +35,8 @@ def targets(protocol: Protocol) -> tuple[Target, ...]:
 
 
 def fails(result: Judgement, limits: Stability) -> bool:
-    """Whether a simulation breaks a requirement; one without a verdict does not."""
-    return kind(result, limits) not in (*HOLDING, "no verdict")
+    """Whether a simulation breaks a requirement; one that was skipped or lost does not."""
+    return result.judged and kind(result, limits) not in HOLDING
 
 
 def height(target: Target, result: Judgement, limits: Stability) -> float:
@@ -47,7 +47,7 @@ def height(target: Target, result: Judgement, limits: Stability) -> float:
     by its amplitude.
     """
     figures = result.measurements
-    if not result.judged:
+    if not result.simulated:
         return -math.inf
     if target.criterion:
         value = getattr(figures, target.criterion)

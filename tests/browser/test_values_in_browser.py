@@ -173,7 +173,7 @@ def test_limit_cycles_are_drawn_and_listed_in_micrometres_beside_their_limit(ope
     cells = page.locator("#stability-table td.figure").all_inner_texts()
     listed = [row for row in zip(cells[::2], cells[1::2], strict=True) if row[0] not in ("0", "-")]
     assert listed == [("25", "1"), ("3", "1"), ("0.0001", "1")]
-    assert "2 with a lasting limit cycle of 10 µm or more, or unstable" in text(page, "#stability-chart-text")
+    assert "2 failed: a lasting limit cycle of 10 µm or more, unstable" in text(page, "#stability-chart-text")
 
 
 def test_the_worst_case_is_drawn_as_it_was_found(open_page):

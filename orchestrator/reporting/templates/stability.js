@@ -9,7 +9,8 @@ function drawStability() {
   const hues = ["one", "two", "three", "four", "limit"].map(colour);
   const known = data.stability.filter((row) => row.limit_cycle !== null);
   const poses = new Map(data.configurations.map((entry) => [entry.index, entry]));
-  const failed = data.stability.filter((row) => !["quiet", "ring-down"].includes(row.kind));
+  const failed = data.stability.filter((row) => row.passed === false);
+  const open = data.stability.filter((row) => row.passed === null).length;
   const unknown = data.stability.length - known.length;
   const indices = [...poses.keys()];
   chart("stability-chart", {
@@ -31,7 +32,8 @@ function drawStability() {
       }),
       ...(number ? {} : { markLine: { silent: true, symbol: "none", data: [level(limit, `${limit} µm`)] } }),
     })),
-  }, `${data.stability.length} tests over the configurations: ${failed.length} with a lasting limit cycle of ${limit} µm or more, or unstable.` +
+  }, `${data.stability.length} tests over the configurations: ${failed.length} failed: a lasting limit cycle of ${limit} µm or more, unstable, or ended by the controller.` +
+    (open ? ` ${open} not judged: skipped or lost.` : "") +
     (unknown ? ` ${unknown} have no amplitude and stand in the table only.` : ""));
   const select = $("#stability-test");
   if (select.options.length > 1) return;
