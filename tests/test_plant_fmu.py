@@ -27,9 +27,7 @@ def alone(each_plant_file, tmp_path_factory):
 
     def run(experiment, *arguments, options=()):
         words = [sys.executable, "-I", str(ALONE), str(folder), experiment, *options]
-        finished = subprocess.run(
-            words, cwd=elsewhere, input=json.dumps(arguments), capture_output=True, text=True
-        )
+        finished = subprocess.run(words, cwd=elsewhere, input=json.dumps(arguments), capture_output=True, text=True)
         assert finished.returncode == 0, finished.stderr
         return json.loads(finished.stdout.splitlines()[-1])
 
