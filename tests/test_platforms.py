@@ -4,12 +4,10 @@ Linux on x86-64 is run here and Windows under wine; what is for macOS and for Li
 """
 
 import os
-import shutil
 import struct
 import subprocess
 import sys
 import zipfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
@@ -26,7 +24,6 @@ STEPS = 4000
 ACROSS_SYSTEMS = 1e-9
 """Largest difference [rad, m] after a second in open loop where another C library has other sines and exponentials."""
 
-needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang not installed (pip install '.[native]')")
 slow = pytest.mark.slow  # the first binary for a platform compiles that platform's C library, for minutes on Windows
 
 
@@ -59,7 +56,7 @@ def kind(library):
     return "Mach-O", {0x01000007: "x86_64", 0x0100000C: "aarch64"}[struct.unpack_from("<I", library, 4)[0]]
 
 
-@needs_zig
+@pytest.mark.needs("ziglang")
 @slow
 def test_one_fmu_has_binaries_for_all(everywhere):
     first, second = (
@@ -75,7 +72,7 @@ def test_one_fmu_has_binaries_for_all(everywhere):
     assert second == {name: (formats[name.split("-")[1]], name.split("-")[0]) for name in build_fmus.PLATFORMS}
 
 
-@needs_zig
+@pytest.mark.needs("ziglang")
 @slow
 def test_its_bytes_are_the_same_every_time(everywhere, tmp_path):
     again = build_fmus.build(everywhere[0].stem, tmp_path, tuple(build_fmus.PLATFORMS))
@@ -112,26 +109,20 @@ def driven(fmu, platform, folder, *runner):
     return np.array([[float.fromhex(word) for word in line.split()] for line in finished.stdout.splitlines()])
 
 
-@needs_zig
+@pytest.mark.needs("ziglang", "wine", "x86_64-linux")
 @slow
-@pytest.mark.skipif(fmpy.platform_tuple != "x86_64-linux", reason="runs binaries for Linux on x86-64")
 def test_the_windows_binary_moves_as_the_linux_one(everywhere, tmp_path):
-    wine = shutil.which("wine")
-    if wine is None:
-        pytest.skip("wine not installed")
     linux = driven(everywhere[0], "x86_64-linux", tmp_path / "linux")
-    windows = driven(everywhere[0], "x86_64-windows", tmp_path / "windows", wine)
+    windows = driven(everywhere[0], "x86_64-windows", tmp_path / "windows", "wine")
     assert windows.shape == linux.shape == (STEPS, 6)
     assert np.ptp(linux[:, 4:], axis=0).min() > 0.05, "the tool moves"
     np.testing.assert_allclose(windows, linux, rtol=0, atol=ACROSS_SYSTEMS)
 
 
-@needs_zig
+@pytest.mark.needs("ziglang", "x86_64-linux")
 @slow
 def test_zig_gives_the_bits_of_this_machines_compiler(everywhere, native_plant_file, tmp_path):
     """On the same C library, that is."""
-    if fmpy.platform_tuple != "x86_64-linux":
-        pytest.skip("runs binaries for Linux on x86-64")
     by_zig = driven(everywhere[0], "x86_64-linux", tmp_path / "zig")
     np.testing.assert_array_equal(driven(native_plant_file, "x86_64-linux", tmp_path / "own"), by_zig)
 

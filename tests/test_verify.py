@@ -5,7 +5,6 @@ import hashlib
 import logging
 import math
 import shutil
-import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -31,7 +30,7 @@ from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.certificates import Verification, differences
 
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
+    pytest.mark.needs("linux"),
     pytest.mark.slow,
 ]
 
