@@ -151,8 +151,8 @@ def test_a_controller_that_does_not_want_to_end_is_a_warning(tmp_path):
     assert termination["termination"].severity == "warning" and "terminate failed" in termination["termination"].text
 
 
-def test_an_fmu_that_refuses_to_start_is_one_error(quick_pid_file, tmp_path):
-    found = Benchmark("quick").check(Controller(of_another_guid(quick_pid_file, tmp_path / "guid.fmu")))
+def test_an_fmu_that_refuses_to_start_is_one_error(pid_c_file, tmp_path):
+    found = Benchmark("quick").check(Controller(of_another_guid(pid_c_file, tmp_path / "guid.fmu")))
     assert [finding.subject for finding in found if "GUID" in finding.text] == ["timing"], "once is enough"
 
 

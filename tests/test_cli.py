@@ -82,14 +82,19 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
 
 def test_simulation_writes_table_and_picture_and_overwrites_nothing(quick_pid_file: Path, tmp_path: Path) -> None:
     for _ in range(2):
-        wanted = ("--duration", "0.05", "--csv", "--export-ssp", "case.ssp")
+        wanted = ("--duration", "0.05", "--csv")
         finished = call("simulate", quick_pid_file, *wanted, folder=tmp_path)
         assert finished.code == 0 and "done at 0.05 s" in finished.out and "largest TCP error" in finished.out
     tables, *others = (list(tmp_path.rglob(f"trajectory.{ending}")) for ending in ("csv", "png", "npz"))
     assert [len(tables), *map(len, others)] == [2, 2, 2]
-    assert (tmp_path / "case.ssp").is_file()
     header, *rows = csv.reader(tables[0].open())
     assert all("[" in name for name in header) and [float(row[0]) for row in rows] == [k / 4000 for k in range(201)]
+
+
+@pytest.mark.needs("compiler")  # the package holds the manipulator in C
+def test_simulation_exports_a_package(tmp_path: Path) -> None:
+    assert call("simulate", "--duration", "0.05", "--export-ssp", "case.ssp", folder=tmp_path).code == 0
+    assert (tmp_path / "case.ssp").is_file()
 
 
 def test_folders_say_what_differs(quick_pid_file: Path, tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ def test_code_of_the_page_on_python(folder: Path) -> None:
     assert len(scope["table"]) == 6  # type: ignore[arg-type]
 
 
+@pytest.mark.needs("compiler")
 def test_code_of_the_page_on_the_plant(folder: Path) -> None:
     scope = run_code(text("docs/plant.md"), "docs/plant.md")
     assert 1e-5 < np.ptp(scope["pushed"]["X[1]"]) < 1.0  # type: ignore[index]

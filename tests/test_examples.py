@@ -15,16 +15,14 @@ from controller_fmu import errors, starters
 from controller_fmu.export import Dialect, build_folder, unpack
 from controller_fmu.export.__main__ import main as export
 
+KINDS = [
+    *("python", "numpy"),
+    pytest.param("c", marks=pytest.mark.needs("compiler")),
+    pytest.param("onnx", marks=pytest.mark.needs("onnxruntime")),
+]
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "python",
-        pytest.param("c", marks=pytest.mark.needs("compiler")),
-        "numpy",
-        pytest.param("onnx", marks=pytest.mark.needs("onnxruntime")),
-    ],
-)
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_commands_of_the_readme_build_the_pid(kind, tmp_path, monkeypatch):
     """With units everywhere, and the torques of eq. (13): to the last bit with gains to tune, else up to rounding."""
     folder = starters.copy(kind, tmp_path / "fast_arm")

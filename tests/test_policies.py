@@ -84,7 +84,7 @@ def test_what_is_no_network_is_refused(value, tmp_path):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """What the code of the page has defined, and the folder that it ran in."""
-    require("gymnasium", "greenlet", "onnx", "onnxruntime")
+    require("compiler", "gymnasium", "greenlet", "onnx", "onnxruntime")
     folder = tmp_path_factory.mktemp("policies")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", "")  # so that the machine code is that of the other processes

@@ -29,10 +29,9 @@ DEFAULT = "DiagonalPID"
 """Python, FMI 2.0 co-simulation: what the others are held against."""
 
 OWN = {
-    name: Recipe(
-        name, lambda path: build_fmus.build(path.stem, path.parent), needs=() if name == DEFAULT else ("compiler",)
-    )
-    for name in (DEFAULT, "DiagonalPID_C", *build_fmus.VARIANTS)
+    name: Recipe(name, lambda path: build_fmus.build(path.stem, path.parent), needs)
+    for needs, names in (((), (DEFAULT,)), (("compiler",), ("DiagonalPID_C", *build_fmus.VARIANTS)))
+    for name in names
 }
 EVERYONE = {**OWN, **RECIPES}
 

@@ -23,6 +23,8 @@ from orchestrator.loop.scenario import Chirp, Drive, Noise, Pulse, Sensor
 from .description_edits import edited, unit
 from .native import DEGREE
 
+pytestmark = pytest.mark.needs("compiler")
+
 MS = Fraction(1, 1000)
 OBSERVED = ("q_m[1]", "q_m[2]", "X[1]", "X[2]")
 BENCH = Benchmark(plant="native")
@@ -108,12 +110,12 @@ def in_sequence(package: Path, samples: int, sample_time: float) -> list[list[fl
     [(in_ecos, MS / 4, ()), (in_ecos, MS / 2, IN_DEGREES), (in_sequence, MS / 4, ())],
     ids=["ecos", "ecos-two-steps-a-sample-in-degrees", "in-sequence"],
 )
-def test_the_package_has_the_bits_of_our_own_loop(master, sample_time, edits, quick_pid_file, tmp_path):
+def test_the_package_has_the_bits_of_our_own_loop(master, sample_time, edits, pid_c_file, tmp_path):
     if master is in_ecos:
         require("ecospy", "tbb")
-    fmu, gains = quick_pid_file, {}
+    fmu, gains = pid_c_file, {}
     if edits:
-        fmu = edited(quick_pid_file, tmp_path / quick_pid_file.name, *edits)
+        fmu = edited(pid_c_file, tmp_path / pid_c_file.name, *edits)
         start = {"K_p": (45.0, 15.0), "K_i": (30.0, 10.0), "K_d": (1.5, 0.5)}
         gains = {f"{name}[{i + 1}]": pair[i] * DEGREE for name, pair in start.items() for i in (0, 1)}
     controller = Controller(fmu, gains, sample_time=sample_time)
@@ -125,9 +127,9 @@ def test_the_package_has_the_bits_of_our_own_loop(master, sample_time, edits, qu
     assert (np.abs(ours.torque).max(axis=0) == (1.8, 0.2)).all(), "the drives should saturate"
 
 
-def test_the_files_are_what_the_standards_ask_for(quick_pid_file, tmp_path):
-    package = BENCH.export_ssp(Controller(quick_pid_file), CASE, tmp_path / "case.ssp")
-    again = BENCH.export_ssp(Controller(quick_pid_file), CASE, tmp_path / "again.ssp")
+def test_the_files_are_what_the_standards_ask_for(pid_c_file, tmp_path):
+    package = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "case.ssp")
+    again = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "again.ssp")
     assert again.read_bytes() == package.read_bytes()
     home = Path(fmpy.__file__).parent
     ssd, ssv, terminals = (
@@ -156,11 +158,11 @@ def test_the_files_are_what_the_standards_ask_for(quick_pid_file, tmp_path):
 
 
 @pytest.mark.parametrize(("delay", "problem"), [("0", "order"), ("1/3000", "unevenly")])
-def test_what_other_tools_cannot_step_is_refused(delay, problem, quick_pid_file, tmp_path):
+def test_what_other_tools_cannot_step_is_refused(delay, problem, pid_c_file, tmp_path):
     drive = replace(CASE.scenario.drive, delay=(Fraction(delay), MS / 4))
     with pytest.raises(InputError, match=problem) as caught:
         BENCH.export_ssp(
-            Controller(quick_pid_file),
+            Controller(pid_c_file),
             replace(CASE, scenario=replace(CASE.scenario, drive=drive)),
             tmp_path / "case.ssp",
         )

@@ -66,7 +66,7 @@ def sound() -> dict[str, bytes]:
     of the FMUs in Python."""
     library = Path(pythonfmu.__file__).parent / "resources" / "binaries" / fmpy.platform
     (file,) = library.glob(f"*{fmpy.sharedLibraryExtension}")
-    return {"modelDescription.xml": edited(), LIBRARY: file.read_bytes()}
+    return {"modelDescription.xml": edited(), LIBRARY: file.read_bytes(), "resources/none.txt": b""}
 
 
 def edited(**attributes: str) -> bytes:
