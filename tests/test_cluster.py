@@ -141,10 +141,10 @@ def test_workers_that_are_killed_lose_nothing(dask, local, tmp_path):
 
 
 def test_what_is_left_when_the_run_is_closed_is_not_run(dask, own):
-    outcomes = cluster.run([job(own, "echo", b"x")] * 400, dask.address)
-    assert isinstance(next(outcomes)[1], Done)
     import distributed
 
+    outcomes = cluster.run([job(own, "echo", b"x")] * 400, dask.address)
+    assert isinstance(next(outcomes)[1], Done)
     with distributed.Client(dask.address) as observer:
         assert tasks_of(observer) > 100, "there is more to do than can be done in the time that follows"
         outcomes.close()

@@ -18,6 +18,7 @@ from support.python_controllers import python_controller
 from support.refusals import refusal
 
 from orchestrator.api import campaign
+from orchestrator.execution import sandbox
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
@@ -99,7 +100,7 @@ def test_the_environment_is_not_handed_on(own, monkeypatch):
 @sandboxed
 def test_a_worker_works_in_an_empty_folder(own):
     folder, files, sockets, main = literal_eval(inside(own, "surroundings"))
-    assert (folder, files, sockets, main) == ("/tmp", [], 1, None)
+    assert (folder, files, sockets, main) == (sandbox.WORK, [], 1, None)
 
 
 SCRIPT = """
@@ -116,21 +117,25 @@ sys.meta_path.insert(0, Hook)
 from hostile.runs import bench, job
 from orchestrator.execution.supervision import run_isolated
 own = bench(Path(sys.argv[1]), Path(sys.argv[2]), sandbox=True)
-(outcome,) = run_isolated(job(own, "package_file", b"", limit=120.0))
-print(outcome.value.decode())
+for function in ("package_file", "surroundings"):
+    (outcome,) = run_isolated(job(own, function, b"", limit=120.0))
+    print(outcome.value.decode())
 """
 
 
 @sandboxed
 def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path):
-    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one."""
+    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one: below
+    that for temporary files, which is not empty inside, as the folder that a worker works in is."""
     clone = copied_packages(tmp_path / "clone")
     shutil.copytree(ROOT / "tests" / "hostile", tmp_path / "hostile")
     shutil.copy(ROOT / "build_fmus.py", tmp_path)
     (tmp_path / "script.py").write_text(SCRIPT.format(clone=str(clone)))
     words = [sys.executable, "script.py", str(plant_file), str(pid_file)]
     done = finished(words, folder=tmp_path, environment={"PYTHONPATH": ""})
-    assert done.stdout.strip() == str(clone / "orchestrator" / "__init__.py"), done.stderr
+    file, surroundings = done.stdout.splitlines()
+    assert file == str(clone / "orchestrator" / "__init__.py"), done.stderr
+    assert literal_eval(surroundings)[:2] == (sandbox.WORK, [])
 
 
 @sandboxed

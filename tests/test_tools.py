@@ -88,6 +88,18 @@ def test_every_tool_has_a_reason_of_its_own_and_an_answer():
     assert all(tool.reason.startswith("needs ") for tool in TOOLS.values())
 
 
+@pytest.mark.needs("linux")
+def test_the_bare_path_hides_every_program():
+    """Those that are there, that is: a machine that has a compiler and bubblewrap shows that it is not empty."""
+    code = "from support.tools import PRESENT; print(*(name for name in PRESENT if PRESENT[name]))"
+    environment = {**os.environ, "PYTHONPATH": f"{TESTS}{os.pathsep}{TESTS.parent}"}
+    words = [TESTS.parent / ".ci" / "bare-path", sys.executable, "-c", code]
+    found = subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout.split()
+    programs = {"sanitizers", "bubblewrap", "wine", "chromium", "openssl"}
+    assert programs.isdisjoint(found) and ("compiler" in found) == PRESENT["ziglang"]
+    assert {name for name in PRESENT if PRESENT[name]} - programs - {"compiler"} <= set(found)
+
+
 def test_no_test_is_skipped_another_way():
     ways = re.compile(r"importorskip|mark\.skip|pytest\.skip|SkipTest|mark\.xfail|pytest\.xfail")
     found = [file for file in TESTS.rglob("*.py") if ways.search(file.read_text(encoding="utf-8"))]

@@ -137,11 +137,12 @@ def test_a_failure_is_added_once_and_what_held_is_not_forgotten(monkeypatch):
     assert search.rules.test(added.test.name).requirements == ("A2", "A3")
 
 
+@pytest.mark.needs("compiler")  # with the PID in Python it takes minutes
 @pytest.mark.slow
-def test_a_search_finds_better_parameters_and_finds_them_again(short, quick_pid_file, tmp_path):
+def test_a_search_finds_better_parameters_and_finds_them_again(short, pid_c_file, tmp_path):
     """Interrupted, it goes on with what is stored, and comes to the same answer; a broken candidate is one trial."""
     goal, objective = short
-    controller = Controller(quick_pid_file)
+    controller = Controller(pid_c_file)
     told = []
 
     def interrupt(entry, done, total):

@@ -2,7 +2,7 @@
 
 ``@pytest.mark.needs("compiler", "bubblewrap")`` marks a test; ``require("compiler")`` does the same in a fixture, in a
 helper, or at the head of a module, and ``PRESENT["compiler"]`` is for tests that run either way. This module is also a
-pytest plugin: it turns a skip with any other reason into a failure.
+pytest plugin: it turns a skip with any other reason into a failure. As a program it prints what is there.
 """
 
 from __future__ import annotations
@@ -154,3 +154,8 @@ def _check(report: pytest.TestReport | pytest.CollectReport) -> None:
         vars(report).pop("wasxfail", None)
         report.outcome = "failed"
         report.longrepr = f"skipped for a reason that tests/support/tools.py does not list here: {reason}"
+
+
+if __name__ == "__main__":
+    for name, there in PRESENT.items():
+        print(f"{name}: {'there' if there else TOOLS[name].reason}")
