@@ -13,7 +13,9 @@ from hostile.commands import NOISE
 from hostile.fmus import NONE, Fault, hostile_fmu
 from hostile.runs import HANG_LIMIT, bench
 from hypothesis import settings
+from support import tools
 from support.stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
+from support.tools import PRESENT, require
 
 import build_fmus
 from orchestrator import Benchmark, Controller, Evaluation
@@ -37,6 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
     Numba looks for changes only in the file of the function it compiles, and would test stale machine code after a
     change in a helper of another module: the plant's sources get a folder by their hash.
     """
+    config.pluginmanager.register(tools)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     if getattr(config.option, "numprocesses", None) and not worker:
         return  # tests run in the workers, which inherit this environment
@@ -45,6 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
     for source in sorted(PLANT_SOURCES.rglob("*.py")):
         digest.update(source.read_bytes())
     os.environ.setdefault("FLEXIBLE_MANIPULATOR_CACHE", str(folder))
+    # What zig compiles of the C library is many times what the tests compile with it: all workers share one folder.
+    os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(config.cache.mkdir("zig")))
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder / "numba-plant" / digest.hexdigest()[:16]))
     # A session started in the background by a script ignores Ctrl-C, and so would the commands it starts to interrupt.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -63,30 +68,35 @@ def exporter_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("exporters")
 
 
-def build_or_skip(build: Callable[[], Any]) -> Any:
-    """What ``build`` builds; the test is skipped where the machine has no C compiler."""
-    try:
-        return build()
-    except build_fmus.NoCompilerError as problem:
-        pytest.skip(str(problem))
-
-
-def built(build: Callable[[Path], Path]) -> Any:
-    """A fixture of an FMU that ``build`` builds in the session's folder."""
+def built(build: Callable[[Path], Path], *needs: str) -> Any:
+    """A fixture of an FMU that ``build`` builds in the session's folder; ``needs`` are tools of ``support.tools``."""
 
     @pytest.fixture(scope="session")
     def file(fmu_folder: Path) -> Path:
-        return build_or_skip(lambda: build(fmu_folder))
+        require(*needs)
+        return build(fmu_folder)
 
     return file
 
 
 plant_file = built(partial(build_fmus.build, "FlexibleManipulator"))
-native_plant_file = built(partial(build_fmus.build, "FlexibleManipulatorNative"))
+native_plant_file = built(partial(build_fmus.build, "FlexibleManipulatorNative"), "compiler")
 pid_file = built(partial(build_fmus.build, "DiagonalPID"))
-pid_c_file = built(partial(build_fmus.build, "DiagonalPID_C"))
+pid_c_file = built(partial(build_fmus.build, "DiagonalPID_C"), "compiler")
 probe_plant_file = built(partial(build_stub, "probe_plant", PROBE_PLANT))
 feedthrough_file = built(partial(build_stub, "feedthrough", FEEDTHROUGH))
+
+
+@pytest.fixture(scope="session")
+def quick_pid_file(request: pytest.FixtureRequest) -> Path:
+    """The PID for tests to which it is all the same: in C where there is a compiler, since that is faster."""
+    return request.getfixturevalue("pid_c_file" if PRESENT["compiler"] else "pid_file")
+
+
+@pytest.fixture(scope="session")
+def quick_plant_file(request: pytest.FixtureRequest) -> Path:
+    """The manipulator for tests to which it is all the same, likewise."""
+    return request.getfixturevalue("native_plant_file" if PRESENT["compiler"] else "plant_file")
 
 
 @pytest.fixture(scope="session", params=["plant_file", "native_plant_file"])
@@ -120,7 +130,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def faulty(fmu_folder: Path) -> Callable[[Fault], Path]:
     """A function that builds the hostile controller with a fault."""
-    return lambda fault: build_or_skip(lambda: hostile_fmu(fmu_folder, fault))
+    return partial(hostile_fmu, fmu_folder)
 
 
 @pytest.fixture(scope="session")
@@ -130,9 +140,9 @@ def own(plant_file: Path, pid_file: Path) -> Bench:
 
 
 @pytest.fixture(scope="session")
-def harmless(plant_file: Path, faulty: Callable[[Fault], Path]) -> Bench:
-    """The plant with the hostile controller, without a fault."""
-    return bench(plant_file, faulty(NONE))
+def harmless(plant_file: Path, faulty: Callable[[Fault], Path], request: pytest.FixtureRequest) -> Bench:
+    """The plant with the hostile controller, without a fault; with the PID where there is no compiler for it."""
+    return bench(plant_file, faulty(NONE) if PRESENT["compiler"] else request.getfixturevalue("pid_file"))
 
 
 @pytest.fixture

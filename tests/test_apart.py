@@ -1,15 +1,14 @@
 """A controller in a process of its own: the same numbers, whatever its kind, and every failure is told."""
 
-import sys
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from conftest import build_or_skip
 from hostile.cheats import PID_C
 from hostile.fmus import Fault
 from hostile.runs import STRUCK, bench, run, short_cases
+from support.tools import PRESENT
 
 from controller_fmu.export import c_fmu
 from controller_fmu.export.dialects import Dialect
@@ -18,15 +17,16 @@ from orchestrator.execution import sandbox
 from orchestrator.loop.scenario import Drive
 from orchestrator.loop.trajectory import Status
 
-pytestmark = [pytest.mark.skipif(sys.platform != "linux", reason="faults for Linux")]
+pytestmark = pytest.mark.needs("linux")
 
 KINDS = [Dialect(1), Dialect(2, "ModelExchange"), Dialect(3, arrays=True), Dialect(3, "ModelExchange")]
 
 
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
     sources = [PID_C / name for name in ("model.c", "pid.c", "pid.h")]
-    file = build_or_skip(lambda: c_fmu(sources, PID_C / "modelDescription.xml", tmp_path / "Pid.fmu", kind))
+    file = c_fmu(sources, PID_C / "modelDescription.xml", tmp_path / "Pid.fmu", kind)
     (case,) = short_cases((STRUCK,))
     scenario = replace(case.scenario, drive=Drive(delay=(Fraction("0.0001"), Fraction(0))))
     own = bench(plant_file, file, limit=120.0)
@@ -59,12 +59,14 @@ FAULTS = [
 @pytest.mark.parametrize(("fault", "status", "words"), FAULTS, ids=str)
 def test_what_goes_wrong_there_is_told_here(fault, status, words, plant_file, faulty):
     own = bench(plant_file, faulty(fault), limit=3.0)
-    own = replace(own, apart=True, limits=replace(own.limits, memory=600_000_000), sandbox=fault.what != "kill-parent")
+    boxed = PRESENT["bubblewrap"] and fault.what != "kill-parent"
+    own = replace(own, apart=True, limits=replace(own.limits, memory=600_000_000), sandbox=boxed)
     (found,) = run(own, short_cases((STRUCK,)))
     assert (found.result.status, words in found.result.message) == (status, True), found.result
     assert "Traceback" not in found.result.message
 
 
+@pytest.mark.needs("bubblewrap")
 def test_the_plant_is_not_shown_to_a_controller_apart(plant_file, pid_file):
     own = bench(plant_file, pid_file)
     words = " ".join(sandbox.command((own.controller.folder,)))

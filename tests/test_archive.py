@@ -10,10 +10,10 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import build_or_skip
 from hostile import fmus
-from hostile.fmus import LIBRARY, hostile_fmu
+from hostile.fmus import LIBRARY
 from support.refusals import refusal
+from support.tools import require
 
 from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
@@ -33,10 +33,18 @@ def room(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def good() -> dict[str, bytes]:
-    """The files of an FMU with nothing wrong."""
-    return build_or_skip(fmus.contents)
+    """The files of an FMU with nothing wrong, as long as nobody loads it."""
+    return fmus.sound()
+
+
+@pytest.fixture
+def good_file(room, good) -> Path:
+    """That FMU."""
+    file = room / "good.fmu"
+    file.write_bytes(pack(good))
+    return file
 
 
 def zipped(entries: list[tuple[str | zipfile.ZipInfo, bytes]], placeholder: bytes = b"", name: bytes = b"") -> bytes:
@@ -140,6 +148,8 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_bad_archive_is_refused_with_the_reason(name, good, room):
     build, what = REFUSED[name]
+    if what == "bad-sources":
+        require("compiler")
     file = room / "bad.fmu"
     file.write_bytes(build(good))
     before = outside_of_the_cache(room)
@@ -179,7 +189,7 @@ def test_what_is_not_a_file(name, room):
     assert (error.what, error.where) == ("no-file", str(room / name))
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="names of files are any bytes on Linux")
+@pytest.mark.needs("linux")  # where names of files are any bytes
 def test_a_name_that_is_not_utf8_is_refused(good, room):
     file = room / "\udcff.fmu"
     file.write_bytes(pack(good))
@@ -193,7 +203,7 @@ BROKEN_LIBRARIES = {
 }
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="shared objects of Linux")
+@pytest.mark.needs("linux")
 @pytest.mark.parametrize("name", BROKEN_LIBRARIES)
 def test_a_broken_library_has_no_verdict(name, good, tmp_path):
     file = tmp_path / "broken.fmu"
@@ -208,41 +218,41 @@ def test_a_broken_library_has_no_verdict(name, good, tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["changed", "emptied", "missing"])
-def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, room):
-    fmu = hostile_fmu(room)
-    library = open_archive(fmu).folder / LIBRARY
+def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, room, good_file):
+    library = open_archive(good_file).folder / LIBRARY
     contents, compiled = library.read_bytes(), library.parents[2] / "resources" / "compiled.bin"
     compiled.write_bytes(b"machine code")
-    assert open_archive(fmu).folder == library.parents[2] and compiled.is_file(), "what lies beside the files stays"
+    assert open_archive(good_file).folder == library.parents[2]
+    assert compiled.is_file(), "what lies beside the files stays"
     if damage == "missing":
         library.unlink()
     else:
         library.write_bytes(b"" if damage == "emptied" else contents[:-1] + b"!")
-    assert (open_archive(fmu).folder / LIBRARY).read_bytes() == contents
+    assert (open_archive(good_file).folder / LIBRARY).read_bytes() == contents
     assert not list((room / "cache" / "fmus").glob("incomplete-*"))
 
 
-def test_a_cache_that_cannot_be_written(room):
+def test_a_cache_that_cannot_be_written(room, good_file):
     (room / "cache").mkdir()
     (room / "cache" / "fmus").write_text("a file in the way")
-    assert refusal(open_archive, hostile_fmu(room), kind=EnvironmentFault).what == "no-cache"
+    assert refusal(open_archive, good_file, kind=EnvironmentFault).what == "no-cache"
 
 
 @pytest.mark.parametrize("file_stays", [True, False])
-def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, room):
-    fmu = hostile_fmu(room)
-    opened = open_archive(fmu)
+def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, room, good_file):
+    opened = open_archive(good_file)
     assert not restore(opened), "nothing to do"
-    assert open_archive(Path(shutil.copy(fmu, room / "copy.fmu"))).folder == opened.folder, "equal contents share one"
+    copy = Path(shutil.copy(good_file, room / "copy.fmu"))
+    assert open_archive(copy).folder == opened.folder, "equal contents share one"
     shutil.rmtree(room / "cache")
     if not file_stays:
-        fmu.unlink()
+        good_file.unlink()
     assert restore(opened) and (opened.folder / LIBRARY).is_file()
 
 
-def test_a_file_that_is_too_large_is_not_unpacked(room, monkeypatch):
-    file = hostile_fmu(room)
-    for most in (file.stat().st_size, file.stat().st_size - 1):  # its contents, and the file itself
+def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
+    size = good_file.stat().st_size
+    for most in (size, size - 1):  # its contents, and the file itself
         monkeypatch.setattr(archive, "MOST_BYTES", most)
-        assert refusal(open_archive, file).what == "archive-limit"
+        assert refusal(open_archive, good_file).what == "archive-limit"
     assert not (room / "cache").exists()

@@ -1,6 +1,5 @@
 """Smaller runs of scripts in ``benchmarks``: simulations leave nothing behind, mutations end in no traceback."""
 
-import sys
 import tempfile
 
 import pytest
@@ -12,7 +11,7 @@ from orchestrator.fmi.archive import open_archive
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="counts descriptors")
+@pytest.mark.needs("posix")  # counts descriptors
 def test_many_simulations_leave_nothing_behind(plant_file, pid_file, tmp_path, monkeypatch):
     """Scaled down; 10,000 are run by ``benchmarks/execution.py --endurance 10000``, with figures in docs/running.md."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # others use the usual one, too

@@ -11,6 +11,7 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from support.pid_fmus import built
 from support.refusals import refusal
+from support.tools import require
 
 import build_fmus
 from controller_fmu import errors
@@ -18,7 +19,6 @@ from controller_fmu.export import Dialect, build_folder, python_fmu
 from controller_fmu.export.units import base_exponents
 
 PID = Path(build_fmus.__file__).parent / "controller_fmu" / "pid_c"
-needs_compiler = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
 
 SLAVE = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -39,8 +39,8 @@ def in_c(name):
 
 @pytest.mark.parametrize("name", build_fmus.NAMES + build_fmus.PLANT_VARIANTS + build_fmus.VARIANTS)
 def test_fmus_are_valid_say_whose_and_what_they_are_and_come_out_the_same(name, fmu_folder, tmp_path):
-    if in_c(name) and build_fmus.find_compiler() is None:
-        pytest.skip("no C compiler")
+    if in_c(name):
+        require("compiler")
     fmu = built(name, fmu_folder)
     assert validate_fmu(str(fmu)) == []
     assert build_fmus.build(name, tmp_path).read_bytes() == fmu.read_bytes()
@@ -143,7 +143,7 @@ XML, MODEL = "modelDescription.xml", "model.c"
 DEG = '<UnitDefinitions><Unit name="deg"><BaseUnit rad="1" factor="0.0174532925199433"/></Unit></UnitDefinitions>'
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize("version", [1, 2, 3])
 def test_what_a_description_may_leave_out_and_define(version, tmp_path):
     changes = (XML, "<LogCategories>.*?</LogCategories>", DEG), (XML, "<DefaultExperiment[^>]*>", "")
@@ -181,7 +181,7 @@ BAD_MODELS = [
 ]
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize(("change", "dialect", "error", "value", "nearest"), BAD_MODELS)
 def test_models_that_cannot_be_used(change, dialect, error, value, nearest, tmp_path):
     refused = refusal(exported, tmp_path, change, dialect=dialect, kind=error)
@@ -201,14 +201,18 @@ def test_without_compiler_c_is_skipped_with_one_line(tmp_path, monkeypatch, caps
     assert [file.name for file in tmp_path.iterdir()] == ["DiagonalPID.fmu"]
 
 
-def test_wrong_names_kinds_and_sources_are_refused(tmp_path):
+def test_wrong_names_and_kinds_are_refused(tmp_path):
     error = refusal(build_fmus.build, "DiagonalPDI", tmp_path, kind=build_fmus.UnknownFmuError)
     assert error.value == "DiagonalPDI" and "DiagonalPID" in error.nearest
     assert build_fmus.main(["DiagonalPDI", "DiagonalPID", "--output-dir", str(tmp_path)]) == 2
     assert list(tmp_path.iterdir()) == [], "nothing is built if the input is bad"
     for wrong in ((2, "CoSimulation", True), (1, "ModelExchange"), (2, "CoSimulation", False, 32)):
         assert refusal(Dialect, *wrong, kind=errors.DialectError).value in ("arrays", "ModelExchange", "Float32")
-    (tmp_path / "component.c").write_text("")  # a source must not hide one that is added
+
+
+@pytest.mark.needs("compiler")
+def test_a_source_that_hides_one_that_is_added_is_refused(tmp_path):
+    (tmp_path / "component.c").write_text("")
     arguments = [tmp_path / "component.c"], PID / XML, tmp_path / "X.fmu"
     assert refusal(build_fmus.c_fmu, *arguments, kind=errors.SourceError).value == "component.c"
 

@@ -16,7 +16,7 @@ import build_fmus
 from orchestrator import Benchmark, Controller
 from orchestrator.loop.signals import quantize
 
-pytestmark = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+pytestmark = pytest.mark.needs("compiler")
 
 KINDS = ("DiagonalPID_C", *build_fmus.VARIANTS)
 LQG = "DitheredLQG_C"

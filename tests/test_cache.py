@@ -1,8 +1,6 @@
 """Where things are kept, and the name of what is made from sources: it changes with every change that can matter, and
 with no other."""
 
-import sys
-
 import pytest
 from hostile.commands import command, finished
 from support.refusals import refusal
@@ -79,7 +77,7 @@ def test_without_a_temporary_folder_either_the_machine_is_at_fault(tmp_path, mon
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="a folder that nobody can make: /proc/nonexistent")
+@pytest.mark.needs("linux")  # a folder that nobody can make: /proc/nonexistent
 def test_a_command_runs_without_its_cache_folder_and_leaves_nothing(tmp_path):
     (tmp_path / "tmp").mkdir()
     environment = {VARIABLE: "/proc/nonexistent", "TMPDIR": str(tmp_path / "tmp")}

@@ -4,8 +4,7 @@ import json
 import re
 
 import pytest
-from conftest import build_or_skip
-from exporters import RECIPES, REFUSED, built_or_skip
+from exporters import RECIPES, REFUSED, built
 from hostile.fmus import Fault, hostile_fmu
 from support.edited_fmus import of_another_guid, with_functions
 from support.python_controllers import python_controller
@@ -55,14 +54,14 @@ def test_the_default_controller(pid_c_file):
     ],
 )
 def test_exporters_have_but_notes(name, subject, words, exporter_folder):
-    found = check(built_or_skip(RECIPES[name], exporter_folder), "note")
+    found = check(built(RECIPES[name], exporter_folder), "note")
     assert words in found[subject].text and found["latency"].severity == "ok"
     assert name != "casadi" or found["standard"].text == "FMI 3.0 Model Exchange, exported by CasADi"
 
 
 def test_how_the_controller_is_used_is_among_the_findings(exporter_folder):
     swapped = {f"{name}[{i}]": f"{name}_{3 - i}" for name in ("q_m", "q_m_ref", "u_m", "u_m0") for i in (1, 2)}
-    file = built_or_skip(RECIPES["names_underscore"], exporter_folder)
+    file = built(RECIPES["names_underscore"], exporter_folder)
     found = check(file, "note", parameters={"K_p_1": 40.0}, mapping=swapped, sample_time="0.00025")
     assert found["q_m"].text == "q_m_2 [rad] = 0, q_m_1 [rad] = 0 (mapped)"
     assert found["parameters"].text == "K_p_1 = 40"
@@ -148,7 +147,7 @@ def test_what_the_benchmark_does_not_need_is_a_warning(functions, subject, words
 
 
 def test_a_controller_that_does_not_want_to_end_is_a_warning(tmp_path):
-    termination = check(build_or_skip(lambda: hostile_fmu(tmp_path, Fault("status:3", "terminate", 0.0))), "warning")
+    termination = check(hostile_fmu(tmp_path, Fault("status:3", "terminate", 0.0)), "warning")
     assert termination["termination"].severity == "warning" and "terminate failed" in termination["termination"].text
 
 
@@ -159,7 +158,7 @@ def test_an_fmu_that_refuses_to_start_is_one_error(pid_c_file, tmp_path):
 
 @pytest.mark.parametrize("name", ["refused_two_candidates", "refused_missing_output"])
 def test_connectors_that_do_not_fit_are_errors_with_a_remedy(name, exporter_folder):
-    found = check(built_or_skip(REFUSED[name], exporter_folder), "error")
+    found = check(built(REFUSED[name], exporter_folder), "error")
     assert found["standard"].severity == "ok", "what was found before still stands"
     assert found["import"].what.startswith("connector-") and "--map" in remedy(found["import"])
 
@@ -169,10 +168,12 @@ def test_a_missing_file_is_an_error(tmp_path):
     assert list(found) == ["import"] and found["import"].what == "no-file"
 
 
-def test_findings_as_json(capsys, pid_c_file):
-    assert guarded(command.main, [str(pid_c_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
+def test_findings_as_json(capsys, quick_pid_file):
+    assert (
+        guarded(command.main, [str(quick_pid_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
+    )
     document = json.loads(capsys.readouterr().out)
-    assert (document["controller"], document["verdict"]) == (pid_c_file.name, "error")
+    assert (document["controller"], document["verdict"]) == (quick_pid_file.name, "error")
     assert (document["findings"][-1]["what"], document["findings"][-1]["value"]) == ("no-variable", "absent")
 
 

@@ -27,7 +27,7 @@ from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import launch, pool
 from orchestrator.execution.supervision import run_isolated
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the corpus is written for Linux")
+pytestmark = pytest.mark.needs("linux")
 
 CASE = "c00.compliant.noise"
 GOLDEN = Path(__file__).parent / "golden" / "DiagonalPID.quick.csv"

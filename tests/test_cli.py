@@ -80,30 +80,35 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
     assert {name: given[name] for name in expected} == expected
 
 
-def test_simulation_writes_table_and_picture_and_overwrites_nothing(pid_c_file: Path, tmp_path: Path) -> None:
+def test_simulation_writes_table_and_picture_and_overwrites_nothing(quick_pid_file: Path, tmp_path: Path) -> None:
     for _ in range(2):
-        wanted = ("--duration", "0.05", "--csv", "--export-ssp", "case.ssp")
-        finished = call("simulate", pid_c_file, *wanted, folder=tmp_path)
+        wanted = ("--duration", "0.05", "--csv")
+        finished = call("simulate", quick_pid_file, *wanted, folder=tmp_path)
         assert finished.code == 0 and "done at 0.05 s" in finished.out and "largest TCP error" in finished.out
     tables, *others = (list(tmp_path.rglob(f"trajectory.{ending}")) for ending in ("csv", "png", "npz"))
     assert [len(tables), *map(len, others)] == [2, 2, 2]
-    assert (tmp_path / "case.ssp").is_file()
     header, *rows = csv.reader(tables[0].open())
     assert all("[" in name for name in header) and [float(row[0]) for row in rows] == [k / 4000 for k in range(201)]
 
 
-def test_folders_say_what_differs(pid_c_file: Path, tmp_path: Path) -> None:
+@pytest.mark.needs("compiler")  # the package holds the manipulator in C
+def test_simulation_exports_a_package(tmp_path: Path) -> None:
+    assert call("simulate", "--duration", "0.05", "--export-ssp", "case.ssp", folder=tmp_path).code == 0
+    assert (tmp_path / "case.ssp").is_file()
+
+
+def test_folders_say_what_differs(quick_pid_file: Path, tmp_path: Path) -> None:
     changes = [(), ("--seed", "1"), ("--set", "K_p[1]=44"), ("--plant-set", "k_high[2]=5e5"), ("--sample-time", "5e-4")]
     for change in changes:
-        finished = call("evaluate", pid_c_file, *ONE, *change, folder=tmp_path)
+        finished = call("evaluate", quick_pid_file, *ONE, *change, folder=tmp_path)
         assert finished.code == 0 and "replaced" not in finished.err
     names = {file.parent.name for file in tmp_path.glob("runs/*/results.json")}
     assert len(names) == len(changes) and any("K_p[1]=44" in name for name in names)
 
 
-def test_other_results_are_replaced_with_a_note(pid_c_file: Path, tmp_path: Path) -> None:
+def test_other_results_are_replaced_with_a_note(quick_pid_file: Path, tmp_path: Path) -> None:
     for seed, note in ((0, False), (1, True)):
-        finished = call("evaluate", pid_c_file, *ONE, "--output-dir", "out", "--seed", seed, folder=tmp_path)
+        finished = call("evaluate", quick_pid_file, *ONE, "--output-dir", "out", "--seed", seed, folder=tmp_path)
         assert finished.code == 0 and ("other results in out are replaced" in finished.err) == note
 
 
@@ -207,12 +212,12 @@ def test_an_unwritable_output_folder(target: str, tmp_path: Path) -> None:
         assert target in refusal(tmp_path, *words, "--output-dir", target)
 
 
-def test_an_evaluation_in_a_process_of_its_own_whose_reader_goes_away(pid_c_file: Path, tmp_path: Path) -> None:
-    words = [*EVALUATE, str(pid_c_file), "--quick", "--only", "*.noise", "--seed", "3"]
+def test_an_evaluation_in_a_process_of_its_own_whose_reader_goes_away(quick_pid_file: Path, tmp_path: Path) -> None:
+    words = [*EVALUATE, str(quick_pid_file), "--quick", "--only", "*.noise", "--seed", "3"]
     done = finished(["bash", "-c", f"{shlex.join(words)} | true; exit ${{PIPESTATUS[0]}}"], tmp_path)
     assert done.returncode in (0, 1)
     (written,) = (tmp_path / "runs").iterdir()
-    assert written.name.startswith("DiagonalPID_C-quick-seed3-")
+    assert written.name.startswith(f"{quick_pid_file.stem}-quick-seed3-")
     assert {"results.json", "cases.csv", "trajectories.npz", "report.html"} <= {file.name for file in written.iterdir()}
 
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -16,7 +15,6 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from conftest import build_or_skip
 from hostile.commands import (
     NOISE,
     ROOT,
@@ -33,6 +31,7 @@ from hostile.fmus import Fault, hostile_fmu
 from hostile.runs import copied_packages, job
 from msgspec.structs import replace
 from support.refusals import refusal
+from support.tools import require
 
 from orchestrator import Benchmark, Controller
 from orchestrator.codec import Malformed, pack
@@ -44,8 +43,7 @@ from orchestrator.execution.messages import ErrorRecord, Finished
 from orchestrator.fmi.trace import Place
 from orchestrator.loop.trajectory import Status
 
-distributed = pytest.importorskip("distributed", reason="distributed (Dask) is not installed: pip install distributed")
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sessions of POSIX")
+pytestmark = pytest.mark.needs("posix", "distributed")
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 
@@ -123,7 +121,7 @@ def evaluated(address, folder, file=None):
 
 
 def test_a_crash_costs_its_cases_only(dask, tmp_path):
-    fmu = build_or_skip(lambda: hostile_fmu(tmp_path, Fault("abort", "step", 0.02)))
+    fmu = hostile_fmu(tmp_path, Fault("abort", "step", 0.02))
     cases = evaluated(dask.address, tmp_path / "out", fmu).cases
     crashed, skipped = ([case for case in cases if case.status is of] for of in (Status.CRASHED, Status.SKIPPED))
     assert len(crashed) >= 3 and skipped and len(crashed) + len(skipped) == len(cases)
@@ -143,6 +141,8 @@ def test_workers_that_are_killed_lose_nothing(dask, local, tmp_path):
 
 
 def test_what_is_left_when_the_run_is_closed_is_not_run(dask, own):
+    import distributed
+
     outcomes = cluster.run([job(own, "echo", b"x")] * 400, dask.address)
     assert isinstance(next(outcomes)[1], Done)
     with distributed.Client(dask.address) as observer:
@@ -179,8 +179,7 @@ def test_a_scheduler_that_freezes_is_given_up_and_what_is_finished_is_kept(tmp_p
 @pytest.fixture
 def certificate(tmp_path) -> Path:
     """A self-signed one with its key in the same file."""
-    if shutil.which("openssl") is None:
-        pytest.skip("makes its certificate with openssl, which is not installed")
+    require("openssl")
     file = tmp_path / "own.pem"
     words = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=loopback", "-days", "1"]
     subprocess.run([*words, "-keyout", file, "-out", tmp_path / "alone.pem"], check=True, capture_output=True)

@@ -28,11 +28,11 @@ def run_code(text: str, name: str) -> dict[str, object]:
 
 
 @pytest.fixture
-def folder(pid_c_file: Path, native_plant_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(quick_pid_file: Path, quick_plant_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working folder, with a controller, the plant, and the protocol."""
     (tmp_path / "build" / "fmus").mkdir(parents=True)
-    shutil.copy(native_plant_file, tmp_path / "build" / "fmus")
-    shutil.copy(pid_c_file, tmp_path / "my_controller.fmu")
+    shutil.copy(quick_plant_file, tmp_path / "build" / "fmus")
+    shutil.copy(quick_pid_file, tmp_path / "my_controller.fmu")
     (tmp_path / "quick.toml").write_text(ONE_POSE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -50,6 +50,7 @@ def test_code_of_the_page_on_python(folder: Path) -> None:
     assert len(scope["table"]) == 6  # type: ignore[arg-type]
 
 
+@pytest.mark.needs("compiler")
 def test_code_of_the_page_on_the_plant(folder: Path) -> None:
     scope = run_code(text("docs/plant.md"), "docs/plant.md")
     assert 1e-5 < np.ptp(scope["pushed"]["X[1]"]) < 1.0  # type: ignore[index]
@@ -66,8 +67,11 @@ def test_code_of_the_page_on_design(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
+@pytest.mark.needs("nbclient", "nbformat")
 def test_notebook(folder: Path) -> None:
-    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    import nbclient
+    import nbformat
+
     notebook = nbformat.read(ROOT / "examples" / "first_steps.ipynb", as_version=4)
     for cell in notebook.cells:
         cell.source = smaller(cell.source)

@@ -19,7 +19,6 @@ from support.refusals import refusal
 from support.snapshots import snapshot
 
 import orchestrator
-from controller_fmu.export import find_compiler
 from controller_fmu.export.archive import pack
 from orchestrator.benchmark import cases, nominal, protocol, stiffness, variation
 from orchestrator.cli.guard import REMEDIES, remedy
@@ -127,7 +126,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
     )  # fmt: skip
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+@pytest.mark.needs("compiler")
 def test_texts_are_those_of_the_snapshot(tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXIBLE_MANIPULATOR_CACHE", str(tmp_path / "cache"))
     found: dict[str, str] = {}

@@ -11,19 +11,20 @@ from numpy.testing import assert_allclose
 from support.pid_fmus import GAINS, fmpys_torques, in_child, law, random_signals
 from support.refusals import refusal
 
-import build_fmus
 from controller_fmu import errors, starters
 from controller_fmu.export import Dialect, build_folder, unpack
 from controller_fmu.export.__main__ import main as export
 
-needs_compiler = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+KINDS = [
+    *("python", "numpy"),
+    pytest.param("c", marks=pytest.mark.needs("compiler")),
+    pytest.param("onnx", marks=pytest.mark.needs("onnxruntime")),
+]
 
 
-@pytest.mark.parametrize("kind", ["python", pytest.param("c", marks=needs_compiler), "numpy", "onnx"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_commands_of_the_readme_build_the_pid(kind, tmp_path, monkeypatch):
     """With units everywhere, and the torques of eq. (13): to the last bit with gains to tune, else up to rounding."""
-    if kind == "onnx":
-        pytest.importorskip("onnxruntime")
     folder = starters.copy(kind, tmp_path / "fast_arm")
     assert not [file for file in folder.iterdir() if "controller" in file.name]
     monkeypatch.chdir(folder)

@@ -4,13 +4,11 @@ import os
 import random
 import resource
 import signal
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from conftest import build_or_skip
 from hostile.commands import (
     CASES,
     NOISE,
@@ -42,7 +40,7 @@ from orchestrator.execution.messages import ErrorRecord
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+pytestmark = pytest.mark.needs("posix")
 
 
 QUICK = Benchmark("quick", workers=1)
@@ -161,7 +159,7 @@ def test_the_parent_is_killed(tmp_path, uninterrupted):
 
 def test_a_controller_that_hangs_ends_with_the_command_that_is_killed(tmp_path):
     """Not even one that blocks all signals stays behind."""
-    hanging = build_or_skip(lambda: hostile_fmu(tmp_path, Fault("block-signals", "step", 0.02)))
+    hanging = hostile_fmu(tmp_path, Fault("block-signals", "step", 0.02))
     with started(command(tmp_path / "out", str(hanging), *NOISE, "--timeout", "400")) as process:
         assert wait_for(lambda: any(child.cpu_times().user > 0.3 for child in simulations(process.pid)))
         kill(process)

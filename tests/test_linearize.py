@@ -66,6 +66,7 @@ def test_sliding_friction_is_viscous_alone_and_without_delay_there_are_eight_sta
         sampled.A[0, 0] = 1.0
 
 
+@pytest.mark.needs("control")
 def test_models_travel(tmp_path):
     model = BENCH.linearize(POSE)
     npz, mat = np.load(model.save(tmp_path / "model.npz")), loadmat(model.save(tmp_path / "model.mat"))
@@ -76,19 +77,20 @@ def test_models_travel(tmp_path):
     assert mat["T_s"] == npz["T_s"] == T_S
     np.testing.assert_array_equal(npz["q_m_rest"], model.at.q_m)
     assert "<table" in model._repr_html_() and "compliant" in model._repr_html_()
-    control = pytest.importorskip("control")
+    import control
+
     system = model.to_control()
     assert isinstance(system, control.StateSpace) and system.dt == T_S
     assert tuple(system.state_labels) == model.states and tuple(system.input_labels) == model.inputs
     np.testing.assert_array_equal(system.A, model.A)
 
 
-def test_what_cannot_be_linearized(tmp_path, pid_c_file):
+def test_what_cannot_be_linearized(tmp_path, quick_pid_file):
     late = Variation(sensor_delay=(Fraction(0), Fraction(1, 1000)))
     assert refusal(BENCH.linearize, POSE, variation=late).what == "sensor-delay"
     assert refusal(BENCH.linearize, POSE, friction="dry").nearest == ("sticking", "sliding")
     assert refusal(BENCH.linearize, POSE, "soft").what == "no-system"
-    assert refusal(Benchmark(plant=pid_c_file).linearize, POSE).what == "no-equations"
+    assert refusal(Benchmark(plant=quick_pid_file).linearize, POSE).what == "no-equations"
     assert refusal(BENCH.linearize(POSE).save, tmp_path / "model.txt").what == "bad-ending"
 
 

@@ -6,7 +6,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from conftest import build_or_skip
 from hostile.fmus import NONE, Fault, hostile_fmu
 from support.closed_loops import PAPER, T_S, case, quiet, simulate_all
 from support.refusals import refusal
@@ -23,14 +22,14 @@ def samples(trajectory):
     return [trajectory.q_m, trajectory.X, trajectory.measured, trajectory.command, trajectory.torque]
 
 
-def test_with_all_imperfections_off_the_arm_stays_at_rest(plant_file, pid_c_file):
+def test_with_all_imperfections_off_the_arm_stays_at_rest(plant_file, quick_pid_file):
     """Every system of the protocol and random ones, in the corners and in between: less than 1 nm in 2 s."""
     scenarios = [
         quiet("2", dict(case(index, name, "noise", seed=3).scenario.parameters), drive=Drive(delay=(T_S, T_S)))
         for index in (*CORNERS, 7)
         for name in (*PAPER.systems, "random_1", "random_2")
     ]
-    trajectories = simulate_all(plant_file, pid_c_file, scenarios)
+    trajectories = simulate_all(plant_file, quick_pid_file, scenarios)
     assert {trajectory.ending.status for trajectory in trajectories} == {Status.DONE}
     assert max(trajectory.tcp_error.max() for trajectory in trajectories) < 1e-9
 
@@ -144,7 +143,7 @@ def test_a_step_that_fails_is_reported_in_its_own_words(parameters, plant, words
 
 
 def test_a_controller_that_does_not_want_to_end_costs_a_warning(probe_plant_file, tmp_path):
-    files = [build_or_skip(lambda fault=fault: hostile_fmu(tmp_path, fault)) for fault in (NONE, UNWILLING)]
+    files = [hostile_fmu(tmp_path, fault) for fault in (NONE, UNWILLING)]
     (calm,), (unwilling,) = (simulate_all(probe_plant_file, file, [quiet("0.01", {})]) for file in files)
     ending = unwilling.ending
     assert (ending.status, ending.time, ending.failed_call) == (Status.DONE, 0.01, "")

@@ -20,7 +20,7 @@ from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.probe import ERROR, LATE, SAMPLES
 from orchestrator.loop.trajectory import Status
 
-pytestmark = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+pytestmark = pytest.mark.needs("compiler")
 
 FALLING = axes(rest=(1, 2), jump_at=(LATE * T_S,) * 2, jump=(-ERROR,) * 2)
 """A plant at rest whose motor angles fall by ERROR at sample LATE."""

@@ -29,7 +29,7 @@ from plant_fmu.flexible_manipulator.interface import VARIABLES
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from plant_fmu.native.interface import DERIVATIVES, SPEEDS, STATES
 
-pytestmark = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+pytestmark = pytest.mark.needs("compiler")
 
 LINKS = ("q_a[1]", "q_a[2]")
 

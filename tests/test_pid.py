@@ -17,6 +17,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 from scipy import signal
 from support.pid_fmus import GAINS, OUTPUTS, T_S, Signals, built, in_child, law, live, random_signals
+from support.tools import require
 
 import build_fmus
 from controller_fmu.friction import flexible_manipulator_dither as shaking
@@ -105,8 +106,8 @@ WRONG_PARAMETERS = {
 @pytest.fixture(scope="module", params=[*PIDS, *LQGS])
 def lived(request, fmu_folder):
     """A controller's FMU, the signals it got, what it did, and the parameters that it had to refuse."""
-    if request.param.endswith("_C") and build_fmus.find_compiler() is None:
-        pytest.skip("no C compiler")
+    if request.param.endswith("_C"):
+        require("compiler")
     file = built(request.param, fmu_folder)
     signals, at = (random_signals(), (0.0, 0.0)) if file.stem in PIDS else (near_rest(400), AT)
     wrong = WRONG_SAMPLE_TIMES + WRONG_PARAMETERS["PID" if file.stem in PIDS else "LQG"]
@@ -145,11 +146,9 @@ def test_start_values_are_the_described_ones(lived):
     assert LQGS.get(file.stem, {}).items() <= described.items()
 
 
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize("name", ["DiagonalPID", "DitheredLQG"])
 def test_twins_have_the_same_interface(name, fmu_folder):
-    if build_fmus.find_compiler() is None:
-        pytest.skip("no C compiler")
-
     def interface(file):
         return [
             (v.name, v.valueReference, v.causality, v.variability, v.unit, v.start and float(v.start), v.description)

@@ -13,7 +13,6 @@ from orchestrator import Benchmark, Controller, InputError, compare
 from orchestrator.api.plant import choose
 
 ONE = "c00.compliant.noise"
-needs_compiler = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
 
 
 @pytest.fixture
@@ -24,7 +23,7 @@ def evaluated(pid_file: Path):
     return run
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 def test_both_builds_and_a_file_give_the_same_cases_and_are_ranked_together(evaluated, native_plant_file) -> None:
     runs = {plant: evaluated(plant) for plant in ("auto", "native", "python", native_plant_file)}
     assert all(run.cases == runs["auto"].cases for run in runs.values())
@@ -44,7 +43,7 @@ def test_without_a_compiler_the_plant_is_the_one_in_python_and_a_note_says_what_
     assert record.what == "no-native"  # type: ignore[attr-defined]
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize("flaw", ["-Dexp=tanh", "-Dcos=sin", "-include /no/such/header.h"])
 def test_a_compiler_that_gives_other_bits_or_fails_is_not_used(
     flaw: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture

@@ -4,13 +4,13 @@ Linux on x86-64 is run here and Windows under wine; what is for macOS and for Li
 """
 
 import os
-import shutil
 import struct
 import subprocess
 import sys
 import zipfile
-from importlib.util import find_spec
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import fmpy
 import numpy as np
@@ -26,7 +26,6 @@ STEPS = 4000
 ACROSS_SYSTEMS = 1e-9
 """Largest difference [rad, m] after a second in open loop where another C library has other sines and exponentials."""
 
-needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang not installed (pip install '.[native]')")
 slow = pytest.mark.slow  # the first binary for a platform compiles that platform's C library, for minutes on Windows
 
 
@@ -59,7 +58,7 @@ def kind(library):
     return "Mach-O", {0x01000007: "x86_64", 0x0100000C: "aarch64"}[struct.unpack_from("<I", library, 4)[0]]
 
 
-@needs_zig
+@pytest.mark.needs("ziglang")
 @slow
 def test_one_fmu_has_binaries_for_all(everywhere):
     first, second = (
@@ -75,14 +74,28 @@ def test_one_fmu_has_binaries_for_all(everywhere):
     assert second == {name: (formats[name.split("-")[1]], name.split("-")[0]) for name in build_fmus.PLATFORMS}
 
 
-@needs_zig
+@pytest.mark.needs("ziglang")
 @slow
 def test_its_bytes_are_the_same_every_time(everywhere, tmp_path):
     again = build_fmus.build(everywhere[0].stem, tmp_path, tuple(build_fmus.PLATFORMS))
     assert again.read_bytes() == everywhere[0].read_bytes()
 
 
-def driven(fmu, platform, folder, *runner):
+@contextmanager
+def wine_prefix():
+    """The environment of a new installation of Wine: 700 MB, which go with it, as does its server."""
+    with TemporaryDirectory() as folder:
+        # Without the two packages that Wine would ask for on a screen.
+        wine = {"WINEPREFIX": folder, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
+        environment = {**os.environ, **wine}
+        try:
+            yield environment
+        finally:
+            subprocess.run(["wineserver", "--kill"], env=environment, check=False)
+            subprocess.run(["wineserver", "--wait"], env=environment, check=False)
+
+
+def driven(fmu, platform, folder, *runner, environment=None):
     """What the driver, compiled for ``platform``, prints of the binary for it; in columns q_m, q_a, X."""
     folder.mkdir()
     program = folder / "drive.exe"
@@ -104,7 +117,7 @@ def driven(fmu, platform, folder, *runner):
     finished = subprocess.run(
         [*runner, program, library.name if runner else library, guid, str(STEPS)],
         cwd=folder,
-        env={**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"},
+        env=environment,
         capture_output=True,
         text=True,
         check=True,
@@ -112,26 +125,21 @@ def driven(fmu, platform, folder, *runner):
     return np.array([[float.fromhex(word) for word in line.split()] for line in finished.stdout.splitlines()])
 
 
-@needs_zig
+@pytest.mark.needs("ziglang", "wine", "x86_64-linux")
 @slow
-@pytest.mark.skipif(fmpy.platform_tuple != "x86_64-linux", reason="runs binaries for Linux on x86-64")
 def test_the_windows_binary_moves_as_the_linux_one(everywhere, tmp_path):
-    wine = shutil.which("wine")
-    if wine is None:
-        pytest.skip("wine not installed")
     linux = driven(everywhere[0], "x86_64-linux", tmp_path / "linux")
-    windows = driven(everywhere[0], "x86_64-windows", tmp_path / "windows", wine)
+    with wine_prefix() as environment:
+        windows = driven(everywhere[0], "x86_64-windows", tmp_path / "windows", "wine", environment=environment)
     assert windows.shape == linux.shape == (STEPS, 6)
     assert np.ptp(linux[:, 4:], axis=0).min() > 0.05, "the tool moves"
     np.testing.assert_allclose(windows, linux, rtol=0, atol=ACROSS_SYSTEMS)
 
 
-@needs_zig
+@pytest.mark.needs("ziglang", "x86_64-linux")
 @slow
 def test_zig_gives_the_bits_of_this_machines_compiler(everywhere, native_plant_file, tmp_path):
     """On the same C library, that is."""
-    if fmpy.platform_tuple != "x86_64-linux":
-        pytest.skip("runs binaries for Linux on x86-64")
     by_zig = driven(everywhere[0], "x86_64-linux", tmp_path / "zig")
     np.testing.assert_array_equal(driven(native_plant_file, "x86_64-linux", tmp_path / "own"), by_zig)
 

@@ -10,13 +10,12 @@ import pytest
 from fmpy.validation import validate_fmu
 from support.pid_fmus import T_S, in_child, live, random_signals
 from support.refusals import refusal
+from support.tools import require
 from test_documentation import run_code, smaller, text
 
 from controller_fmu import controller_from_mlp, errors, starters
 from controller_fmu.export import build_folder, find_compiler
 from orchestrator import Benchmark, Controller, Variation
-
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 
 def network(activation, scale, hidden=7, seed=3):
@@ -44,7 +43,7 @@ def torques(weights, q_m_ref, q_m, u_m0):
     return x + u_m0
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 @pytest.mark.parametrize(("activation", "scale"), [("tanh", 0.01), ("relu", 1.0)])
 def test_a_network_in_c_has_the_torques_of_its_layers(activation, scale, tmp_path, monkeypatch):
     """From the start and from restored states; without a warning of the compiler."""
@@ -83,10 +82,9 @@ def test_what_is_no_network_is_refused(value, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def page(native_plant_file, tmp_path_factory):
+def page(tmp_path_factory):
     """What the code of the page has defined, and the folder that it ran in."""
-    for needed in ("gymnasium", "greenlet", "onnx", "onnxruntime"):
-        pytest.importorskip(needed)
+    require("compiler", "gymnasium", "greenlet", "onnx", "onnxruntime")
     folder = tmp_path_factory.mktemp("policies")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", "")  # so that the machine code is that of the other processes

@@ -46,12 +46,15 @@ def test_what_was_written_is_read_back(run):
         np.testing.assert_array_equal(back.torque, original.torque)
 
 
+@pytest.mark.needs("jsonschema")
 def test_results_conform_to_the_schema_in_the_docs_which_is_that_of_the_types(run):
     """After a change: python -c "from orchestrator.codec import *; from orchestrator.benchmark.results import Results;
     print(to_json(json_schema(Results)))" > docs/results.schema.json"""
+    import jsonschema
+
     schema = (DOCS / "results.schema.json").read_text(encoding="utf-8")
     assert schema == to_json(json_schema(Results)) + "\n"
-    validator = pytest.importorskip("jsonschema").Draft202012Validator(json.loads(schema))
+    validator = jsonschema.Draft202012Validator(json.loads(schema))
     contents = json.loads((run.folder / files.RESULTS).read_text())
     assert not list(validator.iter_errors(contents))
     timing = dict(contents["timing"])
@@ -99,7 +102,10 @@ def refused(folder, what, file):
     assert (error.what, error.where) == (what, str(file))
 
 
+@pytest.mark.needs("pyarrow")
 def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
+    from pyarrow import parquet
+
     messages = ['said "no",\r\nthen died; ü', *(f"{start}HYPERLINK(0)" for start in "=+-@\t")]
     failed = [result(n, "sticky", "gain_1", None, None, Status.CRASHED, text) for n, text in enumerate(messages, 2)]
     cases = [*everything(TABLE_2, [0]), result(1, "sticky", "gain_1"), *failed]
@@ -109,7 +115,6 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
     expected = ['said "no",\nthen died; ü', *(f"'{text}" for text in messages[1:])]
     assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle_x [m]"] == ""
     assert float(rows[-7]["q_a1 [rad]"]) < 0, "a number keeps its sign"
-    parquet = pytest.importorskip("pyarrow.parquet")
     table = parquet.read_table(io.BytesIO(parquet_bytes(results_of(cases)))).to_pydict()
     assert table["id"] == [entry.id for entry in cases] and set(table["B5 [m]"]) == {None, 0.0102}
 

@@ -17,7 +17,7 @@ from orchestrator.loop.signals import quantize
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler"),
+    pytest.mark.needs("compiler"),
 ]
 EVENT_PARTS = "event_"
 SWAYING = {"m[1]": 55.0, "m[2]": 165.0, "k_low[1]": 0.4e6, "k_low[2]": 0.16e6, "f_c[1]": 0.3, "f_c[2]": 1.8}

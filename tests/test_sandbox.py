@@ -5,7 +5,6 @@ import os
 import shutil
 import socket
 import stat
-import subprocess
 import sys
 import tempfile
 from ast import literal_eval
@@ -24,18 +23,7 @@ from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
 
-
-def problem() -> str:
-    """Why there is no sandbox here; empty where there is one."""
-    program = shutil.which("bwrap")
-    if program is None:
-        return "bubblewrap is not installed"
-    tried = subprocess.run([program, *sandbox.OPTIONS, "--", "true"], capture_output=True, text=True, check=False)
-    return "" if tried.returncode == 0 else f"bubblewrap may not work here: {tried.stderr.strip()}"
-
-
-PROBLEM = problem()
-sandboxed = pytest.mark.skipif(bool(PROBLEM), reason=PROBLEM or "-")
+sandboxed = pytest.mark.needs("bubblewrap")
 
 
 @pytest.fixture
@@ -86,13 +74,11 @@ def test_nothing_is_mounted_writable_again(own):
 
 
 @sandboxed
-@pytest.mark.parametrize("folder", ["/tmp", "/var/tmp", "/run", "elsewhere"])
+@pytest.mark.parametrize("folder", [*(each for each in ("/tmp", "/var/tmp", "/run") if os.access(each, os.W_OK)), ""])
 def test_sockets_of_other_programs_are_out_of_reach(own, folder, tmp_path, monkeypatch):
-    if folder == "elsewhere":  # where this machine's temporary files are
+    if not folder:  # where this machine's temporary files are
         folder = str(tmp_path)
         monkeypatch.setattr(tempfile, "tempdir", folder)
-    if not os.access(folder, os.W_OK):
-        pytest.skip(f"{folder} cannot be written")
     with tempfile.TemporaryDirectory(dir=folder) as own_folder, socket.socket(socket.AF_UNIX) as listening:
         path = os.path.join(own_folder, "s")
         listening.bind(path)
@@ -114,7 +100,7 @@ def test_the_environment_is_not_handed_on(own, monkeypatch):
 @sandboxed
 def test_a_worker_works_in_an_empty_folder(own):
     folder, files, sockets, main = literal_eval(inside(own, "surroundings"))
-    assert (folder, files, sockets, main) == ("/tmp", [], 1, None)
+    assert (folder, files, sockets, main) == (sandbox.WORK, [], 1, None)
 
 
 SCRIPT = """
@@ -131,21 +117,25 @@ sys.meta_path.insert(0, Hook)
 from hostile.runs import bench, job
 from orchestrator.execution.supervision import run_isolated
 own = bench(Path(sys.argv[1]), Path(sys.argv[2]), sandbox=True)
-(outcome,) = run_isolated(job(own, "package_file", b"", limit=120.0))
-print(outcome.value.decode())
+for function in ("package_file", "surroundings"):
+    (outcome,) = run_isolated(job(own, function, b"", limit=120.0))
+    print(outcome.value.decode())
 """
 
 
 @sandboxed
 def test_a_package_that_is_found_by_a_hook_alone(plant_file, pid_file, tmp_path):
-    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one."""
+    """As by that of an editable install, from another folder than its own, and the package lies in a hidden one: below
+    that for temporary files, which is not empty inside, as the folder that a worker works in is."""
     clone = copied_packages(tmp_path / "clone")
     shutil.copytree(ROOT / "tests" / "hostile", tmp_path / "hostile")
     shutil.copy(ROOT / "build_fmus.py", tmp_path)
     (tmp_path / "script.py").write_text(SCRIPT.format(clone=str(clone)))
     words = [sys.executable, "script.py", str(plant_file), str(pid_file)]
     done = finished(words, folder=tmp_path, environment={"PYTHONPATH": ""})
-    assert done.stdout.strip() == str(clone / "orchestrator" / "__init__.py"), done.stderr
+    file, surroundings = done.stdout.splitlines()
+    assert file == str(clone / "orchestrator" / "__init__.py"), done.stderr
+    assert literal_eval(surroundings)[:2] == (sandbox.WORK, [])
 
 
 @sandboxed
@@ -191,7 +181,7 @@ def sleepers() -> set[psutil.Process]:
     return {process for process in psutil.process_iter(["cmdline"]) if process.info["cmdline"] == ["sleep", "1000"]}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a shell script stands for bubblewrap")
+@pytest.mark.needs("linux")  # a shell script stands for bubblewrap
 @pytest.mark.parametrize("words", ["", "bwrap: No permissions to create new namespace"])
 def test_where_bubblewrap_is_not_there_or_may_not_work_it_is_refused(words, own, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))

@@ -287,11 +287,11 @@ def tiny(tmp_path) -> Path:
 
 
 @pytest.mark.slow
-def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(tiny, pid_c_file, tmp_path):
+def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(tiny, quick_pid_file, tmp_path):
     def found(workers, folder):
         stages = []
         answer = Benchmark(workers=workers).robustness(
-            Controller(pid_c_file),
+            Controller(quick_pid_file),
             budget=60,
             protocol=tiny,
             folder=folder,
@@ -317,13 +317,13 @@ def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(t
     same = ("q_a", "test", "force", "chirp")
     assert [getattr(worst.about, name) for name in same] == [getattr(nominal.about, name) for name in same]
     assert report.main([str(tmp_path / "a")]) == 0
-    assert "Worst case of DiagonalPID_C.fmu" in (tmp_path / "a" / "report.html").read_text(encoding="utf-8")
+    assert f"Worst case of {quick_pid_file.name}" in (tmp_path / "a" / "report.html").read_text(encoding="utf-8")
     with pytest.raises(InputError, match="holds no evaluation"):
         report.main([str(tmp_path / "a"), "--mat"])
 
 
-def test_what_cannot_be_searched_is_refused(pid_c_file, tmp_path):
-    controller = Controller(pid_c_file)
+def test_what_cannot_be_searched_is_refused(quick_pid_file, tmp_path):
+    controller = Controller(quick_pid_file)
     assert refusal(Benchmark().robustness, controller, protocol="paper").what == "draws"
     folder = tmp_path / "none"
     assert refusal(Benchmark().robustness, controller, only=["B9"], folder=folder).what == "no-target"
@@ -333,7 +333,7 @@ def test_what_cannot_be_searched_is_refused(pid_c_file, tmp_path):
     assert not folder.exists()
 
 
-def test_when_time_runs_out_what_is_there_is_told_without_margins(tiny, pid_c_file):
-    answer = Benchmark().robustness(Controller(pid_c_file), budget=60, protocol=tiny, minutes=1e-6)
+def test_when_time_runs_out_what_is_there_is_told_without_margins(tiny, quick_pid_file):
+    answer = Benchmark().robustness(Controller(quick_pid_file), budget=60, protocol=tiny, minutes=1e-6)
     assert not answer.complete and not answer.margins and answer.radius is None
     assert answer.criteria["B6"].worst_case.command and answer.requirements["A2"].command

@@ -112,9 +112,19 @@ ONE_POSE = 'extends = "quick"\nname = "one"\n[grid]\nq_a1_points = 1\nq_a2_point
 
 
 @pytest.mark.slow
-def test_seeds_of_the_command_are_found_again_and_are_those_of_the_library(pid_c_file, tmp_path):
+def test_seeds_of_the_command_are_found_again_and_are_those_of_the_library(quick_pid_file, tmp_path):
     (tmp_path / "one.toml").write_text(ONE_POSE)
-    words = ("evaluate", pid_c_file, "--protocol", "one.toml", "--seeds", "1,3", "--no-report", "--output-dir", "out")
+    words = (
+        "evaluate",
+        quick_pid_file,
+        "--protocol",
+        "one.toml",
+        "--seeds",
+        "1,3",
+        "--no-report",
+        "--output-dir",
+        "out",
+    )
     first = call(*words, folder=tmp_path)
     assert first.code == 0 and first.err.count("V = ") == 2 and "A1 met with 2 of 2 seeds" in first.out
     again = call(*words, "--json", folder=tmp_path)
@@ -123,7 +133,9 @@ def test_seeds_of_the_command_are_found_again_and_are_those_of_the_library(pid_c
     loaded = Spread.load(tmp_path / "out")
     alone = Evaluation.load(tmp_path / "out" / "seed-3")
     assert loaded.seeds[1].cost == alone.cost and alone.results.seed == 3 and loaded.cost.mean is not None
-    partial = Benchmark(tmp_path / "one.toml").spread(Controller(pid_c_file), [1, 1], only="*.noise", recordings=False)
+    partial = Benchmark(tmp_path / "one.toml").spread(
+        Controller(quick_pid_file), [1, 1], only="*.noise", recordings=False
+    )
     assert partial.unfinished == (1,) and partial.seeds == () and partial.cost.mean is None
     searched(sha256=loaded.controller.sha256, path="").save(tmp_path / "out")
     compared = call("compare", "out", "out/seed-1", "--json", folder=tmp_path)

@@ -14,11 +14,10 @@ from scipy.io import savemat
 from support.command_lines import call
 from support.pid_fmus import T_S, Signals, in_child, live
 from support.refusals import refusal
+from support.tools import PRESENT, require
 
 from controller_fmu import controller_from_state_space, errors
 from controller_fmu.export import find_compiler, systems
-
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 RANDOM = np.random.default_rng(7)
 STATES, LIMIT = 5, (1.0, 0.6)
@@ -41,7 +40,7 @@ def torques(A, B, C, D, back, signals):
     return np.array(found)
 
 
-@pytest.mark.parametrize("language", [pytest.param("c", marks=needs_compiler), "python"])
+@pytest.mark.parametrize("language", [pytest.param("c", marks=pytest.mark.needs("compiler")), "python"])
 @pytest.mark.parametrize(("interpolation", "weights"), [("nearest", (1, 0, 0, 0)), ("linear", (0.65, 0.25, 0.1, 0))])
 def test_torques_are_those_of_the_recursion(language, interpolation, weights, tmp_path, monkeypatch):
     """Up to rounding: limited, scheduled, from the start and from restored states; other steps are refused."""
@@ -81,7 +80,7 @@ def beyond(path):
     return found
 
 
-@pytest.mark.parametrize("language", [pytest.param("c", marks=needs_compiler), "python"])
+@pytest.mark.parametrize("language", [pytest.param("c", marks=pytest.mark.needs("compiler")), "python"])
 def test_a_schedule_holds_its_border_beyond_the_points(language, tmp_path):
     gains = np.zeros((4, 2, 2))
     gains[:, 0, 0] = (1.0, 2.0, 3.0, 4.0)
@@ -100,10 +99,17 @@ SYSTEMS = {
     "npz": lambda folder: (saved(folder / "one.npz", lambda file: np.savez(file, **NAMED)),),
     "mat": lambda folder: (saved(folder / "one.mat", lambda file: savemat(file, NAMED)),),
     "json": lambda folder: (saved(folder / "one.json", lambda file: file.write_text(json.dumps(LISTED))),),
-    "control": lambda folder: (pytest.importorskip("control").ss(*ONE, T_S),),
+    "control": lambda folder: (of_python_control(),),
 }
 NAMED = {**dict(zip("ABCD", ONE, strict=True)), "T_s": T_S}
 LISTED = {name: np.array(value).tolist() for name, value in NAMED.items()}
+
+
+def of_python_control():
+    require("control")
+    import control
+
+    return control.ss(*ONE, T_S)
 
 
 def saved(file, write):
@@ -133,7 +139,7 @@ def test_schedules_come_as_lists_of_systems_and_as_files(tmp_path):
     for found in (law(several), law(file)):
         for matrix, expected in zip(found[:4], (A, B, C, D), strict=True):
             np.testing.assert_array_equal(matrix, expected)
-    if find_compiler() is not None:
+    if PRESENT["compiler"]:
         how = {"points": POINTS, "interpolation": "linear"}
         built = [
             controller_from_state_space(*system, out=tmp_path / "all.fmu", **how).read_bytes()

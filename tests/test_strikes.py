@@ -1,6 +1,5 @@
 """A broken controller is told in seconds: after failures of one kind, or after its first sample."""
 
-import sys
 from dataclasses import replace
 
 import pytest
@@ -17,7 +16,7 @@ from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="the corpus is written for Linux"),
+    pytest.mark.needs("linux"),
     pytest.mark.usefixtures("no_slack"),
 ]
 

@@ -4,7 +4,6 @@ import os
 import shutil
 import signal
 import socket
-import sys
 import threading
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from hostile import fmus
 from hostile.commands import wait_for
 from hostile.fmus import Fault
 from hostile.runs import HANG_LIMIT, PLENTY, SPARED, STRUCK, bench, job, run, short_cases
@@ -34,7 +32,7 @@ from orchestrator.fmi.trace import CONTROLLER, NOBODY, PLANT, Place, Trace
 from orchestrator.loop.trajectory import Status
 
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="the corpus is written for Linux"),
+    pytest.mark.needs("linux"),
     pytest.mark.usefixtures("no_slack"),
 ]
 
@@ -104,9 +102,9 @@ CORPUS = [
 
 
 @pytest.fixture(scope="module")
-def healthy(plant_file, faulty) -> list[CaseRun]:
+def healthy(harmless) -> list[CaseRun]:
     """The runs of the two cases with a controller without a fault."""
-    runs = run(bench(plant_file, faulty(fmus.NONE)), short_cases((STRUCK, SPARED)))
+    runs = run(harmless, short_cases((STRUCK, SPARED)))
     assert [run.result.status for run in runs] == [DONE, DONE]
     return runs
 

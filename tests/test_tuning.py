@@ -14,9 +14,9 @@ from msgspec import structs
 from support.closed_loops import GRID
 from support.refusals import refusal
 from support.reports import tuned
+from support.tools import PRESENT
 from test_pid import GAINS, STARTS
 
-import build_fmus
 from controller_fmu import tuning as scripts
 from controller_fmu.friction import tune as friction
 from controller_fmu.lqg import tune as lqg
@@ -29,10 +29,9 @@ from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.tuning import Tuning
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 
-pytest.importorskip("optuna", reason="the extra tuning is not installed")
+pytestmark = pytest.mark.needs("optuna", "cmaes")
 
 TASKS = {task.shipped: task for task in (pid.TASK, lqg.TASK, friction.TASK)}
-COMPILER = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
 
 FEW = """
 extends = "paper"
@@ -138,12 +137,12 @@ def test_a_failure_is_added_once_and_what_held_is_not_forgotten(monkeypatch):
     assert search.rules.test(added.test.name).requirements == ("A2", "A3")
 
 
-@COMPILER
+@pytest.mark.needs("compiler")  # with the PID in Python it takes minutes
 @pytest.mark.slow
-def test_a_search_finds_better_parameters_and_finds_them_again(short, tmp_path):
+def test_a_search_finds_better_parameters_and_finds_them_again(short, pid_c_file, tmp_path):
     """Interrupted, it goes on with what is stored, and comes to the same answer; a broken candidate is one trial."""
     goal, objective = short
-    controller = Controller.built_in("DiagonalPID_C")
+    controller = Controller(pid_c_file)
     told = []
 
     def interrupt(entry, done, total):
@@ -168,10 +167,9 @@ def test_a_search_finds_better_parameters_and_finds_them_again(short, tmp_path):
     assert Controller(controller.file, tmp_path / "first" / "best.toml").setup.parameters == first.parameters
 
 
-@COMPILER
 def test_what_the_fmu_refuses_costs_a_trial(short):
     goal, objective = short
-    controller = Controller.built_in("DitheredLQG_C")
+    controller = Controller.built_in("DitheredLQG_C" if PRESENT["compiler"] else "DitheredLQG")
     found = goal.tune(
         controller,
         {"effort[1]": (1e-12, 1.0, "log")},
@@ -185,10 +183,9 @@ def test_what_the_fmu_refuses_costs_a_trial(short):
     assert len(found.trials) == 4
 
 
-@COMPILER
-def test_a_sweep_tries_every_combination(short, tmp_path):
+def test_a_sweep_tries_every_combination(short, quick_pid_file, tmp_path):
     goal, objective = short
-    controller, told = Controller.built_in("DiagonalPID_C"), []
+    controller, told = Controller(quick_pid_file), []
     given = {"K_d[2]": (GAINS["K_d"][1], 60.0), "z_p[2]": (0.9,)}
     found = goal.sweep(controller, given, objective=objective, folder=tmp_path, on_trial=lambda *now: told.append(now))
     assert [entry.values for entry in found.trials] == [{"K_d[2]": value, "z_p[2]": 0.9} for value in given["K_d[2]"]]

@@ -5,7 +5,6 @@ import hashlib
 import logging
 import math
 import shutil
-import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -33,7 +32,7 @@ from orchestrator.reporting.certificates import Verification, differences
 from orchestrator.reporting.wording import VERDICTS
 
 pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="the cheats are written for Linux"),
+    pytest.mark.needs("linux"),
     pytest.mark.slow,
 ]
 

@@ -30,6 +30,10 @@ HANDED_ON = (VARIABLE, "PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PAT
 HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")
 """Of the environment: where things are, and what numbers may depend on. Passwords and tokens stay outside."""
 
+WORK = "/tmp/.flexible-manipulator"
+"""The working folder inside: new and empty. The folder for temporary files is not empty if Python or this package lies
+below it."""
+
 GIVEN = ".given"
 """Folder in the inner cache with what is copied into that at the start. The copy lies in memory and goes with the
 sandbox, however that or its owner ends."""
@@ -44,7 +48,7 @@ def command(fmus: Iterable[Path]) -> list[str]:
     if program is None:
         raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
-    start = (program, *OPTIONS, *_mounts(cache), "--chdir", "/tmp")
+    start = (program, *OPTIONS, *_mounts(cache), "--dir", WORK, "--chdir", WORK)
     _check(start)
     return [*start, *_given(fmus, cache), "--"]
 

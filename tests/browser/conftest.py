@@ -5,6 +5,7 @@ import os
 import shutil
 
 import pytest
+from support.tools import BROWSERS, require
 
 from browser.pages import DESKTOP
 
@@ -12,11 +13,10 @@ from browser.pages import DESKTOP
 @pytest.fixture(scope="session")
 def chromium():
     """The browser; the test is skipped where Playwright or Chromium is missing."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="the package playwright is not installed")
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next((found for found in map(shutil.which, names) if found), None)
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the PATH")
+    require("playwright", "chromium")
+    from playwright import sync_api as playwright
+
+    program = next(found for found in map(shutil.which, BROWSERS) if found)
     # Chromium has no sandbox of its own for root, who runs tests in containers.
     arguments = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with playwright.sync_playwright() as driver:

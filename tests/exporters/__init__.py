@@ -1,9 +1,9 @@
 """The benchmark's two-axis PID, eq. (12)-(13), as other exporters make it: ``RECIPES[name].build(folder)``."""
 
 from . import casadi_pid, containers, python_tools, rumoca_pid, variants
-from .recipe import Recipe, built_or_skip
+from .recipe import Recipe, built
 
-__all__ = ["RECIPES", "REFUSED", "Recipe", "built_or_skip"]
+__all__ = ["RECIPES", "REFUSED", "Recipe", "built"]
 
 _MODULES = (python_tools, containers, rumoca_pid, casadi_pid, variants)
 

@@ -46,4 +46,4 @@ def _make(target: Path) -> Path:
         return Path(folder, "ContinuousPID.fmu").replace(target)
 
 
-RECIPES = (Recipe("casadi", _make, modules=("casadi",), needs_compiler=True),)
+RECIPES = (Recipe("casadi", _make, needs=("casadi", "compiler")),)

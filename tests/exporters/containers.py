@@ -42,7 +42,7 @@ def _fmu_manipulation_toolbox(target: Path, fmi_version: Literal[2, 3]) -> Path:
         return (folder / target.name).replace(target)
 
 
-_toolbox = {"modules": ("fmu_manipulation_toolbox",), "needs_compiler": True}
+_toolbox = {"needs": ("fmu_manipulation_toolbox", "compiler")}
 
 RECIPES = (
     Recipe("container_fmi2", partial(_fmu_manipulation_toolbox, fmi_version=2), **_toolbox),

@@ -35,7 +35,7 @@ _export3 = partial(_export, exporter=_PYTHONFMU3, script="pythonfmu3_pid.py")
 _component_model = partial(_export, exporter=_COMPONENT_MODEL, script="component_model_pid.py")
 
 RECIPES = (
-    Recipe("pythonfmu3_scalars", _export3, modules=("pythonfmu3",)),
-    Recipe("pythonfmu3_arrays", partial(_export3, arrays=True), modules=("pythonfmu3",)),
-    Recipe("component_model", _component_model, modules=("component_model",)),
+    Recipe("pythonfmu3_scalars", _export3, needs=("pythonfmu3",)),
+    Recipe("pythonfmu3_arrays", partial(_export3, arrays=True), needs=("pythonfmu3",)),
+    Recipe("component_model", _component_model, needs=("component_model",)),
 )

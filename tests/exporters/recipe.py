@@ -1,13 +1,11 @@
 """What every exporter's recipe says of itself: how to build its FMU, what that needs, and what to expect of it."""
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
+from support.tools import require
 
-from controller_fmu.export import find_compiler
 from orchestrator.loop.probe import Convention
 
 
@@ -19,20 +17,15 @@ class Recipe:
     """Also the stem of the FMU's file."""
     make: Callable[[Path], Path]
     """Writes the FMU to a path and returns it."""
-    modules: tuple[str, ...] = ()
-    """Python modules of the exporter."""
-    needs_compiler: bool = False
+    needs: tuple[str, ...] = ()
+    """The tools of ``support.tools`` that this takes."""
     convention: Convention = Convention.STEP_START
     tolerance: float = 0.0
     """How far torques may be from the law's, relative to the greatest of them; 0 where the arithmetic is the same."""
 
 
-def built_or_skip(recipe: Recipe, folder: Path) -> Path:
+def built(recipe: Recipe, folder: Path) -> Path:
     """``folder/name.fmu``, made unless it is there; the test is skipped where the exporter or a compiler is missing."""
-    absent = [module for module in recipe.modules if importlib.util.find_spec(module) is None]
-    if absent:
-        pytest.skip(f"{recipe.name}: {', '.join(absent)} not installed (pip install '.[exporters]')")
-    if recipe.needs_compiler and find_compiler() is None:
-        pytest.skip(f"{recipe.name}: no C compiler")
+    require(*recipe.needs)
     path = folder / f"{recipe.name}.fmu"
     return path if path.exists() else recipe.make(path)

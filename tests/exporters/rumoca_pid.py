@@ -35,4 +35,4 @@ def _make(target: Path) -> Path:
         return build_model(sources, description(CONTROLLER, T_S), target)
 
 
-RECIPES = (Recipe("rumoca", _make, modules=("rumoca",), needs_compiler=True),)
+RECIPES = (Recipe("rumoca", _make, needs=("rumoca", "compiler")),)

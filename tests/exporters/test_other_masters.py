@@ -5,7 +5,7 @@ benchmark's coupling with one sample of delay on the way to the motors, and with
 """
 
 import ctypes
-from importlib.metadata import PackageNotFoundError, distribution, files
+from importlib.metadata import files
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from fmpy import read_model_description
 from support.closed_loops import T_S, simulate_all
 from support.pid_fmus import in_child
 from support.stub_fmus import axes
+from support.tools import require
 
 from orchestrator.loop.scenario import Drive, Pulse, Scenario
 
@@ -87,19 +88,15 @@ def couple_in_ecos(plant: Path, controller: Path, start: dict[str, float]) -> li
 
 
 @pytest.mark.parametrize(
-    ("couple", "packages", "plant", "controller"),
+    ("couple", "tools", "plant", "controller"),
     [
         (couple_in_libcosim, ("libcosimpy",), "native_plant_file", "pid_file"),
         (couple_in_ecos, ("ecospy", "tbb"), "plant_file", "pid_c_file"),
     ],
     ids=["libcosim", "ecos"],
 )
-def test_same_trajectory_in_another_master(couple, packages, plant, controller, request):
-    for package in packages:
-        try:
-            distribution(package)
-        except PackageNotFoundError:
-            pytest.skip(f"{package} not installed (pip install '.[exporters]')")
+def test_same_trajectory_in_another_master(couple, tools, plant, controller, request):
+    require(*tools)
     push = Pulse(tuple(PUSH.values()), 0.0, 1e9)
     files = [request.getfixturevalue(name) for name in (plant, controller)]
     (ours,) = simulate_all(*files, [Scenario((), STEPS * T_S, T_S, drive=Drive(delay=(T_S, T_S)), pulse=push)])

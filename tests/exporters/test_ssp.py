@@ -5,7 +5,7 @@ import io
 import zipfile
 from dataclasses import replace
 from fractions import Fraction
-from importlib.metadata import PackageNotFoundError, files
+from importlib.metadata import files
 from pathlib import Path
 
 import fmpy
@@ -15,15 +15,15 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.ssp.ssd import get_connections, read_ssd
 from lxml import etree
 from support.pid_fmus import in_child
+from support.tools import require
 
-import build_fmus
 from orchestrator import Benchmark, Controller, InputError
 from orchestrator.loop.scenario import Chirp, Drive, Noise, Pulse, Sensor
 
 from .description_edits import edited, unit
 from .native import DEGREE
 
-pytestmark = pytest.mark.skipif(build_fmus.find_compiler() is None, reason="no C compiler")
+pytestmark = pytest.mark.needs("compiler")
 
 MS = Fraction(1, 1000)
 OBSERVED = ("q_m[1]", "q_m[2]", "X[1]", "X[2]")
@@ -111,11 +111,8 @@ def in_sequence(package: Path, samples: int, sample_time: float) -> list[list[fl
     ids=["ecos", "ecos-two-steps-a-sample-in-degrees", "in-sequence"],
 )
 def test_the_package_has_the_bits_of_our_own_loop(master, sample_time, edits, pid_c_file, tmp_path):
-    try:
-        files("ecospy")
-    except PackageNotFoundError:
-        if master is in_ecos:
-            pytest.skip("ecospy not installed (pip install '.[exporters]')")
+    if master is in_ecos:
+        require("ecospy", "tbb")
     fmu, gains = pid_c_file, {}
     if edits:
         fmu = edited(pid_c_file, tmp_path / pid_c_file.name, *edits)
@@ -165,6 +162,8 @@ def test_what_other_tools_cannot_step_is_refused(delay, problem, pid_c_file, tmp
     drive = replace(CASE.scenario.drive, delay=(Fraction(delay), MS / 4))
     with pytest.raises(InputError, match=problem) as caught:
         BENCH.export_ssp(
-            Controller(pid_c_file), replace(CASE, scenario=replace(CASE.scenario, drive=drive)), tmp_path / "case.ssp"
+            Controller(pid_c_file),
+            replace(CASE, scenario=replace(CASE.scenario, drive=drive)),
+            tmp_path / "case.ssp",
         )
     assert caught.value.what == "no-ssp" and not list(tmp_path.iterdir())

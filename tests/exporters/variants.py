@@ -18,7 +18,7 @@ def _described(name: str, *edits: Edit) -> Recipe:
     def make(target: Path) -> Path:
         return edited(built("DiagonalPID_C", target.parent), target, *edits)
 
-    return Recipe(name, make, needs_compiler=True)
+    return Recipe(name, make, needs=("compiler",))
 
 
 def _c_model(target: Path, model: CModel, edits: tuple[Edit, ...]) -> Path:
@@ -27,7 +27,7 @@ def _c_model(target: Path, model: CModel, edits: tuple[Edit, ...]) -> Path:
 
 def _compiled(name: str, model: CModel, *edits: Edit, **expected: Any) -> Recipe:
     make = partial(_c_model, model=model, edits=edits)
-    return Recipe(name, make, needs_compiler=True, convention=model.convention, **expected)
+    return Recipe(name, make, needs=("compiler",), convention=model.convention, **expected)
 
 
 _INDEX = r"\[(\d)\]"

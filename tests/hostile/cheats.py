@@ -5,6 +5,8 @@ Each gains, or may, where it shares a process with plant and judge; ``test_verif
 
 from pathlib import Path
 
+from support.tools import require
+
 from controller_fmu.export import c_fmu, python_fmu
 
 ROOT = Path(__file__).resolve().parents[2] / "controller_fmu"
@@ -88,11 +90,15 @@ DEFINES = {"interpreter": "CHEAT_PYTHON", "maps": "CHEAT_MAPS", "rounding": "CHE
 
 
 def cheat(folder: Path, name: str, head: str = "", other: bytes = b"") -> Path:
-    """Build the cheat ``name``; ``head`` are lines before those in Python, ``other`` a file that travels with it."""
+    """Build the cheat ``name``; ``head`` are lines before those in Python, ``other`` a file that travels with it.
+
+    The test is skipped where it is one in C and there is no compiler.
+    """
     sources = folder / name
     sources.mkdir(parents=True)
     target = folder / f"{name.replace('-', '_')}.fmu"
     if name in DEFINES:
+        require("compiler")
         (sources / "honest.h").write_text((PID_C / "model.c").read_text())
         (sources / "cheat.c").write_text(
             f"#define {DEFINES[name]}\n" + Path(__file__).with_name("cheats.c").read_text()

@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import build_fmus
 from controller_fmu.export.description import to_bytes
+from support.tools import require
 
 SOURCES = Path(__file__).parents[1] / "stubs"
 
@@ -57,7 +58,8 @@ def description(rows: Sequence[Row], step_size: float | None = None, **abilities
 def build_model(
     sources: Sequence[Path], described: bytes, target: Path, dialect: build_fmus.Dialect | None = None
 ) -> Path:
-    """Build the FMU ``target`` of C sources; raises ``build_fmus.NoCompilerError`` where there is no C compiler."""
+    """Build the FMU ``target`` of C sources; the test is skipped where there is no C compiler."""
+    require("compiler")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "modelDescription.xml")
         file.write_bytes(described)

@@ -1,0 +1,161 @@
+"""The optional tools that tests need, and the one way to skip a test: for a tool of this list that is not there.
+
+``@pytest.mark.needs("compiler", "bubblewrap")`` marks a test; ``require("compiler")`` does the same in a fixture, in a
+helper, or at the head of a module, and ``PRESENT["compiler"]`` is for tests that run either way. This module is also a
+pytest plugin: it turns a skip with any other reason into a failure. As a program it prints what is there.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import pytest
+
+import build_fmus
+from orchestrator.execution import sandbox
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def bubblewrap_works() -> bool:
+    """Whether it is installed and may make namespaces, which a container may forbid."""
+    program = shutil.which("bwrap")
+    return program is not None and _runs([program, *sandbox.OPTIONS, "--", "true"])
+
+
+def sanitizing_compiler() -> str | None:
+    """The first compiler whose programs run with AddressSanitizer; None if there is none.
+
+    That of the package ziglang brings no runtime for it, and some machines have gcc without its runtime.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        source, program = Path(folder, "empty.c"), Path(folder, "empty")
+        source.write_text("int main(void) { return 0; }\n")
+        for compiler in ("gcc", "clang", "cc"):
+            command = [compiler, "-fsanitize=address,undefined", str(source), "-o", str(program)]
+            if shutil.which(compiler) and _runs(command) and _runs([str(program)]):
+                return compiler
+    return None
+
+
+def _runs(command: list[str]) -> bool:
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+@dataclass(frozen=True)
+class Tool:
+    """What a test may need."""
+
+    reason: str
+    """Why a test is skipped where the tool is missing."""
+    found: Callable[[], bool]
+
+
+def _program(name: str, reason: str) -> Tool:
+    return Tool(reason, lambda: shutil.which(name) is not None)
+
+
+def _package(name: str, extra: str) -> Tool:
+    return Tool(f"needs the Python package {name} (extra {extra})", lambda: _installed(name))
+
+
+def _installed(package: str) -> bool:
+    try:
+        distribution(package)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+PACKAGES = {
+    "exporters": (
+        *("pythonfmu3", "fmu_manipulation_toolbox", "component_model", "casadi", "rumoca"),
+        *("libcosimpy", "ecospy", "tbb"),
+    ),
+    "cluster": ("distributed",),
+    "parquet": ("pyarrow",),
+    "design": ("control",),
+    "tuning": ("optuna", "cmaes"),
+    "gymnasium": ("gymnasium", "greenlet"),
+    "onnx": ("onnxruntime",),
+    "test": ("onnx", "playwright", "axe_playwright_python", "nbclient", "nbformat", "jsonschema"),
+}
+"""Optional Python packages by the extra that installs them."""
+
+TOOLS: Mapping[str, Tool] = {
+    "compiler": Tool("needs a C compiler (cc, gcc, clang, or extra native)", lambda: bool(build_fmus.find_compiler())),
+    "ziglang": _package("ziglang", "native"),
+    "sanitizers": Tool("needs AddressSanitizer (gcc or clang with its runtime)", lambda: bool(sanitizing_compiler())),
+    "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
+    "wine": _program("wine", "needs Wine (wine)"),
+    "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
+    "openssl": _program("openssl", "needs OpenSSL (openssl)"),
+    "posix": Tool("needs a POSIX system", lambda: os.name == "posix"),
+    "linux": Tool("needs Linux", lambda: sys.platform == "linux"),
+    "x86_64-linux": Tool("needs Linux on x86-64", lambda: fmpy.platform_tuple == "x86_64-linux"),
+    **{name: _package(name, extra) for extra, names in PACKAGES.items() for name in names},
+}
+"""The closed list, by the names that tests use."""
+
+PRESENT: Mapping[str, bool] = {name: tool.found() for name, tool in TOOLS.items()}
+"""Which of them this machine has; found out at the start, since tests change PATH and CC."""
+
+REASONS = frozenset(tool.reason for name, tool in TOOLS.items() if not PRESENT[name])
+"""The reasons for which a test may be skipped on this machine."""
+
+
+def require(*names: str) -> None:
+    """Skip the test, or the module that calls it at its head, unless this machine has the tools ``names``."""
+    for name in names:
+        if not PRESENT[name]:
+            pytest.skip(TOOLS[name].reason, allow_module_level=True)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the marker."""
+    config.addinivalue_line("markers", "needs(*tools): is skipped where a tool of tests/support/tools.py is missing")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a marked test before its fixtures are made."""
+    for marker in item.iter_markers("needs"):
+        require(*marker.args)
+
+
+@pytest.hookimpl(hookwrapper=True, tryfirst=True)  # the outermost, which sees what the others made of it
+def pytest_runtest_makereport() -> Generator[None, Any, None]:
+    """Let a test fail that was skipped for a reason outside the list."""
+    _check((yield).get_result())
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report() -> Generator[None, Any, None]:
+    """The same for a module."""
+    _check((yield).get_result())
+
+
+def _check(report: pytest.TestReport | pytest.CollectReport) -> None:
+    if not report.skipped:
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else "an expected failure"
+    reason = reason.removeprefix("Skipped: ")
+    if reason not in REASONS:
+        vars(report).pop("wasxfail", None)
+        report.outcome = "failed"
+        report.longrepr = f"skipped for a reason that tests/support/tools.py does not list here: {reason}"
+
+
+if __name__ == "__main__":
+    for name, there in PRESENT.items():
+        print(f"{name}: {'there' if there else TOOLS[name].reason}")
