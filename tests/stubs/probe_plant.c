@@ -36,8 +36,6 @@ typedef struct {
 const size_t model_size = sizeof(ProbePlant);
 const size_t model_variables = sizeof(ProbePlant) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; }
-
 static void show(ProbePlant *own, double t)
 {
     for (int i = 0; i < AXES; i++) {
