@@ -204,7 +204,7 @@ static bool check_settable(Component *component, const Variable *variable, unsig
     const unsigned state = component->memory->state;
     if (variable->settable & state) return true;
     snprintf(component->message, MODEL_MESSAGE_SIZE,
-             "%.100s = %.17g (value reference %u) refused: it cannot be set%s%s", variable->name, value, reference,
+             "%.100s = %.15g (value reference %u) refused: it cannot be set%s%s", variable->name, value, reference,
              variable->settable == NEVER ? "" : " in the state ", variable->settable == NEVER ? "" : state_name(state));
     return false;
 }
@@ -249,7 +249,7 @@ bool component_set(Component *component, const unsigned references[], size_t n, 
 static bool check_time(Component *component, double time)
 {
     if (fabs(time) <= LONGEST_TIME) return true;
-    return component_refuse_number(component, "time = %.17g s refused: it must be within 1e9 s", time);
+    return component_refuse_number(component, "time = %.15g s refused: it must be within 1e9 s", time);
 }
 
 bool component_set_times(Component *component, double start_time, double stop_time)
@@ -258,7 +258,7 @@ bool component_set_times(Component *component, double start_time, double stop_ti
     if (!check_time(component, start_time)) return false;
     if (!(stop_time >= start_time)) {
         snprintf(component->message, MODEL_MESSAGE_SIZE,
-                 "stop time = %.17g s refused: it must not be before the start time %.17g s", stop_time, start_time);
+                 "stop time = %.15g s refused: it must not be before the start time %.15g s", stop_time, start_time);
         return false;
     }
     memory->start_time = memory->time = memory->latest_event = start_time;
@@ -286,25 +286,25 @@ static bool check_step(Component *component, double t, double h)
     const double T_s = MODEL_HAS_VARIABLE_STEPS ? INFINITY : model_sample_time(memory->model);
     if (isfinite(T_s) && !(fabs(h - T_s) <= STEP_TOLERANCE * T_s)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: the communication step must equal the sample time "
-                 "T_s = %.17g s",
+                 "step of %.15g s at t = %.15g s refused: the communication step must equal the sample time "
+                 "T_s = %.15g s",
                  h, t, T_s);
         return false;
     }
     if (!(h >= 0.0 && h <= LONGEST_TIME)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it must not be negative and not be above 1e9 s", h, t);
+                 "step of %.15g s at t = %.15g s refused: it must not be negative and not be above 1e9 s", h, t);
         return false;
     }
     if (!(fabs(t - memory->time) <= allowed)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it must begin where the last one ended, at t = %.17g s", h, t,
+                 "step of %.15g s at t = %.15g s refused: it must begin where the last one ended, at t = %.15g s", h, t,
                  memory->time);
         return false;
     }
     if (t + h > memory->stop_time + allowed) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it ends behind the stop time %.17g s", h, t,
+                 "step of %.15g s at t = %.15g s refused: it ends behind the stop time %.15g s", h, t,
                  memory->stop_time);
         return false;
     }
@@ -329,7 +329,7 @@ bool component_set_time(Component *component, double time)
     const double h = model_sample_time(memory->model);
     if (time < memory->latest_event - tolerance(time, isfinite(h) ? h : 1.0)) {
         snprintf(component->message, MODEL_MESSAGE_SIZE,
-                 "time = %.17g s refused: it must not go back behind the last event at t = %.17g s", time,
+                 "time = %.15g s refused: it must not go back behind the last event at t = %.15g s", time,
                  memory->latest_event);
         return false;
     }

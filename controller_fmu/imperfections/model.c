@@ -84,7 +84,7 @@ typedef struct {
 static bool check_limit(const Limit *of, char message[MODEL_MESSAGE_SIZE])
 {
     if (of->value >= of->least && of->value <= of->most && (!of->whole || of->value == floor(of->value))) return true;
-    snprintf(message, MODEL_MESSAGE_SIZE, "%s = %.17g refused: it must be %s from %g to %.10g", of->name, of->value,
+    snprintf(message, MODEL_MESSAGE_SIZE, "%s = %.15g refused: it must be %s from %g to %.10g", of->name, of->value,
              of->whole ? "a whole number" : "a number", of->least, of->most);
     return false;
 }
@@ -114,7 +114,7 @@ static bool check_loop(const Loop *own, char message[MODEL_MESSAGE_SIZE])
     /* With an even increment the generator may stay at one number for ever, and never find a pair. */
     if (own->sigma == 0.0 || fmod(step[3], 2.0) == 1.0) return true;
     snprintf(message, MODEL_MESSAGE_SIZE,
-             "noise_increment[4] = %.17g refused: where sigma is not 0 it must be odd, as in PCG64", step[3]);
+             "noise_increment[4] = %.15g refused: where sigma is not 0 it must be odd, as in PCG64", step[3]);
     return false;
 }
 
@@ -155,15 +155,15 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     const double tick = (double)own->tick;
     if (!(begin >= tick - ON_TICK && begin <= tick + 1.0 && end < MOST_TICKS)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: time begins at 0, goes on from the step before, and ends "
-                 "before %.17g s",
+                 "step of %.15g s at t = %.15g s refused: time begins at 0, goes on from the step before, and ends "
+                 "before %.15g s",
                  h, t, MOST_TICKS / own->rate);
         return false;
     }
     if (!(h > 0.0 && end <= floor(begin + ON_TICK) + 1.0 + ON_TICK)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it must not go beyond the plant's next one, which are "
-                 "%.17g s long", h, t, 1.0 / own->rate);
+                 "step of %.15g s at t = %.15g s refused: it must not go beyond the plant's next one, which are "
+                 "%.15g s long", h, t, 1.0 / own->rate);
         return false;
     }
     if (own->on_tick) take(own);

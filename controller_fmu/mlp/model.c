@@ -70,7 +70,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     for (int i = 0; i < AXES; i++) {
         next.u_m[i] = my->u_m0[i] + x[i];
         if (isfinite(next.u_m[i])) continue;
-        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.17g s: the torque must be finite", i + 1,
+        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", i + 1,
                  next.u_m[i], t);
         return false;
     }

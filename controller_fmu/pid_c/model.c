@@ -50,13 +50,13 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     }
     if (!(pid->T_s > 0.0 && isfinite(pid->T_s))) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "parameter T_s = %.17g s: the sample time must be positive and finite", pid->T_s);
+                 "parameter T_s = %.15g s: the sample time must be positive and finite", pid->T_s);
         return false;
     }
     for (int i = 0; i < AXES; i++) {
         if (!(0.0 <= pid->z_p[i] && pid->z_p[i] < 1.0)) {
             snprintf(message, MODEL_MESSAGE_SIZE,
-                     "parameter z_p[%d] = %.17g: the filter pole must lie in 0 <= z_p < 1", i + 1,
+                     "parameter z_p[%d] = %.15g: the filter pole must lie in 0 <= z_p < 1", i + 1,
                      pid->z_p[i]);
             return false;
         }
@@ -73,7 +73,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         states[i] = pid_sample(pid->gains[i], pid->states[i], pid->q_m_ref[i] - pid->q_m[i]);
         u_m[i] = pid_torque(pid->gains[i], states[i]);
         if (!isfinite(u_m[i])) {
-            snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.17g s: the torque must be finite", i + 1,
+            snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", i + 1,
                      u_m[i], t);
             return false;
         }

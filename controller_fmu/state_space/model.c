@@ -105,7 +105,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
             next[i] += own->law[j][i] * own->z[j];
     for (int j = 0; j < AXES; j++) {
         if (isfinite(next[E + j])) continue;
-        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.17g s: the torque must be finite", j + 1,
+        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", j + 1,
                  next[E + j], t);
         return false;
     }

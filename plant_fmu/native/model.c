@@ -109,7 +109,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     const double substeps = substeps_in(h, plant->substep);
     if (!(substeps <= MOST_SUBSTEPS)) {
       snprintf(message, MODEL_MESSAGE_SIZE,
-               "step of %.17g s at t = %.17g s refused: it needs %.0f "
+               "step of %.15g s at t = %.15g s refused: it needs %.0f "
                "substeps, more than %.0f",
                h, t, substeps, MOST_SUBSTEPS);
       return false;

@@ -33,7 +33,9 @@ def sanitizing_compiler() -> list[str] | None:
         source.write_text("int main(void) { return 0; }\n")
         for command in [*([found] if found else []), *([name] for name in COMPILERS)]:
             try:
-                subprocess.run([*command, *SANITIZERS, str(source), "-o", str(program)], check=True, capture_output=True)
+                subprocess.run(
+                    [*command, *SANITIZERS, str(source), "-o", str(program)], check=True, capture_output=True
+                )
                 subprocess.run([str(program)], check=True, capture_output=True, env=_environment())
             except (OSError, subprocess.CalledProcessError):
                 continue
@@ -82,7 +84,10 @@ def _header(fmu: Path) -> str:
 
 def _kind(variable: object) -> str:
     """Input, output or parameter, for which FMI 1.0 has no causality."""
-    if getattr(variable, "variability", None) in ("parameter", "fixed") and getattr(variable, "start", None) is not None:
+    if (
+        getattr(variable, "variability", None) in ("parameter", "fixed")
+        and getattr(variable, "start", None) is not None
+    ):
         return "parameter"
     return str(getattr(variable, "causality", ""))
 
