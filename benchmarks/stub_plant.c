@@ -7,8 +7,6 @@
 const size_t model_size = sizeof(Variables);
 const size_t model_variables = sizeof(Variables) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; }
-
 void model_start(void *model) { *(Variables *)model = START; }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE]) { return true; }

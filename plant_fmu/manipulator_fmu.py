@@ -57,8 +57,9 @@ class FlexibleManipulator(Fmi2Slave):
         self.default_experiment = DefaultExperiment(start_time=0.0, stop_time=26.0, step_size=0.25e-3)
         self.memory = np.array([variable.start or 0.0 for variable in VARIABLES] + [0.0] * integrator.STATE_SIZE)
         self.values: Any = self.memory.data
-        # pythonfmu calls what it finds by that name: machine code, without a Python function around it.
-        self.do_step = partial(integrator.do_step, self.memory)  # type: ignore[method-assign]
+        # pythonfmu calls what it finds by that name: machine code, with as little around it as possible.
+        step = partial(integrator.do_step, self.memory)
+        self.do_step = lambda time, size: step(time, size) or self._refuse(time, size)  # type: ignore[method-assign,assignment]
         for reference, variable in enumerate(VARIABLES):
             self.register_variable(
                 Real(
@@ -99,10 +100,11 @@ class FlexibleManipulator(Fmi2Slave):
         )
         try:
             parameters.check(table)
-        except ValueError as problem:
+            arm, joints = coefficients.arm(table), (coefficients.joint(table, 1), coefficients.joint(table, 2))
+            integrator.check_substep(joints)
+        except (ValueError, ArithmeticError) as problem:
             self.log(str(problem), Fmi2Status.error)
             raise
-        arm, joints = coefficients.arm(table), (coefficients.joint(table, 1), coefficients.joint(table, 2))
         q_a = (values[Q_A_START], values[Q_A_START + 1])
         rest = equilibrium.solve(arm, joints, q_a)
         self.memory[Q_M : X + 2] = (*rest.q_m, *q_a, *kinematics.tcp(arm, *q_a))
@@ -114,6 +116,10 @@ class FlexibleManipulator(Fmi2Slave):
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Integrate eq. (2) over ``step_size`` [s] with the inputs held."""
         return integrator.do_step(self.memory, current_time, step_size)
+
+    def _refuse(self, time: float, size: float) -> bool:
+        self.log(integrator.obstacle(self.values, time, size), Fmi2Status.error)
+        return False
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {"memory": self.memory.tolist()}

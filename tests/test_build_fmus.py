@@ -174,7 +174,6 @@ BAD_MODELS = [
     ((XML, "</Outputs>", '</Outputs><Derivatives><Unknown index="6"/></Derivatives>'), None, BAD_XML, "6", ()),
     ((XML, ' start="45"', ""), ARRAYS, BAD_XML, "K_p", ()),
     ((XML, '<Real unit="N.m/rad" start="45"/>', ""), Dialect(1), BAD_XML, "Real", ()),
-    ((MODEL, r"\? 1 : AXES", "? 2 : AXES"), ARRAYS, REFERENCE, "14", ()),
     ((XML, r'name="(q_m|u_m)\[2\]', lambda m: f'name="{"qu"[m[1] == "q_m"]}_m[2]'), ARRAYS, REFERENCE, "2", ()),
     ((MODEL, r"pid->T_s = 0.25e-3;", "*(volatile int *)0 = 0;"), None, errors.CompilerError, "", ()),
     ((MODEL, "#include <math.h>", "#error out of ink"), None, errors.CompilerError, None, ()),

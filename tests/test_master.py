@@ -1,6 +1,5 @@
 """The closed loop of real FMUs, and what the master makes of FMUs that go wrong."""
 
-import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -108,19 +107,19 @@ def test_a_torque_that_is_not_a_number_is_an_error_at_its_sample(plant_file, fee
     assert np.all(np.isfinite(trajectory.torque))
 
 
-@pytest.mark.parametrize("K", [1e15, -1e200, math.inf])
-def test_an_absurd_torque_is_an_error(probe_plant_file, feedthrough_file, K):
-    scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": 1.0, "rest[2]": 0.0})
+@pytest.mark.parametrize(("K", "jump"), [(1e15, 1.0), (-1e200, 1.0), (1e308, 100.0)])
+def test_an_absurd_torque_is_an_error(probe_plant_file, feedthrough_file, K, jump):
+    """The last one is infinite."""
+    scenario = quiet("0.01", {"jump_at[1]": 0.002, "jump[1]": jump, "rest[2]": 0.0})
     (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": K})
     assert trajectory.ending.status is Status.ERROR
     assert "a torque that is not a number or beyond 1e+12 N.m" in trajectory.ending.message
 
 
-@pytest.mark.parametrize("change", [{"jump": math.nan}, {"jump": math.inf}, {"far": 1.0, "jump": 1e40}])
+@pytest.mark.parametrize("change", [{"broken": 1.0}, {"broken": 2.0}, {"far_from": 0.002, "jump[1]": 1e40}])
 def test_a_plant_that_fails_is_not_the_controllers_fault(change, probe_plant_file, feedthrough_file):
     """Neither when its outputs are not numbers, nor when they are and no limited torque can have caused them."""
-    parameters = {"jump_at[1]": 0.002, "jump[1]": change["jump"], **({"far_from": 0.002} if "far" in change else {})}
-    scenario = quiet("0.01", parameters, drive=Drive(limit=(35.0, 20.0)), abort_distance=1.0)
+    scenario = quiet("0.01", {"jump_at[1]": 0.002, **change}, drive=Drive(limit=(35.0, 20.0)), abort_distance=1.0)
     (trajectory,) = simulate_all(probe_plant_file, feedthrough_file, [scenario], parameters={"K": 1.0})
     assert trajectory.ending.status is Status.ERROR
     assert trajectory.ending.message.startswith("probe_plant.fmu gave ")

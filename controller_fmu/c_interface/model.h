@@ -6,6 +6,9 @@
  *
  * Functions that can fail write the reason, what happened and how to mend it, to `message` and return false.
  * A message must not contain '%', because FMI loggers read it as a format.
+ *
+ * Before the glue calls one of them it has checked what holds for every model: the call is allowed in the state the
+ * instance is in, a variable that is set is finite and may be set, a step begins where the last one ended.
  */
 #ifndef MODEL_H
 #define MODEL_H
@@ -15,15 +18,15 @@
 
 #define MODEL_MESSAGE_SIZE 256
 
+/* Stops the compiler where a layout is not what the code that copies it takes for granted; C99 has no _Static_assert.
+ */
+#define ASSERT_LAYOUT(name, condition) typedef char name[(condition) ? 1 : -1]
+
 /* Size of the model's struct in bytes. */
 extern const size_t model_size;
 
 /* How many variables it begins with. */
 extern const size_t model_variables;
-
-/* How many variables the FMI 3 array that begins with this value reference spans. Where the FMU is described
- * with scalars only, as always in FMI 1 and 2, nobody asks. */
-size_t model_extent(unsigned value_reference);
 
 /* Sets the start values of the variables; the struct comes filled with zeros. */
 void model_start(void *model);
@@ -32,11 +35,12 @@ void model_start(void *model);
  * and may be called any number of times before that when somebody reads outputs early. */
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE]);
 
-/* Computes the outputs of the step from time t to t + h [s] from the inputs; on false nothing has changed. */
+/* Computes the outputs of the step from time t to t + h [s] from the inputs; on false nothing has changed. Where the
+ * description does not declare canHandleVariableCommunicationStepSize, h is the sample time. */
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE]);
 
-/* The time between two events in Model Exchange [s]: at each, model_step runs with this h. INFINITY if there are no
- * events. */
+/* The sample time [s]: in Model Exchange the time between two events, at each of which model_step runs with this h.
+ * INFINITY if there is none. */
 double model_sample_time(const void *model);
 
 /* Only where the description declares derivatives, in FMI 2.0 <Real derivative="...">, which makes continuous states

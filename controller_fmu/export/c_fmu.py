@@ -13,8 +13,9 @@ import fmpy
 from controller_fmu.errors import CompilerError, SourceError, TargetError, located
 from controller_fmu.export.archive import check_target, content_guid, pack, write_atomically
 from controller_fmu.export.compiler import require_compiler, run_compiler
-from controller_fmu.export.description import complete, derivatives, parse, to_bytes, variables
+from controller_fmu.export.description import complete, parse, to_bytes
 from controller_fmu.export.dialects import Dialect, translate
+from controller_fmu.export.identity import identity
 from controller_fmu.export.platforms import binaries, cross_compilers
 from controller_fmu.export.references import check_declared, check_model
 from controller_fmu.export.terminals import terminals_and_icons
@@ -78,14 +79,14 @@ def c_fmu(
     guid = content_guid({**texts, "modelDescription.xml": to_bytes(root)})
     root.set(dialect.guid_attribute, guid)
     evaluates = any(b"void model_evaluate(" in texts[source.name] for source in sources)
-    texts["identity.h"] = _identity(target.stem, guid, dialect, scalars, evaluates)
+    texts["identity.h"] = identity(target.stem, guid, dialect, scalars, evaluates)
     libraries: dict[str, bytes] = {}
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder, located(description):
         for name, compiler in compilers.items():
             library = _compile(compiler, texts, compiled, Path(folder), target)
             libraries[name] = library.read_bytes()
             if name == fmpy.platform_tuple:
-                check_model(library, scalars, dialect.arrays)
+                check_model(library, scalars)
     contents = {
         **{f"sources/{name}": text for name, text in texts.items()},
         "modelDescription.xml": to_bytes(root),
@@ -129,24 +130,6 @@ def _build_description(name: str, compiled: Sequence[str]) -> bytes:
     for source in compiled:
         SubElement(listed, "SourceFile", name=source)
     return to_bytes(root)
-
-
-def _identity(name: str, guid: str, dialect: Dialect, scalars: Element, evaluates: bool) -> bytes:
-    """Return the header that tells the glue whose binary it is."""
-    references = [variable.attrib["valueReference"] for variable in variables(scalars)]
-    states = [(references[state - 1], references[derivative - 1]) for state, derivative in derivatives(scalars)]
-    direct = evaluates and any(output.get("dependencies") for output in scalars.iterfind("ModelStructure/Outputs/*"))
-    lines = (
-        f"#define MODEL_IDENTIFIER {name}",
-        f'#define MODEL_GUID "{guid}"',
-        f"#define MODEL_HAS_ARRAYS {int(dialect.arrays)}",
-        f"#define MODEL_FLOAT_BITS {dialect.float_bits}",
-        f"#define MODEL_STATES {len(states)}",
-        f"#define MODEL_EVALUATES {int(bool(states) or direct)}",
-        f"#define MODEL_STATE_REFERENCES {', '.join(state for state, _ in states) or 0}",
-        f"#define MODEL_DERIVATIVE_REFERENCES {', '.join(derivative for _, derivative in states) or 0}",
-    )
-    return "".join(f"{line}\n" for line in lines).encode()
 
 
 def _own_binary(libraries: Mapping[str, bytes], name: str, version: int) -> dict[str, bytes]:

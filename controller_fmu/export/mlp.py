@@ -20,8 +20,8 @@ MODEL = FOLDER / "mlp" / "model.c"
 DESCRIPTION = FOLDER / "state_space" / "modelDescription.xml"
 """That of another controller with the same variables."""
 
-ACTIVATIONS = {"tanh": "tanh(x)", "relu": "((x) > 0.0 ? (x) : 0.0)"}
-"""In C, by name."""
+ACTIVATIONS = {"tanh": "tanh(x)", "relu": "((x) <= 0.0 ? 0.0 : (x))"}
+"""In C, by name; what is not a number stays so."""
 
 TORQUES = 2
 

@@ -17,14 +17,13 @@ REMEDY = "a valueReference is the variable's place in the model's struct, counte
 # In a process of its own, because a model may crash, and because a library cannot be unloaded for certain.
 _ASK = """
 import ctypes, json, sys
-library, answer, *references = sys.argv[1:]
+library, answer = sys.argv[1:]
 library = ctypes.CDLL(library)
 size, count = (ctypes.c_size_t.in_dll(library, name).value for name in ("model_size", "model_variables"))
 model = (ctypes.c_double * max(-(-size // 8), count))()
 library.model_start(model)
-library.model_extent.restype = ctypes.c_size_t
 with open(answer, "w") as file:
-    json.dump([model[:count], [library.model_extent(int(reference)) for reference in references]], file)
+    json.dump(model[:count], file)
 """
 
 
@@ -44,10 +43,10 @@ def check_declared(root: Element, arrays: bool) -> None:
             what = f"{owner!r} and {name!r} both have the valueReference {reference}"
             raise ValueReferenceError(what, value=reference, remedy=REMEDY)
     if arrays:
-        _groups(root)
+        _check_arrays(root)
 
 
-def check_model(library: Path, root: Element, arrays: bool) -> None:
+def check_model(library: Path, root: Element) -> None:
     """Hold the scalars of the description ``root`` against the model in ``library``.
 
     Each variable of the model must be declared, each declared one exist and start with the declared value, up to
@@ -56,38 +55,30 @@ def check_model(library: Path, root: Element, arrays: bool) -> None:
     Args:
         library: the compiled model; it is loaded into another process.
         root: the description, FMI 2.0 with scalars.
-        arrays: whether elements are put together to arrays, whose extents are compared then, too.
 
     Raises:
         ValueReferenceError: they disagree; the fields name the reference.
         CompilerError: the library cannot be asked.
     """
     declared = {int(variable.attrib["valueReference"]): variable for variable in variables(root)}
-    groups = _groups(root) if arrays else {}
-    starts, extents = _ask(library, list(groups))
+    starts = _starts(library)
     _check_places(declared, len(starts))
     for reference, variable in declared.items():
         _check_start(reference, variable, starts[reference])
-    for (first, names), extent in zip(groups.items(), extents, strict=True):
-        if extent != len(names):
-            what = f"model_extent says that the array at valueReference {first} has {extent} elements"
-            raise ValueReferenceError(f"{what}, the description has {', '.join(names)}", value=str(first))
 
 
-def _ask(library: Path, references: list[int]) -> tuple[list[float], list[int]]:
-    """The model's start values by value reference, and the extents of the arrays at ``references``."""
+def _starts(library: Path) -> list[float]:
+    """The model's start values by value reference."""
     answer = library.with_name("answer.json")
-    arguments = [str(library.resolve()), str(answer.resolve()), *map(str, references)]
     try:
-        run_compiler([sys.executable, "-I", "-S", "-c", _ASK, *arguments], answer)
+        run_compiler([sys.executable, "-I", "-S", "-c", _ASK, str(library.resolve()), str(answer.resolve())], answer)
     except CompilerError as problem:
         raise CompilerError(f"the built model cannot be asked for its variables\n{problem}") from None
-    starts, extents = json.loads(answer.read_text())
-    return starts, extents
+    starts: list[float] = json.loads(answer.read_text())
+    return starts
 
 
-def _groups(root: Element) -> dict[int, list[str]]:
-    """Names of the elements of each array by its first reference."""
+def _check_arrays(root: Element) -> None:
     arrays: dict[str, dict[int, str]] = {}
     for variable in variables(root):
         arrays.setdefault(array_name(variable), {})[int(variable.attrib["valueReference"])] = variable.attrib["name"]
@@ -95,7 +86,6 @@ def _groups(root: Element) -> dict[int, list[str]]:
         if list(elements) != list(range(min(elements), min(elements) + len(elements))):
             what = f"the elements of {name!r} do not follow each other: valueReferences {', '.join(map(str, elements))}"
             raise ValueReferenceError(what, value=str(min(elements)), remedy=REMEDY)
-    return {min(elements): list(elements.values()) for elements in arrays.values()}
 
 
 def _check_places(declared: dict[int, Element], count: int) -> None:

@@ -14,7 +14,7 @@
 
 enum { AXES = 2, LINE = 1024 /* samples that are remembered */ };
 
-static const double PI = 3.141592653589793, ON_TICK = 0.01, WORD = 4294967295.0;
+static const double PI = 3.141592653589793, ON_TICK = 0.01, WORD = 4294967295.0, MOST_TICKS = 1e9;
 
 /* The variables in the order of their value references, then what is remembered; samples k at k % LINE. */
 typedef struct {
@@ -36,8 +36,6 @@ typedef struct {
 const size_t model_size = sizeof(Loop);
 const size_t model_variables = offsetof(Loop, tick) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; } /* described with scalars only */
-
 double model_sample_time(const void *model) { return INFINITY; }
 
 void model_start(void *model)
@@ -50,6 +48,9 @@ void model_start(void *model)
         own->limit[i] = 1e12;
     }
 }
+
+/* Where sample k is remembered. */
+static size_t slot(long k) { return (size_t)((unsigned long)k % LINE); }
 
 /* Whole samples in so many ticks, downwards. */
 static long samples(const Loop *own, long ticks)
@@ -66,30 +67,54 @@ static Wide wide(const double words[4])
 static void draw(Loop *own)
 {
     while (own->sigma != 0.0 && own->drawn <= samples(own, own->tick + own->per_sample - 1)) {
-        double *noise = own->noise[own->drawn++ % LINE];
+        double *noise = own->noise[slot(own->drawn++)];
         normal_pair(&own->noise_at, wide(own->noise_increment), noise);
         for (int i = 0; i < AXES; i++)
             noise[i] *= own->sigma;
     }
 }
 
-static bool whole(double value, double least, double most)
+/* A parameter and the range it must be in; of some, only whole numbers. */
+typedef struct {
+    const char *name;
+    double value, least, most;
+    bool whole;
+} Limit;
+
+static bool check_limit(const Limit *of, char message[MODEL_MESSAGE_SIZE])
 {
-    return value >= least && value <= most && value == floor(value);
+    if (of->value >= of->least && of->value <= of->most && (!of->whole || of->value == floor(of->value))) return true;
+    snprintf(message, MODEL_MESSAGE_SIZE, "%s = %.15g refused: it must be %s from %g to %.10g", of->name, of->value,
+             of->whole ? "a whole number" : "a number", of->least, of->most);
+    return false;
 }
 
-static bool check(const Loop *own, char message[MODEL_MESSAGE_SIZE])
+static bool check_loop(const Loop *own, char message[MODEL_MESSAGE_SIZE])
 {
-    bool fits = own->rate > 0.0 && isfinite(own->rate) && whole(own->ticks_per_sample, 1.0, 1e6);
-    const double most = (LINE - 2) * own->ticks_per_sample;
-    for (int i = 0; i < AXES; i++)
-        fits = fits && whole(own->sensor_delay[i], 0.0, most) && whole(own->drive_delay[i], 1.0, most);
-    for (int i = 0; i < 4; i++)
-        fits = fits && whole(own->noise_state[i], 0.0, WORD) && whole(own->noise_increment[i], 0.0, WORD);
-    if (fits) return true;
+    const double most = (LINE - 2) * own->ticks_per_sample, *state = own->noise_state, *step = own->noise_increment;
+    const Limit limits[] = {
+        {"rate", own->rate, 1e-6, 1e9, false},
+        {"ticks_per_sample", own->ticks_per_sample, 1.0, 1e6, true},
+        {"sensor_delay[1]", own->sensor_delay[0], 0.0, most, true},
+        {"sensor_delay[2]", own->sensor_delay[1], 0.0, most, true},
+        {"drive_delay[1]", own->drive_delay[0], 1.0, most, true},
+        {"drive_delay[2]", own->drive_delay[1], 1.0, most, true},
+        {"sigma", own->sigma, 0.0, 1e12, false},
+        {"noise_state[1]", state[0], 0.0, WORD, true},
+        {"noise_state[2]", state[1], 0.0, WORD, true},
+        {"noise_state[3]", state[2], 0.0, WORD, true},
+        {"noise_state[4]", state[3], 0.0, WORD, true},
+        {"noise_increment[1]", step[0], 0.0, WORD, true},
+        {"noise_increment[2]", step[1], 0.0, WORD, true},
+        {"noise_increment[3]", step[2], 0.0, WORD, true},
+        {"noise_increment[4]", step[3], 0.0, WORD, true},
+    };
+    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++)
+        if (!check_limit(&limits[i], message)) return false;
+    /* With an even increment the generator may stay at one number for ever, and never find a pair. */
+    if (own->sigma == 0.0 || fmod(step[3], 2.0) == 1.0) return true;
     snprintf(message, MODEL_MESSAGE_SIZE,
-             "rate must be positive, ticks_per_sample and drive_delay whole numbers from 1, sensor_delay from 0, no "
-             "delay beyond %d samples, and the words of the noise whole numbers below 2^32", LINE - 2);
+             "noise_increment[4] = %.15g refused: where sigma is not 0 it must be odd, as in PCG64", step[3]);
     return false;
 }
 
@@ -98,7 +123,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     Loop *own = model;
     memset(&own->tick, 0, sizeof(Loop) - offsetof(Loop, tick));
     own->per_sample = 1;
-    if (!check(own, message)) return false;
+    if (!check_loop(own, message)) return false;
     own->per_sample = (long)own->ticks_per_sample;
     own->on_tick = true;
     own->noise_at = wide(own->noise_state);
@@ -117,9 +142,9 @@ static void take(Loop *own)
     for (int i = 0; i < AXES; i++) {
         const long k = samples(own, own->tick + own->early[i]);
         if (k * own->per_sample == own->tick + own->early[i])
-            own->measured[k % LINE][i] = own->q_m[i] + own->noise[k % LINE][i];
+            own->measured[slot(k)][i] = own->q_m[i] + own->noise[slot(k)][i];
         if (own->tick > 0 && own->tick % own->per_sample == 0)
-            own->command[(own->tick / own->per_sample - 1) % LINE][i] = own->u_c[i];
+            own->command[slot(own->tick / own->per_sample - 1)][i] = own->u_c[i];
     }
 }
 
@@ -127,10 +152,18 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 {
     Loop *own = model;
     const double begin = t * own->rate, end = (t + h) * own->rate;
-    if (!(h > 0.0 && fabs(begin) < 1e9 && end <= floor(begin + ON_TICK) + 1.0 + ON_TICK)) {
+    const double tick = (double)own->tick;
+    if (!(begin >= tick - ON_TICK && begin <= tick + 1.0 && end < MOST_TICKS)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it must not go beyond the plant's next one, which are "
-                 "%.17g s long", h, t, 1.0 / own->rate);
+                 "step of %.15g s at t = %.15g s refused: time begins at 0, goes on from the step before, and ends "
+                 "before %.15g s",
+                 h, t, MOST_TICKS / own->rate);
+        return false;
+    }
+    if (!(h > 0.0 && end <= floor(begin + ON_TICK) + 1.0 + ON_TICK)) {
+        snprintf(message, MODEL_MESSAGE_SIZE,
+                 "step of %.15g s at t = %.15g s refused: it must not go beyond the plant's next one, which are "
+                 "%.15g s long", h, t, 1.0 / own->rate);
         return false;
     }
     if (own->on_tick) take(own);
@@ -153,8 +186,7 @@ static double sensor(const Loop *own, int i)
 {
     const long k = own->tick / own->per_sample - own->late[i];
     double angle = own->q_m_ref[i];
-    if (k >= 0)
-        angle = own->sensor_delay[i] == 0.0 ? own->q_m[i] + own->noise[k % LINE][i] : own->measured[k % LINE][i];
+    if (k >= 0) angle = own->sensor_delay[i] == 0.0 ? own->q_m[i] + own->noise[slot(k)][i] : own->measured[slot(k)][i];
     return quantize(angle, own->angle_quantum);
 }
 
@@ -175,8 +207,7 @@ void model_evaluate(void *model)
     for (int i = 0; i < AXES; i++) {
         if (own->tick % own->per_sample == 0) own->y[i] = sensor(own, i);
         const long k = samples(own, own->tick - (long)own->drive_delay[i]), newest = samples(own, own->tick - 1);
-        own->u_m[i] =
-            k < 0 ? own->u_m0[i] : drive(own, i, k == newest ? own->u_c[i] : own->command[k % LINE][i]);
+        own->u_m[i] = k < 0 ? own->u_m0[i] : drive(own, i, k == newest ? own->u_c[i] : own->command[slot(k)][i]);
         own->u_d[i] = shaken ? own->chirp_amplitude[i] * wave : 0.0;
         own->F[i] = pushed ? own->force[i] : 0.0;
     }

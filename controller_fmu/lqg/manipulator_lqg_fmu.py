@@ -125,7 +125,11 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         try:
             if not 0.0 < x[T_S] < math.inf:
                 raise ValueError(f"parameter T_s = {x[T_S]!r} s: the sample time must be positive and finite")
-            self._design(dict(zip((name for row in self.rows for name in row.names), x, strict=True)))
+            values = dict(zip((name for row in self.rows for name in row.names), x, strict=True))
+            for name in ("q_m_ref[1]", "q_m_ref[2]", "u_m0[1]", "u_m0[2]"):  # the others have ranges
+                if not math.isfinite(values[name]):
+                    raise ValueError(f"{name} = {values[name]!r}: it must be finite")
+            self._design(values)
         except (ValueError, ArithmeticError) as problem:
             self.log(f"{self.instance_name}: {problem}", Fmi2Status.error)
             raise
@@ -152,9 +156,16 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         now[E] = x[Q_M] - x[Q_M_REF]
         now[E + 1] = x[Q_M + 1] - x[Q_M_REF + 1]
         np.dot(self._law, now, after)
+        u_m = self._u_0[0] + after.item(U), self._u_0[1] + after.item(U + 1)
+        if not u_m[0] - u_m[0] == 0.0 == u_m[1] - u_m[1]:  # infinite or not a number
+            self.log(
+                f"{self.instance_name}: u_m = {u_m} N.m at t = {current_time!r} s refused: with q_m_ref = "
+                f"{x[Q_M_REF : Q_M_REF + 2]} and q_m = {x[Q_M : Q_M + 2]} rad the torque is not finite",
+                Fmi2Status.error,
+            )
+            return False
         self._now, self._next = after, now
-        x[U_M] = self._u_0[0] + after.item(U)
-        x[U_M + 1] = self._u_0[1] + after.item(U + 1)
+        x[U_M : U_M + 2] = u_m
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:

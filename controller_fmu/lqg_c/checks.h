@@ -1,4 +1,4 @@
-/* What a model of the LQG refuses: parameters out of their range, and steps that are none of its samples. */
+/* What a model of the LQG refuses: parameters out of their range, and torques that are no numbers. */
 #ifndef CHECKS_H
 #define CHECKS_H
 
@@ -8,32 +8,29 @@
 #include "interface.h" /* written by the build: Variables, RANGES */
 #include "model.h"
 
-static const double STEP_TOLERANCE = 1e-9;
-
-static bool check(const Variables *of, char message[MODEL_MESSAGE_SIZE])
+static inline bool check_ranges(const Variables *of, char message[MODEL_MESSAGE_SIZE])
 {
     if (!(of->T_s > 0.0 && isfinite(of->T_s))) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "parameter T_s = %.17g s: the sample time must be positive and finite", of->T_s);
+                 "parameter T_s = %.15g s: the sample time must be positive and finite", of->T_s);
         return false;
     }
     for (size_t i = 0; i < sizeof RANGES / sizeof *RANGES; i++) {
         const double value = ((const double *)of)[RANGES[i].reference];
         if (value >= RANGES[i].least && isfinite(value)) continue;
-        snprintf(message, MODEL_MESSAGE_SIZE, "parameter %s = %.17g %s: it must be finite and at least %g",
+        snprintf(message, MODEL_MESSAGE_SIZE, "parameter %s = %.15g %s: it must be finite and at least %g",
                  RANGES[i].name, value, RANGES[i].unit, RANGES[i].least);
         return false;
     }
     return true;
 }
 
-static bool check_step(double T_s, double t, double h, char message[MODEL_MESSAGE_SIZE])
+/* What limits would make a torque of. */
+static inline bool check_torque(int axis, double u_m, double t, char message[MODEL_MESSAGE_SIZE])
 {
-    if (fabs(h - T_s) <= STEP_TOLERANCE * T_s) return true;
-    snprintf(message, MODEL_MESSAGE_SIZE,
-             "step of %.17g s at t = %.17g s refused: the communication step must equal the sample time "
-             "T_s = %.17g s",
-             h, t, T_s);
+    if (isfinite(u_m)) return true;
+    snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", axis + 1, u_m,
+             t);
     return false;
 }
 

@@ -18,7 +18,7 @@ typedef struct {
 
 static double squared(double x) { return x * x; }
 
-static double deflection(int i, double load, double psi, double k_3)
+static double gear_deflection(int i, double load, double psi, double k_3)
 {
     const double size = fabs(load), limit = (K_LOW[i] + k_3 * psi * psi) * psi;
     if (size > limit) return copysign(psi + (size - limit) / K_HIGH[i], load);
@@ -37,7 +37,7 @@ static Pose pose(const double q_m_ref[AXES], const double u_m0[AXES])
     for (int i = 0; i < AXES; i++) {
         const double psi = PSI_ARC_MINUTES[i] * PI / (180.0 * 60.0);
         const double k_3 = (K_HIGH[i] - K_LOW[i]) / (3.0 * psi * psi);
-        const double delta = deflection(i, -RATIO * u_m0[i], psi, k_3);
+        const double delta = gear_deflection(i, -RATIO * u_m0[i], psi, k_3);
         at.slope[i] = fmin(K_LOW[i] + 3.0 * k_3 * delta * delta, K_HIGH[i]);
         at.q_a[i] = q_m_ref[i] / RATIO + delta;
     }
@@ -88,7 +88,7 @@ static bool exponential(Matrix exponent, Matrix *result)
     const double size = N * largest(&exponent); /* no norm is larger */
     if (!isfinite(size)) return false;
     int halvings = 0;
-    frexp(size, &halvings);
+    (void)frexp(size, &halvings);
     halvings = halvings < 0 ? 0 : halvings + 1;
     exponent = sum(ldexp(1.0, -halvings), &exponent, &zero);
     Matrix term = *result = identity();
@@ -207,7 +207,7 @@ static bool feedback(const Weights *of, const Pose *at, Matrix A, double gain[AX
     return true;
 }
 
-static bool refuse(char message[MODEL_MESSAGE_SIZE])
+static bool refuse_design(char message[MODEL_MESSAGE_SIZE])
 {
     snprintf(message, MODEL_MESSAGE_SIZE,
              "the Riccati equation has no stabilizing solution that the doubling algorithm could find");
@@ -220,15 +220,15 @@ bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXE
     const Pose at = pose(q_m_ref, u_m0);
     const Matrix zero = {{{0.0}}}, slope = linearize(of, &at);
     Matrix model;
-    if (!exponential(sum(T_s, &slope, &zero), &model)) return refuse(message);
+    if (!exponential(sum(T_s, &slope, &zero), &model)) return refuse_design(message);
     const double fade = exp(-T_s / of->push_time);
     /* The inputs of the joints become the disturbances' states. */
     Matrix A = model;
     for (int i = 0; i < AXES; i++)
         A.of[F + i][F + i] = fade;
     double correction[N][AXES], gain[AXES][N] = {{0.0}}, tool[AXES][N] = {{0.0}};
-    if (!kalman(of, &model, &A, fade, correction)) return refuse(message);
-    if (!feedback(of, &at, A, gain, tool)) return refuse(message);
+    if (!kalman(of, &model, &A, fade, correction)) return refuse_design(message);
+    if (!feedback(of, &at, A, gain, tool)) return refuse_design(message);
     *law = (Law){{{0.0}}};
     for (int row = 0; row < N; row++) {
         for (int j = 0; j < N; j++)

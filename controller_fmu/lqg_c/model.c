@@ -15,10 +15,12 @@ typedef struct {
     double period, full, forget, level, sample; /* of the dither: [samples], [m], [1], [m], a whole number */
 } DitheredLqg;
 
+ASSERT_LAYOUT(starts_are_the_variables, sizeof START == sizeof(Variables));
+ASSERT_LAYOUT(weights_are_side_by_side,
+              offsetof(Variables, effort) + sizeof START[0] * AXES - offsetof(Variables, stiffness) == sizeof(Weights));
+
 const size_t model_size = sizeof(DitheredLqg);
 const size_t model_variables = sizeof(Variables) / sizeof(double);
-
-size_t model_extent(unsigned value_reference) { return 1; } /* described with scalars only */
 
 void model_start(void *model) { memcpy(model, START, sizeof START); }
 
@@ -29,7 +31,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     *lqg = (DitheredLqg){.of = *of, .T_s = of->T_s};
     for (int i = 0; i < AXES; i++)
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
-    if (!check(of, message)) return false;
+    if (!check_ranges(of, message)) return false;
     lqg->period = of->period / of->T_s;
     lqg->full = of->off + of->rise;
     lqg->forget = exp(-of->T_s / of->memory);
@@ -42,11 +44,12 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 {
     DitheredLqg *lqg = model;
     Variables *of = &lqg->of;
-    if (!check_step(lqg->T_s, t, h, message)) return false;
     double next[LAW];
     for (int i = 0; i < AXES; i++)
         lqg->vector[E + i] = of->q_m[i] - of->q_m_ref[i];
     apply(&lqg->law, lqg->vector, next);
+    for (int i = 0; i < AXES; i++)
+        if (!check_torque(i, next[U + i], t, message)) return false;
     lqg->level = fmax(hypot(next[E], next[E + 1]), lqg->forget * lqg->level);
     const double strength = fmin(fmax((lqg->level - of->off) / (lqg->full - of->off), 0.0), 1.0);
     const double shake = strength * sin(2.0 * PI * fmod(lqg->sample, lqg->period) / lqg->period);

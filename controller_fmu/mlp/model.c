@@ -6,6 +6,7 @@
 #include "model.h"
 
 #include <math.h>
+#include <stdio.h>
 
 #include "weights.h" /* written by the build: LAYERS, WIDTH, SIZE, WEIGHTS, ACTIVATION */
 
@@ -29,8 +30,6 @@ typedef struct {
 const size_t model_size = sizeof(Policy);
 const size_t model_variables = offsetof(Policy, e) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return AXES; }
-
 double model_sample_time(const void *model) { return T_S; }
 
 void model_start(void *model) {}
@@ -47,14 +46,14 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
-    Policy *my = model;
+    Policy *my = model, next = *my;
     double x[WIDTH], y[WIDTH];
     for (int i = 0; i < AXES; i++) {
         const double e = my->q_m_ref[i] - my->q_m[i];
-        my->v[i] = Z_P * my->v[i] + (1.0 - Z_P) * (e - my->e[i]) / h;
-        my->s[i] = my->s[i] + h * e;
-        my->e[i] = e;
-        x[i] = e, x[AXES + i] = my->v[i], x[2 * AXES + i] = my->s[i], x[3 * AXES + i] = my->q_m_ref[i];
+        next.v[i] = Z_P * my->v[i] + (1.0 - Z_P) * (e - my->e[i]) / h;
+        next.s[i] = my->s[i] + h * e;
+        next.e[i] = e;
+        x[i] = e, x[AXES + i] = next.v[i], x[2 * AXES + i] = next.s[i], x[3 * AXES + i] = my->q_m_ref[i];
     }
     const double *w = WEIGHTS; /* of each layer W by columns, then b */
     for (int layer = 0; layer < LAYERS; layer++) {
@@ -68,7 +67,13 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
             x[i] = layer + 1 < LAYERS ? ACTIVATION(y[i] + w[i]) : y[i] + w[i];
         w += outputs;
     }
-    for (int i = 0; i < AXES; i++)
-        my->u_m[i] = my->u_m0[i] + x[i];
+    for (int i = 0; i < AXES; i++) {
+        next.u_m[i] = my->u_m0[i] + x[i];
+        if (isfinite(next.u_m[i])) continue;
+        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", i + 1,
+                 next.u_m[i], t);
+        return false;
+    }
+    *my = next;
     return true;
 }

@@ -110,6 +110,17 @@ def check_parameters(T_s: float, z_p: tuple[float, ...]) -> str | None:
     return None
 
 
+def check_finite(values: list[float]) -> str | None:
+    """Return which of the variables, in the order of value references, is not finite, or None if all are."""
+    names = [
+        f"{name}[{i}]" if len(start) > 1 else name for name, _, start, _ in VARIABLES for i in range(1, len(start) + 1)
+    ]
+    for name, value in zip(names, values, strict=True):
+        if not math.isfinite(value):
+            return f"{name} = {value!r}: it must be finite"
+    return None
+
+
 class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
     """The slave; its variables are one list indexed by value reference, which halves the cost of a call."""
 
@@ -160,7 +171,7 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
             ValueError: a parameter has a value the law cannot work with; it is also logged.
         """
         x = self._values
-        problem = check_parameters(x[T_S], tuple(x[Z_P : Z_P + 2]))
+        problem = check_parameters(x[T_S], tuple(x[Z_P : Z_P + 2])) or check_finite(x)
         if problem is not None:
             self.log(f"{self.instance_name}: {problem}", Fmi2Status.error)
             raise ValueError(problem)
@@ -182,8 +193,15 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
         state_1, state_2 = self._states
         state_1 = sample(gains_1, state_1, x[Q_M_REF] - x[Q_M])
         state_2 = sample(gains_2, state_2, x[Q_M_REF + 1] - x[Q_M + 1])
-        x[U_M] = torque(gains_1, state_1)
-        x[U_M + 1] = torque(gains_2, state_2)
+        u_m1, u_m2 = torque(gains_1, state_1), torque(gains_2, state_2)
+        if not u_m1 - u_m1 == 0.0 == u_m2 - u_m2:  # infinite or not a number; half the price of math.isfinite
+            self.log(
+                f"{self.instance_name}: u_m = {u_m1!r}, {u_m2!r} N.m at t = {current_time!r} s refused: with "
+                f"q_m_ref = {x[Q_M_REF : Q_M_REF + 2]} and q_m = {x[Q_M : Q_M + 2]} rad the torque is not finite",
+                Fmi2Status.error,
+            )
+            return False
+        x[U_M], x[U_M + 1] = u_m1, u_m2
         self._states = state_1, state_2
         return True
 

@@ -8,8 +8,6 @@
 
 enum { AXES = 2 };
 
-static const double STEP_TOLERANCE = 1e-9;
-
 /* The variables in the order of their value references, then what the law remembers. */
 typedef struct {
     double q_m_ref[AXES]; /* [rad] */
@@ -28,11 +26,6 @@ typedef struct {
 
 const size_t model_size = sizeof(DiagonalPid);
 const size_t model_variables = offsetof(DiagonalPid, gains) / sizeof(double);
-
-size_t model_extent(unsigned value_reference)
-{
-    return value_reference * sizeof(double) == offsetof(DiagonalPid, T_s) ? 1 : AXES;
-}
 
 void model_start(void *model)
 {
@@ -57,13 +50,13 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     }
     if (!(pid->T_s > 0.0 && isfinite(pid->T_s))) {
         snprintf(message, MODEL_MESSAGE_SIZE,
-                 "parameter T_s = %.17g s: the sample time must be positive and finite", pid->T_s);
+                 "parameter T_s = %.15g s: the sample time must be positive and finite", pid->T_s);
         return false;
     }
     for (int i = 0; i < AXES; i++) {
         if (!(0.0 <= pid->z_p[i] && pid->z_p[i] < 1.0)) {
             snprintf(message, MODEL_MESSAGE_SIZE,
-                     "parameter z_p[%d] = %.17g: the filter pole must lie in 0 <= z_p < 1", i + 1,
+                     "parameter z_p[%d] = %.15g: the filter pole must lie in 0 <= z_p < 1", i + 1,
                      pid->z_p[i]);
             return false;
         }
@@ -74,17 +67,20 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     DiagonalPid *pid = model;
-    const double T_s = pid->gains[0].T_s;
-    if (!(fabs(h - T_s) <= STEP_TOLERANCE * T_s)) {
-        snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: the communication step must equal the sample time "
-                 "T_s = %.17g s",
-                 h, t, T_s);
-        return false;
+    PidState states[AXES];
+    double u_m[AXES];
+    for (int i = 0; i < AXES; i++) {
+        states[i] = pid_sample(pid->gains[i], pid->states[i], pid->q_m_ref[i] - pid->q_m[i]);
+        u_m[i] = pid_torque(pid->gains[i], states[i]);
+        if (!isfinite(u_m[i])) {
+            snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", i + 1,
+                     u_m[i], t);
+            return false;
+        }
     }
     for (int i = 0; i < AXES; i++) {
-        pid->states[i] = pid_sample(pid->gains[i], pid->states[i], pid->q_m_ref[i] - pid->q_m[i]);
-        pid->u_m[i] = pid_torque(pid->gains[i], pid->states[i]);
+        pid->states[i] = states[i];
+        pid->u_m[i] = u_m[i];
     }
     return true;
 }

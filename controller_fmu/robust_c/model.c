@@ -18,6 +18,15 @@ typedef struct {
     double T_s, u_0[AXES], amplitude[AXES];
 } RobustLqg;
 
+ASSERT_LAYOUT(starts_are_the_variables, sizeof START == sizeof(Variables));
+ASSERT_LAYOUT(weights_are_side_by_side,
+              offsetof(Variables, effort) + sizeof START[0] * AXES - offsetof(Variables, stiffness) == sizeof(Weights));
+ASSERT_LAYOUT(event_weights_are_side_by_side,
+              offsetof(Variables, event_effort) + sizeof START[0] * AXES - offsetof(Variables, event_stiffness) ==
+                  sizeof(Weights));
+ASSERT_LAYOUT(switching_is_side_by_side,
+              offsetof(Variables, decay) + sizeof START[0] - offsetof(Variables, amplitude) == sizeof(Switching));
+
 /* Distance of the TCP from the first axis, relative to that of the stretched arm; lengths [m] as in Table 1. */
 static double reach(const double q_m_ref[AXES])
 {
@@ -28,8 +37,6 @@ static double reach(const double q_m_ref[AXES])
 const size_t model_size = sizeof(RobustLqg);
 const size_t model_variables = sizeof(Variables) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; } /* described with scalars only */
-
 void model_start(void *model) { memcpy(model, START, sizeof START); }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
@@ -39,7 +46,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     *lqg = (RobustLqg){.of = *of, .T_s = of->T_s};
     for (int i = 0; i < AXES; i++)
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
-    if (!check(of, message)) return false;
+    if (!check_ranges(of, message)) return false;
     memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
     /* The filters take what a folded arm does for a larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
     lqg->switching.threshold /= reach(of->q_m_ref);
@@ -58,12 +65,13 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 {
     RobustLqg *lqg = model;
     Variables *of = &lqg->of;
-    if (!check_step(lqg->T_s, t, h, message)) return false;
     double quiet[LAW], event[LAW];
     for (int i = 0; i < AXES; i++)
         lqg->at_rest[E + i] = lqg->shaken[E + i] = of->q_m[i] - of->q_m_ref[i];
     apply(&lqg->quiet, lqg->at_rest, quiet);
     apply(&lqg->event, lqg->shaken, event);
+    for (int i = 0; i < AXES; i++)
+        if (!check_torque(i, quiet[U + i] + event[U + i], t, message)) return false;
     const Shares of_event = shares(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
     const double shake = of_event.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++) {

@@ -95,7 +95,15 @@ class StateSpace(Fmi2Slave):
         values, z = self.values, self.z
         z[-2] = values[Q_M_REF] - values[Q_M]
         z[-1] = values[Q_M_REF + 1] - values[Q_M + 1]
-        self.z = z = self.law @ z
+        z = self.law @ z
+        if not all(map(math.isfinite, z[-2:])):
+            self.log(
+                f"{self.instance_name}: u_m - u_m0 = {z[-2:].tolist()} N.m at t = {current_time!r} s refused: with "
+                f"q_m_ref = {values[Q_M_REF : Q_M_REF + 2]} and q_m = {values[Q_M : Q_M + 2]} rad it is not finite",
+                Fmi2Status.error,
+            )
+            return False
+        self.z = z
         for i, v in enumerate(z[-2:].tolist()):
             wanted, limit = values[U_M0 + i] + v, self.limit[i]
             values[U_M + i] = wanted

@@ -15,8 +15,6 @@
 
 enum { AXES = 2, E = ROWS - AXES };
 
-static const double STEP_TOLERANCE = 1e-9;
-
 /* The variables in the order of their value references, then what the law remembers. */
 typedef struct {
     double q_m_ref[AXES]; /* [rad] */
@@ -30,8 +28,6 @@ typedef struct {
 
 const size_t model_size = sizeof(StateSpace);
 const size_t model_variables = offsetof(StateSpace, z) / sizeof(double);
-
-size_t model_extent(unsigned value_reference) { return AXES; }
 
 double model_sample_time(const void *model) { return T_S; }
 
@@ -101,19 +97,18 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     StateSpace *own = model;
-    if (!(fabs(h - T_S) <= STEP_TOLERANCE * T_S)) {
-        snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: the communication step must equal the sample time "
-                 "T_s = %.17g s",
-                 h, t, T_S);
-        return false;
-    }
     double next[ROWS] = {0.0};
     for (int i = 0; i < AXES; i++)
         own->z[E + i] = own->q_m_ref[i] - own->q_m[i];
     for (int j = 0; j < ROWS; j++)
         for (int i = 0; i < ROWS; i++)
             next[i] += own->law[j][i] * own->z[j];
+    for (int j = 0; j < AXES; j++) {
+        if (isfinite(next[E + j])) continue;
+        snprintf(message, MODEL_MESSAGE_SIZE, "u_m[%d] = %g N.m at t = %.15g s: the torque must be finite", j + 1,
+                 next[E + j], t);
+        return false;
+    }
     memcpy(own->z, next, sizeof next);
     for (int j = 0; j < AXES; j++) {
         const double wanted = own->u_m0[j] + next[E + j];

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from .coefficients import Arm, Joint
 from .dynamics import accelerations
@@ -24,12 +25,38 @@ MAX_STIFFNESS = 1.25
 """Largest product of substep and fastest rate, h lambda. Runge-Kutta's fourth order is stable up to 2.78; the
 stiffest system of Table 1 has 1.125 at MAX_SUBSTEP, and steeper friction than that gets shorter substeps."""
 
+MIN_SUBSTEP = 0.25e-6
+"""Shortest substep [s] that parameters may need: a thousandth of the benchmark's sample time."""
+
+MOST_SUBSTEPS = 1e5
+"""So many substeps a step may take: 8.3 s of the nominal system."""
+
+INPUTS = 6
+"""How many inputs the memory begins with."""
+
+
+def friction_rate(joint: Joint) -> float:
+    """The fastest rate of a joint [1/s]: that of a motor whose friction (8) is linearised at zero speed."""
+    return (joint.alpha * joint.f_c + joint.f_d) / joint.j_m
+
 
 def longest_substep(joints: tuple[Joint, Joint]) -> float:
-    """Longest substep [s] for these joints: the fastest rate of the system is that of a motor whose friction (8)
-    is linearised at zero speed, (alpha f_c + f_d) / j_m."""
-    rate = max((joint.alpha * joint.f_c + joint.f_d) / joint.j_m for joint in joints)
+    """Longest substep [s] for these joints: the fastest rate of the system is :func:`friction_rate`."""
+    rate = max(friction_rate(joint) for joint in joints)
     return min(MAX_SUBSTEP, MAX_STIFFNESS / rate) if rate > 0 else MAX_SUBSTEP
+
+
+def check_substep(joints: tuple[Joint, Joint]) -> None:
+    """Raise ``ValueError`` if the joints need a substep below MIN_SUBSTEP, with the parameters that do."""
+    substep = longest_substep(joints)
+    if substep >= MIN_SUBSTEP:
+        return
+    axis, joint = max(enumerate(joints, start=1), key=lambda numbered: friction_rate(numbered[1]))
+    asked = ", ".join(
+        f"{name}[{axis}] = {getattr(joint, name):g} {unit}"
+        for name, unit in (("alpha", "s/rad"), ("f_c", "N.m"), ("f_d", "N.m.s/rad"), ("j_m", "kg.m2"))
+    )
+    raise ValueError(f"{asked} refused: they need substeps of {substep:g} s, shorter than {MIN_SUBSTEP:g} s")
 
 
 def state_at_rest(
@@ -105,6 +132,25 @@ def advance(memory, step):
 
 @compiled
 def do_step(memory, _time, step):
-    """:func:`advance` in the form of FMI's doStep; it always succeeds."""
+    """:func:`advance` in the form of FMI's doStep; False if there is something in the way, see :func:`obstacle`."""
+    substep = memory[STATE + 8]
+    if not (step >= 0.0 and substep > 0.0 and step / substep * (1.0 - 1e-9) <= MOST_SUBSTEPS):
+        return False
+    for i in range(INPUTS):
+        if not math.isfinite(memory[i]):
+            return False
     advance(memory, step)
     return True
+
+
+def obstacle(memory: Sequence[float], time: float, step: float) -> str:
+    """What was in the way of :func:`do_step`."""
+    for variable, value in zip(VARIABLES[:INPUTS], memory, strict=False):
+        if not math.isfinite(value):
+            return f"{variable.name} = {value:g} {variable.unit} refused: it must be finite"
+    what = f"step of {step!r} s at t = {time!r} s refused"
+    if not memory[STATE + 8] > 0.0:
+        return f"{what}: the plant has not been initialized"
+    if not 0.0 <= step < math.inf:
+        return f"{what}: it must be finite and not negative"
+    return f"{what}: it needs {step / memory[STATE + 8]:.0f} substeps, more than {MOST_SUBSTEPS:.0f}"

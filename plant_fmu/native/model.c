@@ -23,23 +23,48 @@ const size_t model_size = sizeof(Manipulator);
 const size_t model_variables =
     (MODEL_STATES ? offsetof(Manipulator, substep) : sizeof(Variables)) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; } /* described with scalars only */
-
 void model_start(void *model) { ((Manipulator *)model)->of = START; }
 
+ASSERT_LAYOUT(variables_are_numbers_side_by_side,
+              sizeof(Variables) % sizeof(double) == 0);
+ASSERT_LAYOUT(variables_come_first,
+              offsetof(Manipulator, speeds) == sizeof(Variables));
+
 /* The parameters of Table 1 in their physical ranges, in the words of flexible_manipulator/parameters.py. */
-static bool check(const Variables *of, char message[MODEL_MESSAGE_SIZE])
-{
-    for (size_t i = 0; i < sizeof TABLE_1 / sizeof *TABLE_1; i++) {
-        const Parameter *row = &TABLE_1[i];
-        const double value = ((const double *)of)[row->reference];
-        if (isfinite(value) && value >= 0.0 && !(row->positive && value == 0.0)) continue;
-        snprintf(message, MODEL_MESSAGE_SIZE,
-                 "%s = %g %s is outside its physical range: %s must be finite and %s", row->name, value, row->unit,
-                 row->description, row->positive ? "> 0" : ">= 0");
-        return false;
-    }
+static bool check_table_1(const Variables *of,
+                          char message[MODEL_MESSAGE_SIZE]) {
+  for (size_t i = 0; i < sizeof TABLE_1 / sizeof *TABLE_1; i++) {
+    const Parameter *row = &TABLE_1[i];
+    const double value = ((const double *)of)[row->reference];
+    if (isfinite(value) && value >= 0.0 && !(row->positive && value == 0.0))
+      continue;
+    snprintf(
+        message, MODEL_MESSAGE_SIZE,
+        "%s = %g %s is outside its physical range: %s must be finite and %s",
+        row->name, value, row->unit, row->description,
+        row->positive ? "> 0" : ">= 0");
+    return false;
+  }
+  return true;
+}
+
+/* The parameters must not need substeps so short that a step would take very
+ * long. */
+static bool check_substep(const Manipulator *plant,
+                          char message[MODEL_MESSAGE_SIZE]) {
+  if (plant->substep >= MIN_SUBSTEP)
     return true;
+  const double first = friction_rate(&plant->joints[0]),
+               second = friction_rate(&plant->joints[1]);
+  const int axis = second > first ? 1 : 0;
+  const Joint *joint = &plant->joints[axis];
+  snprintf(message, MODEL_MESSAGE_SIZE,
+           "alpha[%d] = %g s/rad, f_c[%d] = %g N.m, f_d[%d] = %g N.m.s/rad, "
+           "j_m[%d] = %g kg.m2 refused: they need "
+           "substeps of %g s, shorter than %g s",
+           axis + 1, joint->alpha, axis + 1, joint->f_c, axis + 1, joint->f_d,
+           axis + 1, joint->j_m, plant->substep, MIN_SUBSTEP);
+  return false;
 }
 
 static State state_of(const Manipulator *plant)
@@ -59,11 +84,14 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 {
     Manipulator *plant = model;
     Variables *of = &plant->of;
-    if (!check(of, message)) return false;
+    if (!check_table_1(of, message))
+      return false;
     plant->arm = arm_of(of);
     for (int i = 0; i < 2; i++)
         plant->joints[i] = joint_of(of, i);
     plant->substep = longest_substep(plant->joints);
+    if (!check_substep(plant, message))
+      return false;
     solve_rest(&plant->arm, plant->joints, of->q_a_start, of->q_m_ref, of->u_m0);
     for (int i = 0; i < 2; i++) {
         of->q_a[i] = of->q_a_start[i];
@@ -78,14 +106,18 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
 {
     Manipulator *plant = model;
     Variables *of = &plant->of;
-    if (!(h >= 0.0 && isfinite(h))) {
-        snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.17g s at t = %.17g s refused: it must be finite and not negative", h, t);
-        return false;
+    const double substeps = substeps_in(h, plant->substep);
+    if (!(substeps <= MOST_SUBSTEPS)) {
+      snprintf(message, MODEL_MESSAGE_SIZE,
+               "step of %.15g s at t = %.15g s refused: it needs %.0f "
+               "substeps, more than %.0f",
+               h, t, substeps, MOST_SUBSTEPS);
+      return false;
     }
     double tau[2];
     drive(plant, tau);
-    const State x = advance(&plant->arm, plant->joints, plant->substep, state_of(plant), h, tau, of->F);
+    const State x = advance(&plant->arm, plant->joints, substeps,
+                            state_of(plant), h, tau, of->F);
     for (int i = 0; i < 2; i++) {
         of->q_a[i] = x.of[Q_A + i];
         of->q_m[i] = x.of[Q_M + i];

@@ -23,8 +23,6 @@ typedef struct {
 const size_t model_size = sizeof(Feedthrough);
 const size_t model_variables = offsetof(Feedthrough, past) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return value_reference < 8 ? AXES : 1; }
-
 void model_start(void *model) { ((Feedthrough *)model)->nan_from = ((Feedthrough *)model)->fail_from = 1e9; }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])

@@ -31,18 +31,18 @@ typedef struct {
     double jump[AXES];       /* parameter [rad]: by how much */
     double far_from;         /* parameter [s] 1e9: from this time on X[1] is 10 m */
     double fail_from;        /* parameter [s] 1e9: from this time on steps fail */
+    double broken;           /* parameter [1]: what jumps is 1 no number, 2 infinite */
 } ProbePlant;
 
 const size_t model_size = sizeof(ProbePlant);
 const size_t model_variables = sizeof(ProbePlant) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return 1; }
-
 static void show(ProbePlant *own, double t)
 {
     for (int i = 0; i < AXES; i++) {
         own->q_m[i] = own->q_m_ref[i] + own->rate[i] * t;
-        if (t > own->jump_at[i] - CLOSE) own->q_m[i] += own->jump[i];
+        if (t > own->jump_at[i] - CLOSE)
+            own->q_m[i] += own->broken == 0.0 ? own->jump[i] : own->broken == 1.0 ? NAN : INFINITY;
     }
     own->X[0] = t > own->far_from - CLOSE ? 10.0 : 0.0;
 }

@@ -37,6 +37,9 @@ class NativePlant:
         self.set(values)
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
+        if isinstance(self.fmu, FMU2Model):
+            self.fmu.newDiscreteStates()
+            self.fmu.enterContinuousTimeMode()
         self.time = 0.0
 
     def set(self, values: Mapping[str, float]) -> None:

@@ -23,8 +23,6 @@ typedef struct {
 const size_t model_size = sizeof(MyController);
 const size_t model_variables = offsetof(MyController, e) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return AXES; }
-
 double model_sample_time(const void *model) { return T_S; }
 
 /* The start values in modelDescription.xml; what is not set here is zero. */

@@ -7,6 +7,7 @@ import numpy as np
 from manipulator_observation import Observation
 from my_controller_network import load
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
 
 T_S = 0.25e-3  # sample time [s]
 
@@ -42,7 +43,10 @@ class MyController(Fmi2Slave):
         self.u_m[:] = self.u_m0
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once."""
+        """Sample the inputs once; a step of another length is refused."""
+        if not abs(step_size - T_S) <= 1e-9 * T_S:
+            self.log(f"step of {step_size!r} s refused: it must be the sample time {T_S} s", Fmi2Status.error)
+            return False
         action = self.network(np.array(self.observation.sample(self.q_m_ref, self.q_m, step_size)))
         for i in (0, 1):
             self.u_m[i] = self.u_m0[i] + float(action[i])

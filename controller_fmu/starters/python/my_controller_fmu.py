@@ -3,6 +3,7 @@
 from typing import Any
 
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
 
 T_S = 0.25e-3  # sample time [s]
 
@@ -68,7 +69,10 @@ class MyController(Fmi2Slave):
         self.u_m[:] = self.u_m0
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once."""
+        """Sample the inputs once; a step of another length is refused."""
+        if not abs(step_size - T_S) <= 1e-9 * T_S:
+            self.log(f"step of {step_size!r} s refused: it must be the sample time {T_S} s", Fmi2Status.error)
+            return False
         for i in (0, 1):
             self.u_m[i] = self.axes[i].sample(self.q_m_ref[i] - self.q_m[i])
         return True

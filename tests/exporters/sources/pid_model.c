@@ -19,8 +19,6 @@ static const PidGains gains[AXES] = GAINS;
 const size_t model_size = sizeof(Pid);
 const size_t model_variables = offsetof(Pid, states) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return AXES; }
-
 void model_start(void *model) {}
 
 static void sample(Pid *pid)

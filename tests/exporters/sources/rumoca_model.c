@@ -11,8 +11,6 @@ enum { AXES = 2 };
 const size_t model_size = sizeof(Block);
 const size_t model_variables = offsetof(Block, T_s) / sizeof(double);
 
-size_t model_extent(unsigned value_reference) { return AXES; }
-
 void model_start(void *model)
 {
     Block *block = model;
