@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
-from zipfile import ZIP_DEFLATED, ZipFile
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -68,18 +67,11 @@ def write_csv(table: Table, file: Path) -> None:
 
 
 def write_npz(table: Table, file: Path) -> None:
-    """Write the columns as arrays by their names, compressed: ``numpy.load(file)["u_m[1] [N.m]"]``.
+    """Write the columns as arrays by their names: ``numpy.load(file)["u_m[1] [N.m]"]``.
 
-    NumPy compresses as hard as it can, which takes three times as long for one hundredth less.
+    They are not compressed: that would take longer than the simulation, and halve their size only.
     """
-
-    def write(stream: IO[bytes]) -> None:
-        with ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=1) as archive:
-            for name, column in table.items():
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, column, allow_pickle=False)
-
-    write_bytes(file, streamed(write))
+    write_bytes(file, streamed(lambda stream: np.savez(stream, allow_pickle=False, **table)))
 
 
 def write_mat(table: Table, file: Path) -> None:
