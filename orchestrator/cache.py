@@ -21,7 +21,8 @@ VARIABLE = "FLEXIBLE_MANIPULATOR_CACHE"
 """Environment variable that moves the cache elsewhere."""
 
 PACKAGE = Path(__file__).resolve().parent
-COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "jit.py")
+OWN = (PACKAGE.parent / "plant_fmu" / "flexible_manipulator", PACKAGE.parent / "controller_fmu" / "pid")
+COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "jit.py", *OWN)
 """Sources of the compiled code."""
 
 COMPUTING = ("fmi", "loop", "benchmark", "jit.py"), ("numpy", "numba", "fmpy")

@@ -8,35 +8,31 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..benchmark.case import Case
-from ..benchmark.linearization import Friction
-from ..benchmark.variation import Variation
-from ..conformance.finding import Finding
 from ..errors import InputError
-from ..reporting.certificates import Verification
-from ..reporting.robustness import Robustness
-from ..reporting.spread import Spread
-from ..reporting.sweep import Sweep
-from ..reporting.tuning import Tuning
-from ..search.candidates import Range
-from . import checking
 from .conditions import Conditions
 from .controller import Controller
-from .evaluating import OnResult, OnSeed, Options, evaluate, evaluate_seeds
-from .evaluation import Evaluation
-from .linear_model import LinearModel, linear_model
 from .plant import AUTO, NATIVE, PYTHON
 from .reference import USUAL
-from .robustness import OnProgress, search
-from .simulating import export_ssp, simulate
-from .simulation import Simulation
-from .sweeping import sweep
-from .tuner import OnTrial
-from .tuning import tune
-from .verification import repeat, verify
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them take longer than a simulation
     from typing_extensions import Unpack
+
+    from ..benchmark.case import Case
+    from ..benchmark.linearization import Friction
+    from ..benchmark.variation import Variation
+    from ..conformance.finding import Finding
+    from ..reporting.certificates import Verification
+    from ..reporting.robustness import Robustness
+    from ..reporting.spread import Spread
+    from ..reporting.sweep import Sweep
+    from ..reporting.tuning import Tuning
+    from ..search.candidates import Range
+    from .evaluating import OnResult, OnSeed, Options
+    from .evaluation import Evaluation
+    from .linear_model import LinearModel
+    from .robustness import OnProgress
+    from .simulation import Simulation
+    from .tuner import OnTrial
 
 
 @dataclass(frozen=True)
@@ -83,6 +79,8 @@ class Benchmark(Conditions):
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
+        from . import checking
+
         return checking.findings(controller, lambda: self.bench(controller), self.rules, self.cases[0].scenario)
 
     def evaluate(
@@ -129,6 +127,8 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
+        from .evaluating import evaluate
+
         return evaluate(
             self,
             controller,
@@ -175,6 +175,8 @@ class Benchmark(Conditions):
         InputError, FmuError, EnvironmentFault
             As :meth:`evaluate`, or for no seed at all.
         """
+        from .evaluating import evaluate_seeds
+
         return evaluate_seeds(self, controller, seeds, folder, on_seed, **options)
 
     def robustness(
@@ -233,6 +235,8 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
+        from .robustness import search
+
         return search(self, controller, budget, minutes, protocol, only, from_list, folder, recordings, on_progress)[0]
 
     def tune(
@@ -294,6 +298,8 @@ class Benchmark(Conditions):
             If Optuna is missing, or this machine or the cluster fails; what is finished is kept in ``folder``.
         """
         target = None if folder is None else Path(folder)
+        from .tuning import tune
+
         found = tune(
             self,
             controller or Controller(),
@@ -349,6 +355,8 @@ class Benchmark(Conditions):
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
         short = replace(self, protocol=objective)
+        from .sweeping import sweep
+
         return sweep(
             short, controller or Controller(), values or {}, None if folder is None else Path(folder), on_trial
         )
@@ -403,6 +411,8 @@ class Benchmark(Conditions):
             If this machine fails.
         """
         same = replace(self, protocol=protocol)
+        from .verification import verify
+
         return verify(same, controller or Controller(), draws, count, strict, tuple(beside), on_result)
 
     def repeat(
@@ -413,6 +423,8 @@ class Benchmark(Conditions):
         :func:`~orchestrator.reporting.certificates.differences` compares the two. Raises :class:`InputError` if the FMU
         is another one, and what :meth:`verify` raises.
         """
+        from .verification import repeat
+
         return repeat(self, certificate, None if controller is None else Path(controller), on_result)
 
     def simulate(
@@ -423,6 +435,8 @@ class Benchmark(Conditions):
         Raises :class:`InputError` for a case that does not exist, :class:`FmuError` if an FMU fails before the first
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
+        from .simulating import simulate
+
         return simulate(self, controller or Controller(), case)
 
     def export_ssp(self, controller: Controller | None, case: Case | str, file: str | Path) -> Path:
@@ -434,6 +448,8 @@ class Benchmark(Conditions):
         Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
         there is no C compiler.
         """
+        from .simulating import export_ssp
+
         export_ssp(self, controller or Controller(), case, Path(file))
         return Path(file)
 
@@ -476,4 +492,6 @@ class Benchmark(Conditions):
         if self.plant not in (AUTO, PYTHON, NATIVE):
             message = f"The equations of {self.plant} are not known; only the benchmark's manipulator is linearized."
             raise InputError(message, "no-equations", self.plant)
+        from .linear_model import linear_model
+
         return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)

@@ -15,6 +15,7 @@ from ..fmi.archive import Archive, open_archive
 from ..fmi.controller_files import read_mapping, read_parameters
 from ..loop.setup import Setup
 from .built_in import DEFAULT_CONTROLLER, built_in
+from .twin import fastest_default
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Controller:
     Parameters
     ----------
     file : path, optional
-        The FMU; by default the paper's PID, built on first use.
+        The FMU; by default the paper's PID, built on first use: in C where there is a compiler that gives the bits of
+        the one in Python.
     parameters : mapping or path, optional
         Values by parameter name, in the FMU's units: ``{"K_p[1]": 60}``; or a ``.toml`` or ``.ssv`` file.
     mapping : mapping or path, optional
@@ -63,13 +65,18 @@ class Controller:
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """The file's name without its ending; that of the paper's PID is the same in Python and in C."""
         return Path(self.file).stem if self.file is not None else DEFAULT_CONTROLLER
+
+    @property
+    def file_name(self) -> str:
+        """The FMU's file name; that of the paper's PID tells its build."""
+        return Path(self.file).name if self.file is not None else self.archive.name
 
     @cached_property
     def archive(self) -> Archive:
         """The FMU, checked and extracted; raises :class:`InputError` if it cannot be used."""
-        return open_archive(Path(self.file) if self.file is not None else built_in(DEFAULT_CONTROLLER))
+        return open_archive(Path(self.file)) if self.file is not None else fastest_default()
 
     @cached_property
     def setup(self) -> Setup:

@@ -3,32 +3,24 @@
 from __future__ import annotations
 
 import logging
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-import numpy as np
-
 from build_fmus import find_compiler
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
-from ..benchmark.cases import case_named
-from ..benchmark.protocol import load
 from ..cache import plant_hash
-from ..errors import BenchmarkError, EnvironmentFault, InputError
+from ..errors import InputError
 from ..fmi.archive import Archive, open_archive
-from .built_in import DEFAULT_CONTROLLER, built_in
-from .campaign import Bench, simulate
+from .built_in import built_in
+from .twin import PLANT, PLANT_IN_C, fastest_plant
 
 PYTHON: Final = "python"
 NATIVE: Final = "native"
 AUTO: Final = "auto"
 FILE: Final = "file"
-FMUS = {PYTHON: "FlexibleManipulator", NATIVE: "FlexibleManipulatorNative"}
-
-PROOF = "c07.random_1.disturbance"
-"""The case in which the native twin proves equal."""
+FMUS = {PYTHON: PLANT, NATIVE: PLANT_IN_C}
 
 logger = logging.getLogger(__name__)
 
@@ -57,9 +49,9 @@ class Plant:
 def choose(wanted: str | Path) -> Plant:
     """The plant that ``wanted`` names: "python", "native", a file, or "auto".
 
-    "auto" is the native twin if this machine can build it and its build gives, in the case PROOF, the trajectory of the
-    plant in Python to the last bit, which is tried once; else the latter, with a note in the log. Raises
-    :class:`InputError` if a file is no manipulator, :class:`EnvironmentFault` if an FMU cannot be built.
+    "auto" is the native twin if this machine makes it with the bits of the plant in Python (:mod:`.twin`), else the
+    latter, with a note in the log. Raises :class:`InputError` if a file is no manipulator,
+    :class:`~orchestrator.errors.EnvironmentFault` if an FMU cannot be built.
     """
     if wanted == AUTO:
         return _automatic()
@@ -84,31 +76,5 @@ def _own(build: Literal["python", "native"]) -> Plant:
 def _automatic() -> Plant:
     if find_compiler() is None:
         logger.info("the manipulator runs in Python", extra={"what": "no-native"})
-        return _own(PYTHON)
-    try:
-        native = _own(NATIVE)
-    except (EnvironmentFault, InputError) as problem:
-        logger.warning("The manipulator runs in Python. %s", problem)
-        return _own(PYTHON)
-    proof = native.archive.file.with_name("equal.txt")
-    with suppress(OSError):
-        if proof.read_text(encoding="utf-8") == native.archive.sha256:
-            return native
-    python = _own(PYTHON)
-    if not _are_equal(python, native):
-        logger.warning("The manipulator runs in Python: what the compiler here makes of it gives other bits.")
-        return python
-    with suppress(OSError):  # whoever finds none tries again
-        proof.write_text(native.archive.sha256, encoding="utf-8")
-    return native
-
-
-def _are_equal(python: Plant, native: Plant) -> bool:
-    controller = open_archive(built_in(DEFAULT_CONTROLLER))
-    case = case_named(load("paper"), NOMINAL, 0, PROOF)
-    try:
-        first, second = (simulate(Bench(plant.archive, controller), case.scenario) for plant in (python, native))
-    except BenchmarkError:
-        return False
-    names = ("q_m", "X", "measured", "command", "torque")
-    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
+    archive = fastest_plant()
+    return Plant(archive, NATIVE if archive.name == f"{PLANT_IN_C}.fmu" else PYTHON, plant_hash())

@@ -30,10 +30,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.add_controller(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     given = parser.parse_args(arguments)
-    controller = options.controller(given)
-    findings = options.benchmark(given).check(controller)
+    bench, controller = options.benchmark(given), options.controller(given)
+    options.announce(bench, controller)
+    findings = bench.check(controller)
     worst = max((finding.severity for finding in findings), key=list(Severity).index)
-    name = f"{controller.name}.fmu"
+    name = controller.file_name
     if given.json:
         print(to_json({"controller": name, "verdict": worst, "findings": findings}))
     else:

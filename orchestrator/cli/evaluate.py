@@ -46,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(case.id for case in bench.cases))
         return EXIT_OK
     controller = options.controller(given)
+    options.announce(bench, controller)
     name = folder_name(bench, controller, given.only) + ("-seeds" if given.seeds else "")
     folder = given.output_dir or Path("runs") / name
     codes: list[int] = []

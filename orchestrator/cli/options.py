@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ..api.benchmark import Benchmark
+from ..api.built_in import DEFAULT_CONTROLLER
 from ..api.conditions import available_cores
 from ..api.controller import Controller
+from ..api.plant import FILE
+from ..api.twin import DEFAULT_IN_C, PLANT, PLANT_IN_C
 from ..benchmark import protocol
 from ..errors import InputError
 from ..execution.cluster import WAIT
 from ..fmi.controller_files import read_mapping, read_parameters
+from ..text import printable
 from .values import MOST, assignment, connection, natural, number, seeds, time
 
 
@@ -185,3 +190,19 @@ def controller(options: argparse.Namespace) -> Controller:
         {**mapping, **dict(options.connections)},
         options.sample_time,
     )
+
+
+BUILDS = {
+    f"{DEFAULT_CONTROLLER}.fmu": "the paper's PID, in Python",
+    f"{DEFAULT_IN_C}.fmu": "the paper's PID, compiled",
+    f"{PLANT}.fmu": "in Python",
+    f"{PLANT_IN_C}.fmu": "compiled",
+}
+
+
+def announce(bench: Benchmark, given: Controller) -> None:
+    """Say on standard error which FMUs are simulated, and how those of the benchmark were built."""
+    plant = bench.manipulator
+    names = (given.file_name, given.file is None), (plant.archive.name, plant.build != FILE)
+    told = (f"{printable(name)} ({BUILDS[name]})" if own else printable(name) for name, own in names)
+    print("controller {}, plant {}".format(*told), file=sys.stderr)

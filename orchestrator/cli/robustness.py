@@ -36,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
+    options.announce(bench, controller)
     folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given.only)}-robustness"
     found = bench.robustness(
         controller,

@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     wanted = variation(given)
     case = _case(bench, given)
     case = bench.varied(case, wanted) if wanted != Variation() else case
+    options.announce(bench, controller)
     if given.export_ssp is not None:
         print(f"written: {bench.export_ssp(controller, case, given.export_ssp)}", file=sys.stderr)
     simulation = bench.simulate(controller, case)

@@ -60,6 +60,7 @@ def _verify(bench: Benchmark, given: argparse.Namespace) -> int:
     # A certificate with fresh draws cannot be made again: none is overwritten.
     folder = given.output_dir or free(Path("runs") / folder_name(bench, controller, ()))
     prepare_folder(folder)
+    options.announce(bench, controller)
     draws = None if given.draws == FRESH else given.draws
     with progress() as on_result:
         found = bench.verify(

@@ -17,9 +17,9 @@ import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 
+from .lean import lean_imports
 from .messages import DESCRIPTORS, NUMBER, REQUEST, readable, write_all
 from .process_tree import adopt_orphans, children
-from .worker import main as work
 
 LOOK = 1.0
 """Seconds between two looks whether the owner is still there: a fork of it may hold the socket open."""
@@ -45,9 +45,11 @@ def main(control: int, owner: int, module: str, scratch: str) -> None:
     workers: dict[int, _Worker] = {}
     try:
         adopt_orphans()
-        prepare = getattr(importlib.import_module(module), "prepare", None)
-        if prepare is not None:
-            prepare()
+        with lean_imports():
+            importlib.import_module(f"{__package__}.worker")
+            prepare = getattr(importlib.import_module(module), "prepare", None)
+            if prepare is not None:
+                prepare()
         requests, awake = socket.socket(fileno=control), _wake_up()
         while os.getppid() == owner:
             ready = readable((control, awake), LOOK)
@@ -102,6 +104,8 @@ def _fork(descriptors: list[int], workers: dict[int, _Worker], scratch: str) -> 
 
 def _work(descriptors: list[int], folder: str, server: int) -> None:
     """What the forked process does; it never returns."""
+    from .worker import main as work  # loaded before the fork, without what is not needed
+
     try:
         signal.set_wakeup_fd(-1)
         for number in (signal.SIGCHLD, signal.SIGTERM):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 
+from .lean import lean_imports
 from .sandbox import given_folder
 
 
@@ -18,6 +19,7 @@ def fill_cache() -> None:
 def main(channel: int, output: int, trace: int) -> None:
     """Fill the cache, then live the life of a worker with these descriptors."""
     fill_cache()
-    from . import worker  # not before: its imports load compiled code from the cache
+    with lean_imports():
+        from . import worker  # not before: its imports load compiled code from the cache
 
     worker.main(channel, output, trace, os.getcwd(), os.getppid())

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from ..errors import EnvironmentFault, InputError
 
 SCHEMA = """
@@ -85,6 +83,8 @@ def opened(folder: Path | None) -> Iterator[Store]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
+    from filelock import FileLock, Timeout  # a single simulation does without
+
     lock = FileLock(folder / ".lock")
     try:
         lock.acquire(timeout=0)

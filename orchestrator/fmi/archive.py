@@ -27,7 +27,6 @@ from lxml import etree
 
 from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
-from .compilation import compile_sources
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -296,4 +295,6 @@ def _compile_library(archive: Archive) -> None:
         message = f"{name} has no binary for this platform, {platform}; it has {', '.join(others) or 'none'}, and no "
         message += f"sources. Export it for {platform}, or with source code included."
         raise InputError(message, "no-binary", name, platform)
+    from .compilation import compile_sources  # loads the builders, which only few FMUs need
+
     compile_sources(name, archive.folder, library.stem, archive.description, library)

@@ -16,8 +16,9 @@ import numpy as np
 from ..fmi.port import GET, WARNING, Port, exchange
 from ..fmi.trace import SAMPLE
 from ..jit import arithmetic, compiled
+from .disturbances import ChirpSignal, PulseSignal
 from .plan import Plan
-from .signals import ChirpSignal, PulseSignal, amplify, chirp, pulse, quantize, saturate
+from .signals import amplify, chirp, pulse, quantize, saturate
 
 ABSURD = 1e12
 """A torque [N.m] beyond any physical one; a controller that asks for more has failed, not saturated."""

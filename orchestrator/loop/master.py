@@ -15,7 +15,7 @@ from ..fmi.lookup import find_outputs, find_parameters
 from ..fmi.slaves import Slave
 from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
-from . import random_streams, signals
+from . import disturbances, random_streams
 from .controller import Remote, Steady, prepared
 from .plan import make_plan
 from .scenario import Scenario
@@ -97,8 +97,8 @@ def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:
         torque_quantum=np.array(drive.quantum),
         angle_quantum=sensor.quantum,
         noise=random_streams.noise(sensor.noise, scenario.samples + 1),
-        chirp=signals.chirp_signal(scenario.chirp),
-        pulse=signals.pulse_signal(scenario.pulse),
+        chirp=disturbances.chirp_signal(scenario.chirp),
+        pulse=disturbances.pulse_signal(scenario.pulse),
         abort_distance=scenario.abort_distance,
     )
 

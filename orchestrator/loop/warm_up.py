@@ -7,9 +7,9 @@ import numpy as np
 from ..exact_time import seconds
 from ..fmi.port import unconnected
 from . import closed_loop, serving
+from .disturbances import ChirpSignal, PulseSignal
 from .plan import make_plan
 from .scenario import NO_DELAY
-from .signals import ChirpSignal, PulseSignal
 
 
 def warm_up() -> None:

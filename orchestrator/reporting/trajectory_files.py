@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..loop import disturbances
+from ..loop.disturbances import ChirpSignal, PulseSignal
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Trajectory
 from .files import csv_text, streamed, write_bytes, write_text
@@ -22,12 +24,9 @@ Table = Mapping[str, np.ndarray]
 
 def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
     """All signals of a simulation. Torques at the last instant, which are not computed, are NaN."""
-    from ..loop import signals  # loads the compiler, which only few callers need
-
     t = trajectory.time
-    chirp, pulse = signals.chirp_signal(scenario.chirp), signals.pulse_signal(scenario.pulse)
-    u_d = np.array([interpreted(signals.chirp)(chirp, time) for time in t.tolist()])
-    F = np.array([interpreted(signals.pulse)(pulse, time) for time in t.tolist()])
+    u_d = _while_on(disturbances.chirp, disturbances.chirp_signal(scenario.chirp), t)
+    F = _while_on(disturbances.pulse, disturbances.pulse_signal(scenario.pulse), t)
     pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
     pairs = {
         "q_m[{}] [rad]": trajectory.q_m,
@@ -47,6 +46,15 @@ def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
     }
 
 
+def _while_on(
+    function: Callable[[Any, float], tuple[float, float]], signal: ChirpSignal | PulseSignal, t: np.ndarray
+) -> np.ndarray:
+    """A disturbance at the times ``t``, shape (len(t), 2); it is only computed where it is not zero."""
+    found, on = np.zeros((len(t), 2)), (signal.start <= t) & (t < signal.stop)
+    found[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)
+    return found
+
+
 def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
     """The Python source of a compiled function: compiling it would take longer than the few calls made here."""
     python: Callable[..., Any] = getattr(function, "py_func", function)
@@ -59,8 +67,11 @@ def write_csv(table: Table, file: Path) -> None:
 
 
 def write_npz(table: Table, file: Path) -> None:
-    """Write the columns as arrays by their names, compressed: ``numpy.load(file)["u_m[1] [N.m]"]``."""
-    write_bytes(file, streamed(lambda stream: np.savez_compressed(stream, allow_pickle=False, **table)))
+    """Write the columns as arrays by their names: ``numpy.load(file)["u_m[1] [N.m]"]``.
+
+    They are not compressed: that would take longer than the simulation, and halve their size only.
+    """
+    write_bytes(file, streamed(lambda stream: np.savez(stream, allow_pickle=False, **table)))
 
 
 def write_mat(table: Table, file: Path) -> None:
@@ -83,8 +94,8 @@ def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Fi
     error.set_title(title, parse_math=False)
     for i in range(2):
         torque.step(t[:-1], trajectory.torque[:, i], where="post", linewidth=0.8, label=f"axis {i + 1}")
-    torque.set(xlabel="Time [s]", ylabel="Motor torque $u_m$ [Nm]")
-    torque.legend(loc="best")
+    torque.set(xlabel="Time [s]", ylabel="Motor torque [Nm]")  # a formula would take longer to typeset than all else
+    torque.legend(loc="upper right")  # to find the best place among so many points takes longer than to draw them
     for axes in (error, torque):
         axes.grid(alpha=0.3)
         axes.set_xlim(t[0], t[-1] if len(t) > 1 else float(scenario.duration))

@@ -9,6 +9,7 @@ from .fmi1 import Fmi1CoSimulation
 from .fmi2 import Fmi2CoSimulation
 from .fmi3 import Fmi3CoSimulation
 from .model_exchange import Fmi2ModelExchange, Fmi3ModelExchange
+from .own import OwnFmu, law_of
 
 __all__ = ["Slave", "load"]
 
@@ -24,4 +25,7 @@ CLASSES: dict[tuple[str, str], type[Slave]] = {
 
 def load(archive: Archive, side: int = NOBODY) -> Slave:
     """Load the library of an opened FMU; ``side`` (PLANT, CONTROLLER) is noted in the process's trace."""
+    law = law_of(archive)
+    if law is not None:
+        return OwnFmu(archive, side, law)
     return CLASSES[archive.major_version, archive.kind](archive, side)
