@@ -170,6 +170,7 @@ def searched(of):
     [
         (Status.CRASHED, False),
         (Status.TIMEOUT, False),
+        (Status.ERROR, False),
         (Status.LOST, None),
         (Status.SKIPPED, None),
         (Status.DONE, True),
@@ -177,7 +178,7 @@ def searched(of):
 )
 def test_a_simulation_that_crashed_fails_and_one_that_was_lost_is_not_judged(status, passed):
     """One simulation of A2 ends so; it is repeated with no other noise, nor shown."""
-    status, hunt = Status(status), searched(lambda member: {})
+    hunt = searched(lambda member: {})
     struck = next(member for member in hunt.listed if member.test == DELAY.test)
     ended = {"status": status} | ({} if status is Status.DONE else {"measurements": Measurements()})
     hunt.archive.found[struck] = changed(hunt.archive.found[struck], **ended)
