@@ -165,6 +165,29 @@ def searched(of):
     return hunt
 
 
+@pytest.mark.parametrize(
+    ("status", "passed"),
+    [
+        (Status.CRASHED, False),
+        (Status.TIMEOUT, False),
+        (Status.ERROR, False),
+        (Status.LOST, None),
+        (Status.SKIPPED, None),
+        (Status.DONE, True),
+    ],
+)
+def test_a_simulation_that_crashed_fails_and_one_that_was_lost_is_not_judged(status, passed):
+    """One simulation of A2 ends so; it is repeated with no other noise, nor shown."""
+    hunt = searched(lambda member: {})
+    struck = next(member for member in hunt.listed if member.test == DELAY.test)
+    ended = {"status": status} | ({} if status is Status.DONE else {"measurements": Measurements()})
+    hunt.archive.found[struck] = changed(hunt.archive.found[struck], **ended)
+    found = requirements(hunt)
+    assert {name: entry.passed for name, entry in found.items()} == {"A1": True, "A2": passed, "A3": passed}
+    assert len(hunt.archive.found) == len(hunt.listed) and (struck in hunt.shown) <= (status is Status.DONE)
+    assert (found["A2"].status is status) is (passed is not None)
+
+
 def test_the_same_members_are_tried_again_and_in_another_order_of_targets():
     def tried(seed, wanted):
         archive = Archive(

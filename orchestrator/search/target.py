@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ..benchmark.protocol import Protocol, Stability
 from ..benchmark.results import Judgement
-from ..benchmark.scorecard import HOLDING, kind
+from ..benchmark.scorecard import outcome
+from ..benchmark.tally import UNJUDGED
 
 HEAVIEST = 3
 """Criteria that are searched for; the others have a hundredth of V each."""
@@ -36,7 +37,7 @@ def targets(protocol: Protocol) -> tuple[Target, ...]:
 
 def fails(result: Judgement, limits: Stability) -> bool:
     """Whether a simulation breaks a requirement; one that was skipped or lost does not."""
-    return result.judged and kind(result, limits) not in HOLDING
+    return outcome(result, limits) not in ("holds", *UNJUDGED)
 
 
 def height(target: Target, result: Judgement, limits: Stability) -> float:
