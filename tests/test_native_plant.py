@@ -184,6 +184,7 @@ def test_sources_compile_without_a_warning(name, tmp_path, monkeypatch):
     build_fmus.build(name, tmp_path)
 
 
+@pytest.mark.needs("readelf")
 def test_the_binary_needs_the_c_library_and_nothing_else(native_plant_file, tmp_path):
     extract(str(native_plant_file), str(tmp_path))
     binary = next((tmp_path / "binaries" / fmpy.platform).iterdir())
