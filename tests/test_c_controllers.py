@@ -10,6 +10,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model
 from numpy.testing import assert_allclose
 from support.pid_fmus import T_S, Signals, built, fmpys_torques, in_child, instance, law, random_signals, slave
+from support.stub_fmus import strict_compiler
 from test_pid import STARTS
 
 import build_fmus
@@ -30,9 +31,9 @@ HELD = Signals(np.array([(0.3, -0.1)] * 3), np.array([(0.1, 0.2)] * 3), (0.0, 0.
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """The FMUs of all KINDS and the LQG by name, compiled without a warning."""
-    folder, compiler = tmp_path_factory.mktemp("fmus"), " ".join(build_fmus.find_compiler())
+    folder = tmp_path_factory.mktemp("fmus")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CC", f"{compiler} -Wall -Wextra -Wno-unused-parameter -pedantic -Werror")
+        patch.setenv("CC", strict_compiler())
         return {name: build_fmus.build(name, folder) for name in (*KINDS, LQG)}
 
 

@@ -21,6 +21,7 @@ from support.closed_loops import GRID, PAPER, simulate_all
 from support.manipulators import at_rest, table, uncertain_tables, workspace
 from support.native_plants import INPUTS, NativePlant
 from support.pid_fmus import built, in_child
+from support.stub_fmus import strict_compiler
 
 import build_fmus
 from orchestrator.benchmark import cases
@@ -180,11 +181,11 @@ def test_fmi_3_is_fmi_2_and_model_exchange_in_cvode_is_the_co_simulation(
 
 @pytest.mark.parametrize("name", ["FlexibleManipulatorNative", "FlexibleManipulatorNative_me3"])
 def test_sources_compile_without_a_warning(name, tmp_path, monkeypatch):
-    compiler = " ".join(build_fmus.find_compiler())
-    monkeypatch.setenv("CC", f"{compiler} -Wall -Wextra -Wno-unused-parameter -pedantic -Werror")
+    monkeypatch.setenv("CC", strict_compiler())
     build_fmus.build(name, tmp_path)
 
 
+@pytest.mark.needs("readelf")
 def test_the_binary_needs_the_c_library_and_nothing_else(native_plant_file, tmp_path):
     extract(str(native_plant_file), str(tmp_path))
     binary = next((tmp_path / "binaries" / fmpy.platform).iterdir())

@@ -10,11 +10,12 @@ import pytest
 from fmpy.validation import validate_fmu
 from support.pid_fmus import T_S, in_child, live, random_signals
 from support.refusals import refusal
+from support.stub_fmus import strict_compiler
 from support.tools import require
 from test_documentation import run_code, smaller, text
 
 from controller_fmu import controller_from_mlp, errors, starters
-from controller_fmu.export import build_folder, find_compiler
+from controller_fmu.export import build_folder
 from orchestrator import Benchmark, Controller, Variation
 
 
@@ -47,8 +48,7 @@ def torques(weights, q_m_ref, q_m, u_m0):
 @pytest.mark.parametrize(("activation", "scale"), [("tanh", 0.01), ("relu", 1.0)])
 def test_a_network_in_c_has_the_torques_of_its_layers(activation, scale, tmp_path, monkeypatch):
     """From the start and from restored states; without a warning of the compiler."""
-    strict = "-Wall -Wextra -Wno-unused-parameter -pedantic -Werror"
-    monkeypatch.setenv("CC", f"{' '.join(find_compiler())} {strict}")
+    monkeypatch.setenv("CC", strict_compiler())
     weights = network(activation, scale)
     np.savez(tmp_path / "policy.npz", **weights)
     file = controller_from_mlp(tmp_path / "policy.npz", out=tmp_path / "policy.fmu")

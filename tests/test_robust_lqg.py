@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support.pid_fmus import T_S, Signals, in_child, slave
+from support.stub_fmus import strict_compiler
 
 import build_fmus
 from controller_fmu.lqg.flexible_manipulator_lqg import design as lqg
@@ -27,9 +28,9 @@ TORQUE_LIMIT = np.array([35.0, 20.0])
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    folder, compiler = tmp_path_factory.mktemp("fmus"), " ".join(build_fmus.find_compiler())
+    folder = tmp_path_factory.mktemp("fmus")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CC", f"{compiler} -Wall -Wextra -Wno-unused-parameter -pedantic -Werror")
+        patch.setenv("CC", strict_compiler())
         return {name: build_fmus.build(name, folder) for name in ("RobustLQG", "DitheredLQG_C")}
 
 

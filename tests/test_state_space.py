@@ -14,10 +14,11 @@ from scipy.io import savemat
 from support.command_lines import call
 from support.pid_fmus import T_S, Signals, in_child, live
 from support.refusals import refusal
+from support.stub_fmus import strict_compiler
 from support.tools import PRESENT, require
 
 from controller_fmu import controller_from_state_space, errors
-from controller_fmu.export import find_compiler, systems
+from controller_fmu.export import systems
 
 RANDOM = np.random.default_rng(7)
 STATES, LIMIT = 5, (1.0, 0.6)
@@ -45,8 +46,7 @@ def torques(A, B, C, D, back, signals):
 def test_torques_are_those_of_the_recursion(language, interpolation, weights, tmp_path, monkeypatch):
     """Up to rounding: limited, scheduled, from the start and from restored states; other steps are refused."""
     if language == "c":
-        strict = "-Wall -Wextra -Wno-unused-parameter -pedantic -Werror"
-        monkeypatch.setenv("CC", f"{' '.join(find_compiler())} {strict}")
+        monkeypatch.setenv("CC", strict_compiler())
     file = controller_from_state_space(
         *(A, B, C, D, T_S),
         out=tmp_path / "scheduled.fmu",

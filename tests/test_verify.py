@@ -14,6 +14,7 @@ from hostile.cheats import BODIES, DEFINES, cheat
 from hostile.fmus import Fault
 from msgspec import structs
 from support.refusals import refusal
+from support.tools import PRESENT
 
 from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
@@ -132,7 +133,7 @@ def test_cheating_gains_nothing(name, bench, honest, tmp_path):
         assert "changed how this process computes: rounding towards zero" in ordinary.cases[0].message
     found = verified(bench, Controller(file))
     clean(cache_folder() / "built")  # other tests look there
-    assert found.sandbox
+    assert found.sandbox == PRESENT["bubblewrap"]
     (draw,), (honestly,) = found.draws, found.references[PID].draws
     if found.cost.mean is None:
         assert name == "forged"  # what it writes is no answer: the arm falls, or the case fails
@@ -233,16 +234,16 @@ def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
     assert found.draws == certificate.draws[:1]
 
 
-def test_the_command_writes_and_repeats_a_certificate(bench, tmp_path, capsys, monkeypatch):
+def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(verification, "STRICT", str(bench.protocol))
-    file = str(Controller.built_in("DiagonalPID_C").archive.file)
+    file = str(Controller(quick_pid_file).archive.file)
     options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir", str(tmp_path)]
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
     found = Verification.load(tmp_path)
     assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
     assert list(found.references) == list(USUAL) and found.strict is not None
-    assert "in a sandbox" in capsys.readouterr().out
+    assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
     monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE
@@ -276,7 +277,7 @@ def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path)
 def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
     listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
     pid = structs.replace(certificate.references[PID], strict=listed)
-    second = structs.replace(certificate, strict=listed, references={PID: pid})
+    second = structs.replace(certificate, strict=listed, references={PID: pid}, sandbox=True)
     for name, known in (("second", second), ("first", structs.replace(second, requirements={}))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
@@ -286,8 +287,10 @@ def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
     assert {line.count("|") for line in lines} == {11}
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(leaderboard.submissions, tmp_path).what == "submission"
-    (tmp_path / "first" / "verification.json").write_text(to_json(certificate))
-    assert "strict" in str(refusal(leaderboard.submissions, tmp_path))
+    for word, nothing in (("strict", None), ("sandbox", False)):
+        lacking = structs.replace(second, **{word: nothing})
+        (tmp_path / "first" / "verification.json").write_text(to_json(lacking))
+        assert word in str(refusal(leaderboard.submissions, tmp_path))
 
 
 def test_the_protocol_moves_what_it_lists():

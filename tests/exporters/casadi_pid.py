@@ -8,6 +8,7 @@ Torques differ from the discrete controller's; ``held`` gives them exactly for a
 """
 
 import json
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ import numpy as np
 from support.pid_fmus import GAINS, T_S
 
 from controller_fmu.export.c_fmu import FMI_HEADERS
+from controller_fmu.export.compiler import require_compiler
 
 from .recipe import Recipe
 
@@ -40,7 +42,8 @@ def _make(target: Path) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         # CasADi writes its files into the working folder: a process of its own has one of its own.
-        settings = json.dumps({**GAINS, "tau": TAU.tolist(), "T_s": T_S, "include": str(FMI_HEADERS)})
+        tools = {"include": str(FMI_HEADERS), "compiler": shlex.join(require_compiler())}
+        settings = json.dumps({**GAINS, "tau": TAU.tolist(), "T_s": T_S, **tools})
         command = [sys.executable, "-B", str(EXPORT), settings]
         subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
         return Path(folder, "ContinuousPID.fmu").replace(target)

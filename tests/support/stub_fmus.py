@@ -12,8 +12,17 @@ from support.tools import require
 
 SOURCES = Path(__file__).parents[1] / "stubs"
 
+STRICT = "-Wall -Wextra -Wno-unused-parameter -Wno-strict-prototypes -pedantic -Werror"
+"""Options of a compiler to which a warning is an error, but for what the standards' own headers and functions have."""
+
 Row = tuple[str, str, str, float | None]
 """Name, causality, unit, start value of a variable."""
+
+
+def strict_compiler() -> str:
+    """The environment's CC with which a build fails at a warning; the test is skipped where there is no compiler."""
+    require("compiler")
+    return f"{' '.join(build_fmus.find_compiler() or ())} {STRICT}"
 
 
 def rows_of(stub: str) -> list[Row]:

@@ -99,6 +99,7 @@ TOOLS: Mapping[str, Tool] = {
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
     "wine": _program("wine", "needs Wine (wine)"),
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
+    "readelf": _program("readelf", "needs readelf (binutils)"),
     "openssl": _program("openssl", "needs OpenSSL (openssl)"),
     "posix": Tool("needs a POSIX system", lambda: os.name == "posix"),
     "linux": Tool("needs Linux", lambda: sys.platform == "linux"),

@@ -1,6 +1,7 @@
 """Export the continuous PID of both axes with CasADi into the working folder: ContinuousPID.fmu.
 
-The only argument is JSON: K_p, K_i, K_d, tau [s] for each axis, T_s [s], and the folder of the FMI 3.0 headers.
+The only argument is JSON: K_p, K_i, K_d, tau [s] for each axis, T_s [s], the folder of the FMI 3.0 headers, and the
+command of a C compiler.
 """
 
 import json
@@ -30,4 +31,6 @@ for i in (0, 1):
     dae.eq(torque, u_m0 + K_p * e + K_i * integral + K_d * derivative)
 dae.set_step_size(settings["T_s"])
 files = dae.export_fmu({"no_warning": True, "with_serialization": False})
-dae.pack_fmu(dae.compile_fmu(files, {"include_dirs": [settings["include"]]}), {})
+compiler = {"compiler": settings["compiler"], "linker": settings["compiler"]}
+how = {"include_dirs": [settings["include"]], "compiler_options": compiler}
+dae.pack_fmu(dae.compile_fmu(files, how), {})
