@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import shutil
 from pathlib import Path
 
 import pytest
+from support.command_lines import call
 
 import build_fmus
 from orchestrator import Benchmark, Controller, InputError, compare
+from orchestrator.api import twin
 from orchestrator.api.plant import choose
 
 ONE = "c00.compliant.noise"
@@ -33,14 +36,45 @@ def test_both_builds_and_a_file_give_the_same_cases_and_are_ranked_together(eval
     assert len(own.unranked) == 3 and foreign.difference.startswith("plant of contents")
 
 
-def test_without_a_compiler_the_plant_is_the_one_in_python_and_a_note_says_what_would_be_faster(
+def test_without_a_compiler_plant_and_default_controller_are_those_in_python_without_a_warning(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
     with caplog.at_level(logging.INFO, "orchestrator"):
         assert choose("auto").build == "python"
-    (record,) = caplog.records
-    assert record.what == "no-native"  # type: ignore[attr-defined]
+        assert Controller().archive.name == "DiagonalPID.fmu"
+    assert not caplog.records
+
+
+@needs_compiler
+def test_the_default_controller_is_the_one_in_c_only_if_it_has_proven_equal(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert Controller().archive.name == "DiagonalPID_C.fmu"
+    assert Controller().name == "DiagonalPID", "the folder of its results has one name on all machines"
+    monkeypatch.setenv("FLEXIBLE_MANIPULATOR_CACHE", str(tmp_path))  # where nothing is proven yet
+    monkeypatch.setattr(twin, "_are_equal", lambda python, native: False)
+    assert Controller().archive.name == "DiagonalPID.fmu"
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+
+
+@pytest.mark.parametrize("compiler", [True, False])
+def test_one_line_says_which_builds_are_simulated(compiler: bool, pid_file: Path, tmp_path: Path, monkeypatch) -> None:
+    if not compiler:
+        monkeypatch.setenv("CC", "no-such-compiler")
+    in_c = build_fmus.find_compiler() is not None
+    plant = "FlexibleManipulatorNative.fmu (in C)" if in_c else "FlexibleManipulator.fmu (in Python, compiled by Numba)"
+    pid = "DiagonalPID_C.fmu (the paper's PID, in C)"
+    pid = pid if in_c else "DiagonalPID.fmu (the paper's PID, in Python, compiled by Numba)"
+    command = ("evaluate", "--only", ONE, "--no-report", "--json")
+    told = call(*command, folder=tmp_path)
+    assert told.err.splitlines().count(f"controller {pid}, plant {plant}") == 1
+    assert json.loads(told.out)["controller"]["file"] == pid.split(" ")[0]
+    assert (tmp_path / "runs").is_dir() and next((tmp_path / "runs").iterdir()).name.startswith("DiagonalPID-paper")
+    told = call("simulate", pid_file, "--plant", pid_file, folder=tmp_path)
+    assert told.code == 2, "a PID is no plant"
+    told = call("check", pid_file, folder=tmp_path)
+    assert f"controller {pid_file.name}, plant {plant}" in told.err.splitlines()
 
 
 @pytest.mark.needs("compiler")

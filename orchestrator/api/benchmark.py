@@ -50,7 +50,7 @@ class Benchmark(Conditions):
     plant_parameters : mapping
         Changed nominal parameters of the manipulator by FMI name, SI units: ``{"k_high[2]": 0.5e6}``.
     plant : str or path
-        ``"native"``, the manipulator in C; ``"python"``, the same by pythonfmu; ``"auto"``, the first where there is a
+        ``"native"``, the manipulator in C; ``"python"``, the same in Python; ``"auto"``, the first where there is a
         compiler whose code gives the bits of the second, else the second; or an FMU of your own.
     timeout : float
         Processor time [s] that a simulation of 26 s may take; shorter ones get their share, all some seconds to start.

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from build_fmus import find_compiler
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..cache import plant_hash
@@ -21,8 +19,6 @@ NATIVE: Final = "native"
 AUTO: Final = "auto"
 FILE: Final = "file"
 FMUS = {PYTHON: PLANT, NATIVE: PLANT_IN_C}
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -50,7 +46,7 @@ def choose(wanted: str | Path) -> Plant:
     """The plant that ``wanted`` names: "python", "native", a file, or "auto".
 
     "auto" is the native twin if this machine makes it with the bits of the plant in Python (:mod:`.twin`), else the
-    latter, with a note in the log. Raises :class:`InputError` if a file is no manipulator,
+    latter. Raises :class:`InputError` if a file is no manipulator,
     :class:`~orchestrator.errors.EnvironmentFault` if an FMU cannot be built.
     """
     if wanted == AUTO:
@@ -74,7 +70,5 @@ def _own(build: Literal["python", "native"]) -> Plant:
 
 
 def _automatic() -> Plant:
-    if find_compiler() is None:
-        logger.info("the manipulator runs in Python", extra={"what": "no-native"})
     archive = fastest_plant()
     return Plant(archive, NATIVE if archive.name == f"{PLANT_IN_C}.fmu" else PYTHON, plant_hash())

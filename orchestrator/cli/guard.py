@@ -26,7 +26,6 @@ REMEDIES = {
     "ambiguous-sample-time": "Set one yourself, such as --set {nearest[0]}=0.00025, or rename it to {value}.",
     "folder-not-writable": "Choose another folder with --output-dir.",
     "folder-in-use": "Wait for it, or choose another folder with --output-dir.",
-    "no-native": "a C compiler makes it three times faster: cc, gcc, clang, or pip install ziglang",
     "no-sandbox": "Install bubblewrap, or leave out --sandbox.",
     "no-dask": "It is needed for --scheduler only.",
     "no-case": "List them with: python -m orchestrator.evaluate --list.",

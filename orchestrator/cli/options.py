@@ -53,8 +53,8 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
         "--plant",
         default="auto",
         metavar="PLANT",
-        help="python or native, the same manipulator interpreted or compiled, or an FMU of your own (default: native "
-        "where there is a compiler that gives the same bits, else python)",
+        help="python or native, the same manipulator in Python or in C, or an FMU of your own (default: native where "
+        "there is a compiler that gives the same bits, else python)",
     )
 
 
@@ -193,10 +193,10 @@ def controller(options: argparse.Namespace) -> Controller:
 
 
 BUILDS = {
-    f"{DEFAULT_CONTROLLER}.fmu": "the paper's PID, in Python",
-    f"{DEFAULT_IN_C}.fmu": "the paper's PID, compiled",
-    f"{PLANT}.fmu": "in Python",
-    f"{PLANT_IN_C}.fmu": "compiled",
+    f"{DEFAULT_CONTROLLER}.fmu": "the paper's PID, in Python, compiled by Numba",
+    f"{DEFAULT_IN_C}.fmu": "the paper's PID, in C",
+    f"{PLANT}.fmu": "in Python, compiled by Numba",
+    f"{PLANT_IN_C}.fmu": "in C",
 }
 
 
