@@ -6,7 +6,6 @@ pythonfmu 0.7.0 miscounts references to an imported one, and the second instance
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -58,8 +57,8 @@ class FlexibleManipulator(Fmi2Slave):
         self.memory = np.array([variable.start or 0.0 for variable in VARIABLES] + [0.0] * integrator.STATE_SIZE)
         self.values: Any = self.memory.data
         # pythonfmu calls what it finds by that name: machine code, with as little around it as possible.
-        step = partial(integrator.do_step, self.memory)
-        self.do_step = lambda time, size: step(time, size) or self._refuse(time, size)  # type: ignore[method-assign,assignment]
+        step, memory = integrator.do_step, self.memory
+        self.do_step = lambda time, size: step(memory, time, size) or self._refuse(time, size)  # type: ignore[method-assign,assignment]
         for reference, variable in enumerate(VARIABLES):
             self.register_variable(
                 Real(

@@ -8,7 +8,7 @@ import re
 
 import pytest
 from random_calls.build import build, run, sanitizing_compiler
-from random_calls.fmus import FMUS
+from random_calls.fmus import FMUS, LQGS
 
 needs_sanitizers = pytest.mark.skipif(
     sanitizing_compiler() is None, reason="no C compiler with AddressSanitizer and UndefinedBehaviorSanitizer"
@@ -140,8 +140,11 @@ def kind_of(name):
     return (found[2], found[1] == "me") if found else ("2", False)
 
 
+SLOW = {name: [pytest.mark.slow] for name in LQGS}  # each initialization solves Riccati equations
+
+
 @needs_sanitizers
-@pytest.mark.parametrize("name", FMUS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in FMUS])
 def test_random_calls(name, program):
     done = run(program(name), "random", 1, CALLS, calls=CALLS)
     assert done.returncode == 0, done.stderr

@@ -193,7 +193,10 @@ bool component_get(Component *component, const unsigned references[], size_t n, 
     for (size_t i = 0; i < n; i++) {
         const Variable *variable = find(component, references[i], n_values - done);
         if (!variable) return false;
-        memcpy(values + done, place(component, references[i]), variable->extent * sizeof(double));
+        const double *from = place(component, references[i]);
+        values[done] = from[0];
+        for (unsigned k = 1; k < variable->extent; k++)
+            values[done + k] = from[k];
         done += variable->extent;
     }
     return check_all_used(component, done, n_values);
@@ -222,25 +225,40 @@ static bool check_finite(Component *component, const Variable *variable, unsigne
     return true;
 }
 
+/* Whether a variable that the reference stands for may be set to the values that follow. */
+static bool check_value(Component *component, unsigned reference, const double values[], size_t n_values)
+{
+    const Variable *variable = find(component, reference, n_values);
+    return variable && check_settable(component, variable, reference, values[0]) &&
+           check_finite(component, variable, reference, values);
+}
+
 bool component_set(Component *component, const unsigned references[], size_t n, const double values[], size_t n_values)
 {
     if (!check_arrays(component, references, n, values, n_values)) return false;
+    Memory *memory = component->memory;
+    const unsigned state = memory->state;
     size_t done = 0;
     for (size_t i = 0; i < n; i++) {
-        const Variable *variable = find(component, references[i], n_values - done);
-        if (!variable || !check_settable(component, variable, references[i], values[done]) ||
-            !check_finite(component, variable, references[i], values + done))
-            return false;
+        const unsigned reference = references[i];
+        /* Nearly all are scalars that may be set: this is called in every step. */
+        const Variable *variable = &VARIABLES[reference < REFERENCES ? reference : 0];
+        const bool is_plain = reference < REFERENCES && variable->extent == 1 && variable->settable & state &&
+                              done < n_values && isfinite(values[done]);
+        if (!is_plain && !check_value(component, reference, values + done, n_values - done)) return false;
         done += variable->extent;
     }
     if (!check_all_used(component, done, n_values)) return false;
     done = 0;
     for (size_t i = 0; i < n; i++) {
+        double *to = memory->model + references[i];
         const unsigned extent = VARIABLES[references[i]].extent;
-        memcpy(place(component, references[i]), values + done, extent * sizeof(double));
+        to[0] = values[done];
+        for (unsigned k = 1; k < extent; k++)
+            to[k] = values[done + k];
         done += extent;
     }
-    component->memory->stale = true;
+    memory->stale = true;
     return true;
 }
 

@@ -111,13 +111,13 @@ def check_parameters(T_s: float, z_p: tuple[float, ...]) -> str | None:
 
 
 def check_finite(values: list[float]) -> str | None:
-    """Return which of the variables, in the order of value references, is not finite, or None if all are."""
-    names = [
-        f"{name}[{i}]" if len(start) > 1 else name for name, _, start, _ in VARIABLES for i in range(1, len(start) + 1)
-    ]
-    for name, value in zip(names, values, strict=True):
-        if not math.isfinite(value):
-            return f"{name} = {value!r}: it must be finite"
+    """Return which input or parameter is not finite, or None if all are; ``values`` by value reference."""
+    own = iter(values)
+    for name, causality, start, _ in VARIABLES:
+        for index in range(1, len(start) + 1):
+            value = next(own)
+            if causality != "output" and not math.isfinite(value):
+                return f"{name}[{index}] = {value!r}: it must be finite"
     return None
 
 

@@ -124,7 +124,9 @@ def _ending(
     if raw.reason == loop.FINISHED:
         return Ending(Status.DONE, time, "", raw.warnings)
     lost = _lost(record.outputs[raw.sample], scenario)
-    if raw.reason in (loop.DIVERGED, loop.ABSURD_TORQUE) and lost:
+    # A controller may refuse a measurement that is not finite.
+    refused = raw.reason == loop.CONTROLLER_FAILED and raw.call == port.SET and raw.status < len(STATUS_WORDS)
+    if (raw.reason in (loop.DIVERGED, loop.ABSURD_TORQUE) or refused) and lost:
         message = f"{plant.archive.name} {lost}: look at the plant's parameters"
         return Ending(Status.ERROR, time, message, raw.warnings)
     if raw.reason == loop.DIVERGED:

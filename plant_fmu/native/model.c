@@ -102,18 +102,21 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     return true;
 }
 
+/* Apart from model_step, whose machine code it would slow down. */
+static bool refuse_step(double t, double h, double substeps, char message[MODEL_MESSAGE_SIZE])
+{
+    snprintf(message, MODEL_MESSAGE_SIZE,
+             "step of %.15g s at t = %.15g s refused: it needs %.0f substeps, more than %.0f", h, t, substeps,
+             MOST_SUBSTEPS);
+    return false;
+}
+
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     Manipulator *plant = model;
     Variables *of = &plant->of;
     const double substeps = substeps_in(h, plant->substep);
-    if (!(substeps <= MOST_SUBSTEPS)) {
-      snprintf(message, MODEL_MESSAGE_SIZE,
-               "step of %.15g s at t = %.15g s refused: it needs %.0f "
-               "substeps, more than %.0f",
-               h, t, substeps, MOST_SUBSTEPS);
-      return false;
-    }
+    if (!(substeps <= MOST_SUBSTEPS)) return refuse_step(t, h, substeps, message);
     double tau[2];
     drive(plant, tau);
     const State x = advance(&plant->arm, plant->joints, substeps,
