@@ -239,7 +239,7 @@ def apart() -> Apart:
     """The other side of the channel, without a process."""
     archive = open_archive(built_in("DiagonalPID"))
     own = Apart(FmuFiles(archive.name, archive.sha256, str(archive.folder)), (sys.executable,))
-    own._process = SimpleNamespace(wait=lambda _seconds: 0)
+    own._process = SimpleNamespace(pid=0, returncode=0, wait=lambda _seconds: 0)
     return own
 
 

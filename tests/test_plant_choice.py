@@ -46,7 +46,7 @@ def test_without_a_compiler_plant_and_default_controller_are_those_in_python_wit
     assert not caplog.records
 
 
-@needs_compiler
+@pytest.mark.needs("compiler")
 def test_the_default_controller_is_the_one_in_c_only_if_it_has_proven_equal(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
