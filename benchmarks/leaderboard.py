@@ -3,6 +3,9 @@
     python benchmarks/leaderboard.py                evaluate all with both builds of the plant and search for their
                                                     worst cases (about an hour), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
+    python benchmarks/leaderboard.py --same         after a change of the FMUs that must not move a number: evaluate
+                                                    all on ``paper``; where all cases are the same to the last bit,
+                                                    keep the figures with the hashes of the new FMUs, else fail
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept and from the
                                                     certificates in submissions/ (docs/publishing.md)
 
@@ -115,6 +118,23 @@ def evaluate(name: str, folder: Path) -> dict[str, Any]:
         "seeds": json.loads(to_json({"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements})),
         "computing_time": json.loads(to_json(results.timing.computing_time)),
     }
+
+
+def same(figures: Figures, folder: Path) -> dict[str, Any]:
+    """The ``figures`` of a controller with the hashes of its FMU and the plant as they are built now.
+
+    Raises :class:`SystemExit` if a case of ``paper`` differs in a bit from that of the FMUs they were measured with.
+    """
+    name = name_of(figures)
+    controller = built(name)
+    results = Benchmark().evaluate(controller, folder=folder / "same" / name, recordings=False).results
+    cases = hashlib.sha256((folder / "same" / name / "cases.csv").read_bytes()).hexdigest()
+    if cases != figures["cases"] or results.cost != figures["cost"]:
+        raise SystemExit(f"{name}: not the results that are kept; evaluate it anew")
+    print(f"{name}: all {len(results.cases)} cases of paper are the same to the last bit", flush=True)
+    plant = hashlib.sha256(build_fmus.build("FlexibleManipulator", FMUS).read_bytes()).hexdigest()
+    own = _part(results.controller, "file", "sha256", "fmi_version", "generation_tool")
+    return {**figures, "guid": controller.archive.description.guid, "plant": plant, "controller": own}
 
 
 def built(name: str) -> Controller:
@@ -363,10 +383,14 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers to evaluate: {', '.join(PAGES)}")
     parser.add_argument("--table", action="store_true", help="only write the tables from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
+    parser.add_argument("--same", action="store_true", help="only check that the FMUs give the cases that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
     kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
-    for name in () if options.table else options.names or PAGES:
+    if options.same:
+        kept = [same(each, options.runs) for each in kept]
+        FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    for name in () if options.table or options.same else options.names or PAGES:
         new = evaluate(name, options.runs)
         kept = [each for each in kept if name_of(each) != name] + [new]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
