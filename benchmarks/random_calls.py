@@ -3,11 +3,11 @@
     python benchmarks/random_calls.py                     a million calls for each FMU
     python benchmarks/random_calls.py RobustLQG --seed 7 --calls 5000000
 
-Needs a C compiler with AddressSanitizer and UndefinedBehaviorSanitizer. For each FMU, in each FMI version and kind, it
-prints how many calls were made, how many were answered with an error, and the longest one (processor time). The exit
-code is 1 if there was a crash, a call of more than 1 s, a report of a sanitizer, a leak, an error without a message, or
-if after a sequence a reset or a new instance did not give the reference trajectory to the last bit. The suite makes
-100,000 calls each (tests/test_random_calls.py).
+Needs a C compiler with AddressSanitizer and UndefinedBehaviorSanitizer. For each FMU, in each FMI version and kind,
+it prints how many calls were made, how many of them were answered with an error, and the longest one (processor
+time). The exit code is 1 if there was a crash, a call of more than 1 s, a report of a sanitizer, a leak, an error
+without a message, or if after a sequence a reset or a new instance did not give the reference trajectory to the last
+bit. The suite makes 100,000 calls each (tests/test_random_calls.py).
 """
 
 from __future__ import annotations
