@@ -21,13 +21,13 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
 from benchmarks.common import measure, median  # noqa: E402
 from orchestrator import Benchmark  # noqa: E402
-from orchestrator.api.built_in import built_in  # noqa: E402
 from orchestrator.benchmark.metrics import judge  # noqa: E402
 from orchestrator.benchmark.results import Judgement  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.slaves import Slave, load  # noqa: E402
 from orchestrator.fmi.slaves.fmi2 import Fmi2CoSimulation  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
+from orchestrator.pairing.built_in import built_in  # noqa: E402
 
 PYTHON, MACHINE_CODE, C = "pythonfmu", "machine code", "C"
 NAMES = {"plant": ("FlexibleManipulator", "FlexibleManipulatorNative"), "PID": ("DiagonalPID", "DiagonalPID_C")}

@@ -38,19 +38,24 @@ from msgspec.structs import replace  # noqa: E402
 import build_fmus  # noqa: E402
 from benchmarks.common import drive, median  # noqa: E402
 from orchestrator import Benchmark, Controller  # noqa: E402
-from orchestrator.api.campaign import Bench, run_cases  # noqa: E402
-from orchestrator.api.conditions import available_cores  # noqa: E402
 from orchestrator.benchmark import cases as case_list  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.case import Case, Configuration  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
 from orchestrator.benchmark.results import Scorecard, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
-from orchestrator.execution import pool  # noqa: E402
+from orchestrator.execution import (
+    pool,  # noqa: E402
+    store,  # noqa: E402
+)
 from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.slaves import load  # noqa: E402
 from orchestrator.loop.controller import Steady, prepared  # noqa: E402
 from orchestrator.loop.setup import Setup  # noqa: E402
+from orchestrator.pairing.conditions import available_cores  # noqa: E402
+from orchestrator.pairing.pairing import Pairing  # noqa: E402
+from orchestrator.study import batch  # noqa: E402
+from orchestrator.study.requests import Batch, Entry  # noqa: E402
 from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
@@ -90,9 +95,11 @@ def scorecard(protocol: Protocol, cases: Sequence[Case], name: str, folder: Path
     compiled = build_fmus.find_compiler() is not None  # the same bits in a quarter of the time
     plant = open_archive(build_fmus.build("FlexibleManipulatorNative" if compiled else "FlexibleManipulator", folder))
     controller = open_archive(build_fmus.build(name, folder))
-    bench = Bench(plant, controller, timeout=TIMEOUT)
-    runs = run_cases(protocol, cases, bench, functools.partial(pool.run, workers=jobs))
-    return score(rules(protocol), [run.result for _, run in runs], len(cases))
+    pairing = Pairing(plant, controller, timeout=TIMEOUT)
+    with store.opened(None) as known:
+        entry = Entry(protocol, pairing, tuple(cases))
+        (runs,) = batch.run(Batch((entry,)), functools.partial(pool.run, workers=jobs), known)
+    return score(rules(protocol), [run.result for run in runs], len(cases))
 
 
 def worst_case(name: str, folder: Path, jobs: int, budget: int) -> bool:

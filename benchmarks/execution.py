@@ -28,9 +28,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import psutil  # noqa: E402
 
 from orchestrator import Benchmark, Controller  # noqa: E402
-from orchestrator.api import campaign, work  # noqa: E402
-from orchestrator.api import stored as stored_runs  # noqa: E402
-from orchestrator.api.campaign import GROUP_SIZE, Bench, rehearse, run_cases  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
 from orchestrator.benchmark.metrics import judge, named  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
@@ -41,6 +38,13 @@ from orchestrator.execution.job import Done  # noqa: E402
 from orchestrator.execution.supervision import run_isolated  # noqa: E402
 from orchestrator.fmi.slaves import Slave  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
+from orchestrator.pairing import work  # noqa: E402
+from orchestrator.pairing.pairing import GROUP_SIZE, Pairing, judging  # noqa: E402
+from orchestrator.pairing.runs import CaseRun  # noqa: E402
+from orchestrator.study import batch  # noqa: E402
+from orchestrator.study import stored as stored_runs  # noqa: E402
+from orchestrator.study.rehearsal import rehearse  # noqa: E402
+from orchestrator.study.requests import Batch, Entry  # noqa: E402
 
 TARGET = 0.05
 SHORT = Fraction("0.01")
@@ -80,7 +84,7 @@ def timed(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(Times(judgement, simulated - begin, time.process_time(), started))
 
 
-def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) -> Cost:
+def cost(protocol: Protocol, bench: Pairing, cases: Sequence[Case], folder: Path) -> Cost:
     """Run one group, storing its results as an evaluation does."""
     with store.opened(folder) as results:
         keys = stored_runs.keys(protocol, cases, bench)
@@ -93,14 +97,14 @@ def cost(protocol: Protocol, bench: Bench, cases: Sequence[Case], folder: Path) 
             assert isinstance(outcome, Done), outcome
             case = cases[outcome.index]
             result = named(case, outcome.value.judgement)
-            stored_runs.keep(results, keys[outcome.index], campaign.CaseRun(case, result, outcome.wall_time), bench)
+            stored_runs.keep(results, keys[outcome.index], CaseRun(case, result, outcome.wall_time), bench)
             found.append(outcome.value)
         parent = time.process_time() - begin
     simulations = sum(value.simulation for value in found)
     return Cost(simulations, found[-1].end - simulations, parent, found[0].started - started)
 
 
-def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Bench, rounds: int) -> bool:
+def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Pairing, rounds: int) -> bool:
     """Print what a case costs beyond its simulation; whether the target is met."""
     with tempfile.TemporaryDirectory() as folder:
         groups = [all_cases[GROUP_SIZE * i : GROUP_SIZE * (i + 1)] for i in range(rounds)]
@@ -119,13 +123,14 @@ def show_cost(protocol: Protocol, all_cases: Sequence[Case], bench: Bench, round
     return ratio <= TARGET
 
 
-def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> None:
+def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Pairing) -> None:
     """Print cases per second of wall time, here and on Dask."""
 
     def speed(execute: Callable[..., Any]) -> float:
         begin = time.perf_counter()
-        found = list(run_cases(protocol, cases, bench, execute))
-        assert all(run.result.simulated for _, run in found)
+        with store.opened(None) as known:
+            (found,) = batch.run(Batch((Entry(protocol, bench, tuple(cases)),)), execute, known)
+        assert all(run.result.simulated for run in found)
         return len(found) / (time.perf_counter() - begin)
 
     single = speed(functools.partial(pool.run, workers=1))
@@ -163,14 +168,14 @@ class Traces(NamedTuple):
     processes: int
 
 
-def endure(bench: Bench, number: int, workers: int, looks: int = 10) -> list[Traces]:
+def endure(bench: Pairing, number: int, workers: int, looks: int = 10) -> list[Traces]:
     """Run ``number`` short simulations as one evaluation; returns what is there after each tenth of them."""
     cases: list[Case] = []
     while len(cases) < number:
         benchmark = Benchmark("paper", seed=len(cases))
         noisy = [case for case in benchmark.cases if case.test.name == "noise"]
         cases += [replace(case, scenario=replace(case.scenario, duration=SHORT)) for case in noisy]
-    jobs = [campaign.judging(benchmark.rules, cases[n : n + GROUP_SIZE], bench) for n in range(0, number, GROUP_SIZE)]
+    jobs = [judging(benchmark.rules, cases[n : n + GROUP_SIZE], bench) for n in range(0, number, GROUP_SIZE)]
     found, peak = [], 0.0
     for count, (_, outcome) in enumerate(pool.run(jobs, workers), start=1):
         assert isinstance(outcome, Done), outcome
@@ -199,7 +204,7 @@ def memory_of_children() -> float:
     return max(sizes)
 
 
-def show_endurance(bench: Bench, number: int, workers: int) -> None:
+def show_endurance(bench: Pairing, number: int, workers: int) -> None:
     """Print what many simulations leave behind."""
     begin = time.perf_counter()
     found = endure(bench, number, workers)
@@ -220,7 +225,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes of the endurance test (default: 2)")
     options = parser.parse_args()
     benchmark, controller = Benchmark("paper"), Controller(options.controller)
-    bench = Bench(benchmark.manipulator.archive, controller.archive, timeout=600.0)
+    bench = Pairing(benchmark.manipulator.archive, controller.archive, timeout=600.0)
     rehearse(benchmark.cases[0], bench)  # compiles
     if options.throughput:
         show_throughput(benchmark.rules, benchmark.cases[: options.throughput], bench)

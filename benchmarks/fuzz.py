@@ -36,9 +36,6 @@ import numpy as np  # noqa: E402
 from support.reports import RECORDINGS, results_of  # noqa: E402
 
 from orchestrator import compare  # noqa: E402
-from orchestrator.api import work  # noqa: E402
-from orchestrator.api.built_in import built_in  # noqa: E402
-from orchestrator.api.evaluation import Evaluation  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.cases import cases  # noqa: E402
 from orchestrator.benchmark.metrics import expected  # noqa: E402
@@ -59,6 +56,9 @@ from orchestrator.execution.messages import (  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.port import LOST, WARNING, exchange  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
+from orchestrator.pairing import work  # noqa: E402
+from orchestrator.pairing.built_in import built_in  # noqa: E402
+from orchestrator.reporting.evaluation import Evaluation  # noqa: E402
 from orchestrator.reporting.files import RESULTS, TRAJECTORIES  # noqa: E402
 from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
 from orchestrator.reporting.run import load_run, save_run  # noqa: E402

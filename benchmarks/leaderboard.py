@@ -30,12 +30,12 @@ sys.path.insert(0, str(ROOT))
 
 import build_fmus  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
-from orchestrator.api.reference import IN_C, in_c  # noqa: E402
 from orchestrator.benchmark.certificate import Figure  # noqa: E402
 from orchestrator.benchmark.results import Results  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.errors import InputError  # noqa: E402
+from orchestrator.pairing.reference import IN_C, in_c  # noqa: E402
 from orchestrator.reporting.certificates import Verification  # noqa: E402
 from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
 

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from .api.benchmark import Benchmark
     from .api.comparing import compare
-    from .api.controller import Controller
-    from .api.evaluation import Evaluation
     from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
+    from .pairing.controller import Controller
+    from .reporting.evaluation import Evaluation
     from .reporting.robustness import Robustness
     from .reporting.spread import Spread
     from .reporting.sweep import Sweep
@@ -52,8 +52,8 @@ __all__ = [
 
 _HOMES = {
     "Benchmark": ".api.benchmark",
-    "Controller": ".api.controller",
-    "Evaluation": ".api.evaluation",
+    "Controller": ".pairing.controller",
+    "Evaluation": ".reporting.evaluation",
     "LinearModel": ".api.linear_model",
     "Robustness": ".reporting.robustness",
     "Simulation": ".api.simulation",

@@ -80,7 +80,7 @@ def computing_code() -> tuple[str, ...]:
 @functools.cache
 def code_hash() -> str:
     """SHA-256 of all sources that a result goes through, and of the versions of libraries."""
-    rooms = source_hash(PACKAGE / name for name in ("execution", "api", "codec.py"))
+    rooms = source_hash(PACKAGE / name for name in ("execution", "pairing", "study", "codec.py"))
     return hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
 
 

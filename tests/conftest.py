@@ -19,8 +19,8 @@ from support.tools import PRESENT, require
 
 import build_fmus
 from orchestrator import Benchmark, Controller, Evaluation
-from orchestrator.api import campaign
-from orchestrator.api.campaign import Bench
+from orchestrator.pairing import pairing
+from orchestrator.pairing.pairing import Pairing
 
 # A test run is repeatable: the same examples every time. New ones are searched with --hypothesis-profile=search.
 # No deadlines: compilation and a busy machine are no faults.
@@ -134,13 +134,13 @@ def faulty(fmu_folder: Path) -> Callable[[Fault], Path]:
 
 
 @pytest.fixture(scope="session")
-def own(plant_file: Path, pid_file: Path) -> Bench:
+def own(plant_file: Path, pid_file: Path) -> Pairing:
     """The plant with the default controller."""
     return bench(plant_file, pid_file)
 
 
 @pytest.fixture(scope="session")
-def harmless(plant_file: Path, faulty: Callable[[Fault], Path], request: pytest.FixtureRequest) -> Bench:
+def harmless(plant_file: Path, faulty: Callable[[Fault], Path], request: pytest.FixtureRequest) -> Pairing:
     """The plant with the hostile controller, without a fault; with the PID where there is no compiler for it."""
     return bench(plant_file, faulty(NONE) if PRESENT["compiler"] else request.getfixturevalue("pid_file"))
 
@@ -148,5 +148,5 @@ def harmless(plant_file: Path, faulty: Callable[[Fault], Path], request: pytest.
 @pytest.fixture
 def no_slack(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time limits in proportion to the simulated time alone, and what comes on top of them short."""
-    monkeypatch.setattr(campaign, "START_TIME", 0.0)
-    monkeypatch.setattr(campaign, "FIRST_START_TIME", HANG_LIMIT)
+    monkeypatch.setattr(pairing, "START_TIME", 0.0)
+    monkeypatch.setattr(pairing, "FIRST_START_TIME", HANG_LIMIT)

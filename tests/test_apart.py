@@ -12,10 +12,11 @@ from support.tools import PRESENT
 
 from controller_fmu.export import c_fmu
 from controller_fmu.export.dialects import Dialect
-from orchestrator.api import campaign
 from orchestrator.execution import sandbox
 from orchestrator.loop.scenario import Drive
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.pairing import simulate
+from orchestrator.study.rehearsal import rehearse
 
 pytestmark = pytest.mark.needs("linux")
 
@@ -30,12 +31,12 @@ def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
     (case,) = short_cases((STRUCK,))
     scenario = replace(case.scenario, drive=Drive(delay=(Fraction("0.0001"), Fraction(0))))
     own = bench(plant_file, file, limit=120.0)
-    one, other = campaign.simulate(own, scenario), campaign.simulate(replace(own, apart=True), scenario)
+    one, other = simulate(own, scenario), simulate(replace(own, apart=True), scenario)
     assert one.ending == other.ending and len(one.command) == 200
     for name in ("q_m", "X", "measured", "command", "torque"):
         assert np.array_equal(getattr(one, name), getattr(other, name))
-    timing = campaign.rehearse(case, replace(own, apart=True)).timing
-    assert timing == campaign.rehearse(case, own).timing and timing.latency == 0
+    timing = rehearse(case, replace(own, apart=True)).timing
+    assert timing == rehearse(case, own).timing and timing.latency == 0
 
 
 FAULTS = [

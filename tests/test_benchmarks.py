@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.execution import endure
 from benchmarks.fuzz import fuzz
-from orchestrator.api.campaign import Bench
 from orchestrator.fmi.archive import open_archive
+from orchestrator.pairing.pairing import Pairing
 
 
 @pytest.mark.slow
@@ -15,7 +15,7 @@ from orchestrator.fmi.archive import open_archive
 def test_many_simulations_leave_nothing_behind(plant_file, pid_file, tmp_path, monkeypatch):
     """Scaled down; 10,000 are run by ``benchmarks/execution.py --endurance 10000``, with figures in docs/running.md."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # others use the usual one, too
-    bench = Bench(open_archive(plant_file), open_archive(pid_file), timeout=6000.0)
+    bench = Pairing(open_archive(plant_file), open_archive(pid_file), timeout=6000.0)
     found = endure(bench, 200, workers=2)
     first, last = found[1], found[-1]
     assert last.simulations == 200

@@ -22,10 +22,10 @@ from hostile.runs import STRUCK, bench, job, noise_cases, run, short_cases
 from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller
-from orchestrator.api import work
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import launch, pool
 from orchestrator.execution.supervision import run_isolated
+from orchestrator.pairing import work
 
 pytestmark = pytest.mark.needs("linux")
 

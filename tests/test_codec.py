@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
-from orchestrator.api import work
 from orchestrator.benchmark import protocol
 from orchestrator.benchmark.case import Test as Experiment
 from orchestrator.benchmark.results import Measurements, Results
@@ -19,6 +18,7 @@ from orchestrator.codec import Malformed, Struct, convert, from_json, pack, plai
 from orchestrator.conformance import dynamic
 from orchestrator.exact_time import seconds
 from orchestrator.execution import messages
+from orchestrator.pairing import work
 
 assert work and dynamic and messages, "imported for the types they define"
 

@@ -27,10 +27,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orchestrator import Benchmark
-from orchestrator.api import campaign
-from orchestrator.api import stored as stored_runs
-from orchestrator.api.campaign import CaseRun
-from orchestrator.api.running import Runner
 from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
@@ -39,6 +35,11 @@ from orchestrator.execution.job import Died, Done, Outcome, Refused
 from orchestrator.execution.messages import ErrorRecord
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.pairing import GROUP_SIZE
+from orchestrator.pairing.runs import CaseRun
+from orchestrator.study import batch
+from orchestrator.study import stored as stored_runs
+from orchestrator.study.requests import STRIKES, Batch, Entry
 
 pytestmark = pytest.mark.needs("posix")
 
@@ -83,9 +84,7 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
         def execute(jobs):
             left, names = stop_after, [case.id for case in QUICK.cases]
             waiting = [name for name in names if name not in stored]
-            order = [
-                (n // campaign.GROUP_SIZE, n % campaign.GROUP_SIZE, names.index(name)) for n, name in enumerate(waiting)
-            ]
+            order = [(n // GROUP_SIZE, n % GROUP_SIZE, names.index(name)) for n, name in enumerate(waiting)]
             groups.extend(order)
             if keep_going:  # else results depend on which failures come first, as they do without interruption
                 chance.shuffle(order)
@@ -99,7 +98,8 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
         there = stored_runs.load(results, keys, QUICK.rules, QUICK.cases, own, not keep_going)
         stored = {run.case.id for run in there.values()}
         with suppress(KeyboardInterrupt):
-            return Runner(QUICK.rules, own, execute, results, keep_going).run(QUICK.cases)
+            entry = Entry(QUICK.rules, own, QUICK.cases, None if keep_going else STRIKES)
+            return batch.run(Batch((entry,)), execute, results)[0]
         return None
 
     with store.opened(None) as one, store.opened(None) as two:

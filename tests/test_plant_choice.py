@@ -12,8 +12,8 @@ from support.command_lines import call
 
 import build_fmus
 from orchestrator import Benchmark, Controller, InputError, compare
-from orchestrator.api import twin
-from orchestrator.api.plant import choose
+from orchestrator.pairing import twin
+from orchestrator.pairing.plant import choose
 
 ONE = "c00.compliant.noise"
 

@@ -18,12 +18,14 @@ COMMANDS = ("__main__", *(command for command in main.COMMANDS if command not in
 
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
-    ("errors", "text", "exact_time", "cache", "codec", "jit"),
+    ("errors", "text", "exact_time", "cache", "codec", "jit", "asking"),
     ("fmi",),
     ("loop",),
     ("benchmark", "conformance"),
     ("execution", "search"),
     ("reporting",),
+    ("pairing",),
+    ("study",),
     ("api",),
     ("cli", "gym"),
     (VERSION, *COMMANDS),

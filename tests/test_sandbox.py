@@ -17,11 +17,11 @@ from hostile.runs import STRUCK, bench, copied_packages, job, run, short_cases
 from support.python_controllers import python_controller
 from support.refusals import refusal
 
-from orchestrator.api import campaign
 from orchestrator.execution import sandbox
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing import pairing
 
 sandboxed = pytest.mark.needs("bubblewrap")
 
@@ -163,7 +163,7 @@ def commands_below(pid: int) -> list[list[str]]:
 
 @sandboxed
 def test_crashes_and_processes_left_behind(plant_file, tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign, "START_TIME", 60.0)
+    monkeypatch.setattr(pairing, "START_TIME", 60.0)
     before = sleepers()
     file = python_controller(tmp_path, "Exits", imports="import os", step_body="os._exit(7)")
     (crashed,) = run(bench(plant_file, file, sandbox=True), short_cases((STRUCK,)))

@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller, Robustness
+from orchestrator.asking import answered
 from orchestrator.benchmark.cases import cases as cases_of
 from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.protocol import load
@@ -24,7 +25,7 @@ from orchestrator.codec import to_json
 from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting import recording
-from orchestrator.search.archive import Archive
+from orchestrator.search.archive import Archive, Ask
 from orchestrator.search.ascent import climb, explore
 from orchestrator.search.hunt import Hunt, costs, effects, requirements, search, spread
 from orchestrator.search.margins import margins, radius
@@ -40,18 +41,27 @@ CORNER = {name: -1.0 if place % 3 else 1.0 for place, name in enumerate(names(ST
 START = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(STRICT)))
 
 
-def answers(of):
-    """Results whose figures are all 0 but those that ``of(member)`` gives."""
+def run(asking, of, told=lambda *known: True):
+    """The result of a part of a search: the figures of all simulations are 0 but those that ``of(member)`` gives, and
+    ``told(stage, simulations, worst)`` says whether to go on."""
 
-    def ask(members):
-        found = []
-        for member in members:
-            case = case_of(member, STRICT, NOMINAL)
-            figures = {name: True if name == "settled" else 0.0 for name in expected(STRICT, case)} | of(member)
-            found.append(named(case, Judgement(status=Status.DONE, time=26.0, measurements=Measurements(**figures))))
-        return found
+    def result(member):
+        case = case_of(member, STRICT, NOMINAL)
+        figures = {name: True if name == "settled" else 0.0 for name in expected(STRICT, case)} | of(member)
+        return named(case, Judgement(status=Status.DONE, time=26.0, measurements=Measurements(**figures)))
 
-    return ask
+    def answer(request):
+        if isinstance(request, Ask):
+            return [result(member) for member in request.members]
+        return told(request.stage, request.simulations, request.worst)
+
+    return answered(asking, answer)
+
+
+def goes_on(stage):
+    """A note to which nobody objects."""
+    return True
+    yield
 
 
 def matches(member):
@@ -67,9 +77,9 @@ def hidden(member):
 
 
 def test_a_hidden_corner_is_found_from_the_nominal_system():
-    archive = Archive(STRICT, answers(hidden))
-    explore(archive, B6, replace(START, test=B6.test))
-    climb(archive, [B6], 300 - len(archive.found), 0, lambda stage: True)
+    archive = Archive(STRICT)
+    run(explore(archive, B6, replace(START, test=B6.test)), hidden)
+    run(climb(archive, [B6], 300 - len(archive.found), 0, goes_on), hidden)
     assert archive.height(B6) == len(CORNER) and len(archive.found) <= 300
 
 
@@ -89,24 +99,26 @@ def test_a_controller_that_fails_only_there_is_found(planted):
         figures = {"recovery": max(0.0, near)}
         return figures | ({"limit_cycle_x": 1e-4, "limit_cycle_ratio": 1.0} if planted(member) else {})
 
-    archive = Archive(STRICT, answers(of))
-    archive.results([loose(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT)])
-    climb(archive, [DELAY], 600, 0, lambda stage: True)
+    archive = Archive(STRICT)
+    run(archive.results([loose(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT)]), of)
+    run(climb(archive, [DELAY], 600, 0, goes_on), of)
     found = archive.worst(DELAY)
     assert found is not None and planted(found) and height(DELAY, archive.found[found], STRICT.stability) > 0.5 * FAILED
 
 
-def hunt_of(of, budget, told=lambda *known: True):
-    """A search from the list of ``strict`` with the figures that ``of`` gives."""
+def hunt_of(budget):
+    """A search from the list of ``strict``."""
     listed = [of_case(case) for case in LIST]
-    archive = Archive(STRICT, answers(of))
-    return Hunt(archive, rules(STRICT), listed, targets(STRICT), lambda member: "", told, budget)
+    return Hunt(Archive(STRICT), rules(STRICT), listed, targets(STRICT), lambda member: "", budget)
 
 
 def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
-    hunt = hunt_of(lambda member: {"B6": len(member.system)} if STRICT.test(member.test).criteria else {}, 920)
-    search(hunt, 0)
-    spread(hunt)
+    def of(member):
+        return {"B6": len(member.system)} if STRICT.test(member.test).criteria else {}
+
+    hunt = hunt_of(920)
+    run(search(hunt, 0), of)
+    run(spread(hunt), of)
     found, listed = costs(hunt)
     assert found == listed > 0.0 and set(hunt.archive.found) == set(hunt.listed)
 
@@ -122,12 +134,14 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
         return hidden(member) | ({"limit_cycle_x": 1e-3, "limit_cycle_ratio": 1.0} if late or up or size > 1.1 else {})
 
     stages = []
-    hunt = hunt_of(of, budget, lambda stage, simulations, worst: stages.append((stage, simulations)) or True)
-    search(hunt, 0)
-    spread(hunt)
-    requirements(hunt)
-    effects(hunt)
-    found, reach = margins(hunt), radius(hunt)
+    hunt = hunt_of(budget)
+
+    def whole():
+        for stage in (search(hunt, 0), spread(hunt), requirements(hunt), effects(hunt)):
+            yield from stage
+        return (yield from margins(hunt)), (yield from radius(hunt))
+
+    found, reach = run(whole(), of, lambda stage, simulations, worst: stages.append((stage, simulations)) or True)
     assert len(hunt.archive.found) <= budget and [count for _, count in stages] == sorted(c for _, c in stages)
     assert set(hunt.cut_short) <= {stage for stage, _ in stages}
     if budget == 924:
@@ -154,14 +168,15 @@ def test_v_passes_its_target_within_the_tolerances_just_if_v_found_does(cost):
         return {"B6": largest * size * (1.0 if worst else 0.5)}
 
     unit, _ = costs(searched(of))
-    hunt = searched(partial(of, largest=cost / unit))
+    larger = partial(of, largest=cost / unit)
+    hunt = searched(larger)
     assert costs(hunt)[0] == pytest.approx(cost)
-    assert radius(hunt).cost == pytest.approx(math.floor(100.0 / cost * 20.0 + 1.0) / 20.0)
+    assert run(radius(hunt), larger).cost == pytest.approx(math.floor(100.0 / cost * 20.0 + 1.0) / 20.0)
 
 
 def searched(of):
-    hunt = hunt_of(of, 2000)
-    hunt.archive.results(hunt.listed)
+    hunt = hunt_of(2000)
+    run(hunt.archive.results(hunt.listed), of)
     return hunt
 
 
@@ -190,12 +205,13 @@ def test_a_simulation_that_crashed_fails_and_one_that_was_lost_is_not_judged(sta
 
 def test_the_same_members_are_tried_again_and_in_another_order_of_targets():
     def tried(seed, wanted):
-        archive = Archive(
-            STRICT, answers(lambda member: {"B6": float(matches(member))} if "dist" in member.test else {})
-        )
+        def of(member):
+            return {"B6": float(matches(member))} if "dist" in member.test else {}
+
+        archive = Archive(STRICT)
         for target in wanted:
-            explore(archive, target, replace(START, test=target.test))
-        climb(archive, wanted, 200, seed, lambda stage: True)
+            run(explore(archive, target, replace(START, test=target.test)), of)
+        run(climb(archive, wanted, 200, seed, goes_on), of)
         return list(archive.found)
 
     assert tried(0, [B6, DELAY]) == tried(0, [B6, DELAY]) != tried(1, [B6, DELAY])
@@ -212,8 +228,9 @@ def test_a_race_finds_the_smallest_failing_step(thresholds, steps):
     def fail(changed):
         tries.extend(changed)
         return [member.gain[0] >= thresholds[int(member.q_a[0])] for member in changed]
+        yield
 
-    found = race(members, scale, lambda member, step: replace(member, gain=(step, 1.0)), fail)
+    found = run(race(members, scale, lambda member, step: replace(member, gain=(step, 1.0)), fail), hidden)
     if min(thresholds) >= steps:
         assert found is None and len(tries) == len(members)
     else:

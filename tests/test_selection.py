@@ -4,12 +4,12 @@ import pytest
 from msgspec.structs import replace
 from support.results import PAPER, RULES, TABLE_2, everything, result
 
-from orchestrator.api.campaign import CaseRun
-from orchestrator.api.selection import shown
 from orchestrator.benchmark.cases import cases
 from orchestrator.benchmark.results import Measurements
 from orchestrator.benchmark.scorecard import score
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.runs import CaseRun
+from orchestrator.study.selection import shown
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 CASES = {case.id: case for case in cases(PAPER, NOMINAL, 0)}

@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 from msgspec.structs import replace as with_fields
 
 from orchestrator import cache
-from orchestrator.api import stored as stored_runs
-from orchestrator.api.campaign import CaseRun
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.cases import cases as cases_of
 from orchestrator.benchmark.metrics import expected, named
@@ -26,6 +24,8 @@ from orchestrator.execution import store
 from orchestrator.execution.job import Limits
 from orchestrator.loop.setup import Setup
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.runs import CaseRun
+from orchestrator.study import stored as stored_runs
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 QUICK, PAPER = protocols.load("quick"), protocols.load("paper")

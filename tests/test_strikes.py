@@ -1,19 +1,20 @@
 """A broken controller is told in seconds: after failures of one kind, or after its first sample."""
 
+import functools
 from dataclasses import replace
 
 import pytest
 from hostile.fmus import Fault
-from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, bench, run, runs_of, short_cases
+from hostile.runs import HANG_LIMIT, SPARED, STRUCK, answered, bench, run, short_cases
 
 from orchestrator import Benchmark, Controller
-from orchestrator.api import campaign
 from orchestrator.benchmark.results import Judgement
-from orchestrator.execution import cluster, supervision
+from orchestrator.execution import cluster, pool, store, supervision
 from orchestrator.execution.job import Died, Done, Refused
 from orchestrator.execution.messages import ErrorRecord
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
+from orchestrator.study import rehearsal
 
 pytestmark = [
     pytest.mark.needs("linux"),
@@ -41,8 +42,10 @@ def test_a_broken_controller_answers_after_three_crashes(plant_file, faulty):
     assert statuses(runs) == [CRASHED] * 3 + [SKIPPED] * 3
     assert "crashed: the process was ended by SIGABRT" in runs[3].result.message
     assert statuses(run(own, cases)) == [CRASHED] * 6
-    earlier = runs_of(campaign.run_cases(PROTOCOL, cases[3:], own, lambda jobs: iter(()), runs[:3]))
-    assert statuses(earlier) == [SKIPPED] * 3  # strikes of an earlier run count
+    with store.opened(None) as known:
+        answered(own, cases[:3], functools.partial(pool.run, workers=1), known=known)
+        earlier = answered(own, cases, never, known=known)
+    assert statuses(earlier[3:]) == [SKIPPED] * 3  # strikes of an earlier run count
 
 
 MEASURED = {
@@ -67,7 +70,7 @@ def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
 def ran(own, *outcomes):
     """The runs of four cases that end so."""
     cases = short_cases((STRUCK,) * 4)
-    return runs_of(campaign.run_cases(PROTOCOL, cases, own, lambda jobs: ((0, outcome) for outcome in outcomes)))
+    return answered(own, cases, lambda jobs: ((0, outcome) for outcome in outcomes))
 
 
 @pytest.mark.parametrize(("what", "status"), [("status:3", DONE), ("abort", CRASHED)])
@@ -96,12 +99,12 @@ def test_a_hang_on_the_way_is_waited_for_once(plant_file, faulty, monkeypatch):
 def test_a_failure_in_the_first_sample_is_told_at_once(fault, status, call, plant_file, faulty):
     own = replace(bench(plant_file, faulty(fault)), timeout=2.0)
     cases = short_cases((STRUCK,) * 4)
-    failure = campaign.rehearse(cases[0], own).failure
+    failure = rehearsal.rehearse(cases[0], own).failure
     assert failure is not None and (failure.result.status, failure.result.time) == (status, 0.0)
     assert f"in the call '{call}' of the controller" in failure.result.message
-    found = runs_of(campaign.run_cases(PROTOCOL, cases, own, never, at_once=failure))
+    found = answered(own, cases, never, at_once=failure)
     assert found[0] == failure and statuses(found[1:]) == [SKIPPED] * 3
-    again = runs_of(campaign.run_cases(PROTOCOL, cases[1:], own, never, [failure], at_once=failure))
+    again = answered(own, cases[1:], never, at_once=failure)
     assert again == found[1:]  # a run that was interrupted after the first result
 
 
@@ -116,14 +119,14 @@ LATER = [
 @pytest.mark.parametrize("fault", LATER, ids=str)
 def test_what_does_not_show_in_the_first_sample_is_left_to_the_cases(fault, plant_file, faulty):
     case, own = short_cases((STRUCK,))[0], bench(plant_file, faulty(fault))
-    assert campaign.rehearse(case, own).failure is None
-    assert campaign.computing_time(case, own) is None
+    assert rehearsal.rehearse(case, own).failure is None
+    assert rehearsal.computing_time(case, own) is None
 
 
 def test_the_rehearsal_gives_those_more_time_whose_cases_have_more(harmless, monkeypatch):
     limits = []
-    monkeypatch.setattr(campaign, "run_isolated", lambda job: limits.append(job.time_limits[0]) or iter(()))
-    campaign.rehearse(short_cases((STRUCK,))[0], replace(harmless, timeout=240.0))
+    monkeypatch.setattr(rehearsal, "run_isolated", lambda job: limits.append(job.time_limits[0]) or iter(()))
+    rehearsal.rehearse(short_cases((STRUCK,))[0], replace(harmless, timeout=240.0))
     assert limits[0] == pytest.approx(120.0, abs=0.01)
 
 

@@ -17,8 +17,6 @@ from hostile.runs import HANG_LIMIT, PLENTY, SPARED, STRUCK, bench, job, run, sh
 from support.python_controllers import python_controller
 from support.refusals import refusal
 
-from orchestrator.api import campaign
-from orchestrator.api.campaign import CaseRun
 from orchestrator.codec import Malformed
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import supervision
@@ -30,6 +28,7 @@ from orchestrator.execution.shared_trace import SharedTrace
 from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING_REACHED
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, PLANT, Place, Trace
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.runs import CaseRun, case_run
 
 pytestmark = [
     pytest.mark.needs("linux"),
@@ -321,7 +320,7 @@ def test_a_place_that_makes_no_sense_stays_within_the_simulation():
     (case,) = short_cases((STRUCK,))
     for sample, time in ((-5, 0.0), (2**62, float(STRUCK))):
         died = Died(0, False, "", "", 1.0, Place(sample, CONTROLLER, "x"))
-        assert campaign.case_run(case, died).result.time == time
+        assert case_run(case, died).result.time == time
 
 
 def test_work_that_removes_its_folder_or_forges_messages(harmless):

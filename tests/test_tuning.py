@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
@@ -22,12 +23,13 @@ from controller_fmu.friction import tune as friction
 from controller_fmu.lqg import tune as lqg
 from controller_fmu.pid_tuned import tune as pid
 from orchestrator import Benchmark, Controller, InputError, Sweep
-from orchestrator.api import tuner
-from orchestrator.api.tuner import Verdict
+from orchestrator.asking import answered
 from orchestrator.cli import report, values
 from orchestrator.loop.trajectory import Status
 from orchestrator.reporting.tuning import Tuning
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
+from orchestrator.study import tuner
+from orchestrator.study.tuner import Verdict
 
 pytestmark = pytest.mark.needs("optuna", "cmaes")
 
@@ -119,17 +121,20 @@ def test_a_failure_is_added_once_and_what_held_is_not_forgotten(monkeypatch):
 
     def judge(trial):
         return Verdict(90.0, None, ("A2",), [(case, "")]) if trial.number else Verdict(100.0, None, (), ())
+        yield
 
-    def attempt(_side, _rules, _bench, _cases, asked, _worst=math.inf):
+    def attempt(_protocol, _rules, _pairings, _cases, asked, _worst=math.inf):
         return [Trial(number, values, 100.0 - number, holds=True) for number, values in asked]
+        yield
 
     proposals = SimpleNamespace(ask=lambda count: [{}] * min(count, 7), tell=lambda _: None)
     monkeypatch.setattr(tuner, "attempt", attempt)
-    search = tuner.Tuner(SimpleNamespace(protocol=bench.rules), lambda _: None, judge, proposals, list(bench.cases[:3]))
-    search.search(1)
+    search = tuner.Tuner(bench.rules, lambda _: None, judge, proposals, list(bench.cases[:3]))
+    run = functools.partial(answered, answer=lambda event: None)
+    run(search.search(1))
     assert search.judged.keys() == {0}
-    search.search(60)
-    best = search.best()
+    run(search.search(60))
+    best = run(search.best())
     assert best is not None and best.number == 0
     assert len(search.judged) > 3
     (added,) = search.cases[3:]

@@ -18,9 +18,6 @@ from support.tools import PRESENT
 
 from benchmarks import leaderboard
 from orchestrator import Benchmark, Controller
-from orchestrator.api import verification
-from orchestrator.api.built_in import built_in
-from orchestrator.api.reference import USUAL
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
@@ -29,8 +26,11 @@ from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.built_in import built_in
+from orchestrator.pairing.reference import USUAL
 from orchestrator.reporting.certificates import Verification, differences
 from orchestrator.reporting.wording import VERDICTS
+from orchestrator.study import verify as verification
 
 pytestmark = [
     pytest.mark.needs("linux"),

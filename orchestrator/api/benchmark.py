@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .conditions import Conditions
-from .controller import Controller
-from .plant import AUTO, NATIVE, PYTHON
-from .reference import USUAL
+from ..pairing.conditions import Conditions
+from ..pairing.controller import Controller
+from ..pairing.plant import AUTO, NATIVE, PYTHON
+from ..pairing.reference import USUAL
 
 if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them take longer than a simulation
     from typing_extensions import Unpack
@@ -21,18 +21,23 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..benchmark.linearization import Friction
     from ..benchmark.variation import Variation
     from ..conformance.finding import Finding
+    from ..pairing.runs import CaseRun
     from ..reporting.certificates import Verification
+    from ..reporting.evaluation import Evaluation
     from ..reporting.robustness import Robustness
     from ..reporting.spread import Spread
     from ..reporting.sweep import Sweep
     from ..reporting.tuning import Tuning
-    from ..search.candidates import Range
-    from .evaluating import OnResult, OnSeed, Options
-    from .evaluation import Evaluation
+    from ..search.candidates import Range, Trial
+    from ..study.engine import Engine
+    from ..study.evaluate import Options
+    from ..study.requests import Event, OnResult
     from .linear_model import LinearModel
-    from .robustness import OnProgress
     from .simulation import Simulation
-    from .tuner import OnTrial
+
+    OnSeed = Callable[[int, Evaluation], None]
+    OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
+    OnTrial = Callable[[Trial, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,7 @@ class Benchmark(Conditions):
         """The findings of :meth:`check` as they come."""
         from . import checking
 
-        return checking.findings(controller, lambda: self.bench(controller), self.rules, self.cases[0].scenario)
+        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0].scenario)
 
     def evaluate(
         self,
@@ -127,18 +132,10 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        from .evaluating import evaluate
+        from ..study.evaluate import evaluate
 
-        return evaluate(
-            self,
-            controller,
-            only=only,
-            folder=folder,
-            recordings=recordings,
-            keep_going=keep_going,
-            force=force,
-            on_result=on_result,
-        )
+        study = evaluate(self, controller, only=only, recordings=recordings, keep_going=keep_going, force=force)
+        return self._engine(folder, on_result).run(study)
 
     def spread(
         self,
@@ -147,6 +144,7 @@ class Benchmark(Conditions):
         *,
         folder: str | Path | None = None,
         on_seed: OnSeed | None = None,
+        on_result: OnResult | None = None,
         **options: Unpack[Options],
     ) -> Spread:
         """Run the protocol once with each of ``seeds``, whatever ``seed`` is: mean and standard deviation of V and of
@@ -163,8 +161,10 @@ class Benchmark(Conditions):
             that are finished is saved there after each.
         on_seed : callable, optional
             ``on_seed(seed, evaluation)`` is called after each seed.
+        on_result : callable, optional
+            As in :meth:`evaluate`.
         **options
-            ``only``, ``recordings``, ``keep_going``, ``force`` and ``on_result`` of :meth:`evaluate`.
+            ``only``, ``recordings``, ``keep_going`` and ``force`` of :meth:`evaluate`.
 
         Returns
         -------
@@ -175,9 +175,10 @@ class Benchmark(Conditions):
         InputError, FmuError, EnvironmentFault
             As :meth:`evaluate`, or for no seed at all.
         """
-        from .evaluating import evaluate_seeds
+        from ..study.evaluate import spread
+        from ..study.requests import SeedDone
 
-        return evaluate_seeds(self, controller, seeds, folder, on_seed, **options)
+        return self._engine(folder, on_result, SeedDone, on_seed).run(spread(self, controller, seeds, **options))
 
     def robustness(
         self,
@@ -235,9 +236,12 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        from .robustness import search
+        from ..study.requests import StageDone
+        from ..study.worst_case import worst_case
 
-        return search(self, controller, budget, minutes, protocol, only, from_list, folder, recordings, on_progress)[0]
+        own = recordings and folder is not None
+        study = worst_case(self, controller, budget, minutes, protocol, only, from_list, own)
+        return self._engine(folder, None, StageDone, on_progress).run(study)[0]
 
     def tune(
         self,
@@ -297,10 +301,11 @@ class Benchmark(Conditions):
         EnvironmentFault
             If Optuna is missing, or this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        target = None if folder is None else Path(folder)
-        from .tuning import tune
+        from ..search.proposals import STUDY
+        from ..study.requests import TrialDone
+        from ..study.tune import tune
 
-        found = tune(
+        study = tune(
             self,
             controller or Controller(),
             vary or {},
@@ -310,12 +315,9 @@ class Benchmark(Conditions):
             robust,
             sampler,
             search_seed,
-            target,
-            on_trial,
+            None if folder is None else Path(folder) / STUDY,
         )
-        if target is not None:
-            found.save(target)
-        return found
+        return self._engine(folder, None, TrialDone, on_trial).run(study)
 
     def sweep(
         self,
@@ -354,12 +356,11 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
-        short = replace(self, protocol=objective)
-        from .sweeping import sweep
+        from ..study.requests import TrialDone
+        from ..study.sweep import sweep
 
-        return sweep(
-            short, controller or Controller(), values or {}, None if folder is None else Path(folder), on_trial
-        )
+        study = sweep(replace(self, protocol=objective), controller or Controller(), values or {})
+        return self._engine(folder, None, TrialDone, on_trial).run(study)
 
     def verify(
         self,
@@ -410,10 +411,12 @@ class Benchmark(Conditions):
         EnvironmentFault
             If this machine fails.
         """
-        same = replace(self, protocol=protocol)
-        from .verification import verify
+        from ..study.engine import can_fence
+        from ..study.verify import verify
 
-        return verify(same, controller or Controller(), draws, count, strict, tuple(beside), on_result)
+        same, sandboxed = replace(self, protocol=protocol), self.sandbox or can_fence()
+        study = verify(same, controller or Controller(), draws, count, strict, tuple(beside), sandboxed)
+        return self._engine(None, on_result, here=True).run(study)
 
     def repeat(
         self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
@@ -423,9 +426,11 @@ class Benchmark(Conditions):
         :func:`~orchestrator.reporting.certificates.differences` compares the two. Raises :class:`InputError` if the FMU
         is another one, and what :meth:`verify` raises.
         """
-        from .verification import repeat
+        from ..study.engine import can_fence
+        from ..study.verify import repeat
 
-        return repeat(self, certificate, None if controller is None else Path(controller), on_result)
+        file, sandboxed = None if controller is None else Path(controller), self.sandbox or can_fence()
+        return self._engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
 
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
@@ -495,3 +500,26 @@ class Benchmark(Conditions):
         from .linear_model import linear_model
 
         return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)
+
+    def _engine(
+        self,
+        folder: str | Path | None,
+        on_result: OnResult | None,
+        event: type | None = None,
+        on_event: Callable[..., None] | None = None,
+        here: bool = False,
+    ) -> Engine:
+        """What runs a study, ``here`` on this machine or where it was asked for; ``on_event`` is called with the fields
+        of each ``event`` of that type."""
+        from ..study import engine
+
+        def on_run(run: CaseRun, done: int, total: int) -> None:
+            if on_result is not None:
+                on_result(run.result, done, total)
+
+        def told(happened: Event) -> None:
+            if on_event is not None and event is not None and isinstance(happened, event):
+                on_event(*vars(happened).values())
+
+        execute = engine.here(self) if here else engine.where_asked(self)
+        return engine.Engine(execute, self.processes, None if folder is None else Path(folder), on_run, told)

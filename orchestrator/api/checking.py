@@ -15,16 +15,16 @@ from ..execution.supervision import run_isolated
 from ..loop.sampling import controller_sample_time
 from ..loop.scenario import Scenario
 from ..loop.setup import controller_binding
-from .campaign import FULL_LENGTH, Bench
-from .controller import Controller
+from ..pairing.controller import Controller
+from ..pairing.pairing import FULL_LENGTH, Pairing
 
 
 def findings(
-    controller: Controller, bench: Callable[[], Bench], protocol: Protocol, scenario: Scenario
+    controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, scenario: Scenario
 ) -> Iterator[Finding]:
-    """The findings on ``controller`` as they come; ``bench`` opens it, ``scenario`` is what its steps are timed in."""
+    """The findings on ``controller`` as they come; ``pairing`` opens it, its steps are timed in ``scenario``."""
     try:
-        opened = bench()
+        opened = pairing()
         archive, setup = opened.controller, opened.setup
         yield from archive_findings(archive)
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
@@ -35,20 +35,20 @@ def findings(
         yield Finding(Severity.ERROR, "import", str(error), "", error.what, error.value, error.nearest)
 
 
-def _dynamic(bench: Bench, scenario: Scenario, protocol: Protocol) -> Iterator[Finding]:
+def _dynamic(pairing: Pairing, scenario: Scenario, protocol: Protocol) -> Iterator[Finding]:
     from ..conformance import dynamic  # it loads the compiler
 
     first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
     tasks = [
         dynamic.CheckTask(
-            number, bench.setup, scenario.sample_time, (first, second), scenario, FULL_LENGTH, bench.timeout
+            number, pairing.setup, scenario.sample_time, (first, second), scenario, FULL_LENGTH, pairing.timeout
         )
         for number in range(len(dynamic.CHECKS))
     ]
-    job = bench.raw_job(
+    job = pairing.raw_job(
         f"{dynamic.__name__}:{dynamic.run_check.__name__}",
         tasks,
-        (bench.timeout,) * len(tasks),
+        (pairing.timeout,) * len(tasks),
         lambda _, value: unpack(value, tuple[Finding, ...]),
     )
     known = ""

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from ..reporting.comparison import Group
 from ..reporting.comparison import compare as compared
+from ..reporting.evaluation import Evaluation
 from ..reporting.run import Run
-from .evaluation import Evaluation
 
 
 def compare(evaluations: Iterable[Evaluation]) -> tuple[Group, ...]:

@@ -12,25 +12,25 @@ from ..benchmark.metrics import judge, named
 from ..benchmark.scorecard import kind
 from ..errors import InputError
 from ..fmi.archive import open_archive
+from ..pairing.built_in import built_in
+from ..pairing.conditions import Conditions
+from ..pairing.controller import Controller
+from ..pairing.pairing import simulate as simulated
+from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..reporting.files import write_bytes
-from . import campaign
-from .built_in import built_in
-from .conditions import Conditions
-from .controller import Controller
-from .plant import AUTO, NATIVE, PYTHON
 from .simulation import Simulation
 
 
 def simulate(conditions: Conditions, controller: Controller, case: Case | str) -> Simulation:
     """See :meth:`.Benchmark.simulate`."""
-    bench, wanted = conditions.sampled(controller, case)
+    pairing, wanted = conditions.sampled(controller, case)
     scenario = wanted.scenario
-    trajectory = campaign.simulate(bench, scenario)
+    trajectory = simulated(pairing, scenario)
     result = named(wanted, judge(conditions.rules, wanted, trajectory))
     plain = case_list.case(conditions.rules, wanted.configuration, wanted.system, wanted.test, conditions.seed).scenario
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
     return Simulation(
-        wanted, bench.controller.name, trajectory, result, varied, kind(result, conditions.rules.stability)
+        wanted, pairing.controller.name, trajectory, result, varied, kind(result, conditions.rules.stability)
     )
 
 
@@ -42,9 +42,9 @@ def export_ssp(conditions: Conditions, controller: Controller, case: Case | str,
     if conditions.plant not in (AUTO, PYTHON, NATIVE):
         message = f"The package holds the benchmark's manipulator, in the place of {conditions.plant}: leave that out."
         raise InputError(message, "no-ssp", conditions.plant)
-    bench, wanted = conditions.sampled(controller, case)
+    pairing, wanted = conditions.sampled(controller, case)
     scenario, pose = wanted.scenario, wanted.configuration
     at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
     plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
     steady = Steady(at.q_m, at.u_m, at.q_a)
-    write_bytes(file, package(plant, imperfections, bench.controller, bench.setup, scenario, steady))
+    write_bytes(file, package(plant, imperfections, pairing.controller, pairing.setup, scenario, steady))

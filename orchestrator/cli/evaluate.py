@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..api.benchmark import Benchmark
-from ..api.controller import Controller
-from ..api.evaluating import Options
-from ..api.evaluation import Evaluation
 from ..codec import to_json
+from ..pairing.controller import Controller
+from ..reporting.evaluation import Evaluation
 from ..reporting.files import CASES, RESULTS, TRAJECTORIES, seed_folder
 from ..reporting.spread import Spread
 from ..reporting.wording import number
+from ..study.evaluate import Options
 from ..text import file_name
 from . import options, outputs
 from .guard import EXIT_CODES, EXIT_OK
@@ -67,13 +67,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "recordings": outputs.need_recordings(given),
             "keep_going": given.keep_going,
             "force": given.force,
-            "on_result": on_result,
         }
         found: Evaluation | Spread
         if given.seeds:
-            found = bench.spread(controller, given.seeds, folder=folder, on_seed=finish_seed, **shared)
+            found = bench.spread(
+                controller, given.seeds, folder=folder, on_seed=finish_seed, on_result=on_result, **shared
+            )
         else:
-            found = bench.evaluate(controller, folder=folder, **shared)
+            found = bench.evaluate(controller, folder=folder, on_result=on_result, **shared)
             finish(found, folder)
     _print(found, given.json)  # at the end: the reader of standard output may go away
     return max(codes)

@@ -7,8 +7,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..api.evaluation import Evaluation
 from ..errors import InputError
+from ..reporting.evaluation import Evaluation
 from ..reporting.files import FIGURES, MAT, PARQUET, REPORT, write_bytes
 from ..reporting.run import Run
 

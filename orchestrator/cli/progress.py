@@ -7,10 +7,10 @@ from contextlib import ExitStack, contextmanager
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ..api.evaluating import OnResult
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
+from ..study.requests import OnResult
 from .tables import terminal
 
 EVERY = 8

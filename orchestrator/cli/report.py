@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..api.evaluation import Evaluation
 from ..codec import to_json
 from ..errors import InputError
 from ..reporting.documents import Document
+from ..reporting.evaluation import Evaluation
 from ..reporting.files import RESULTS
 from ..reporting.robustness import Robustness
 from ..reporting.run import load_run

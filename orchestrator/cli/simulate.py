@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..api.benchmark import Benchmark
-from ..api.controller import Controller
 from ..api.simulation import Simulation
 from ..benchmark.case import Case
 from ..benchmark.results import Results
@@ -18,6 +17,7 @@ from ..benchmark.variation import Variation
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Status
+from ..pairing.controller import Controller
 from ..reporting import trajectory_files
 from ..reporting.files import prepare_folder
 from ..reporting.run import load_run

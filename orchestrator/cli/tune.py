@@ -9,7 +9,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ..api.tuning import BEST
 from ..benchmark.protocol import names
 from ..codec import to_json
 from ..reporting.files import REPORT, TUNING
@@ -17,6 +16,7 @@ from ..reporting.tuning import Tuning, best_rows, parameter_rows, tuning_remarks
 from ..reporting.wording import number
 from ..search.candidates import Trial
 from ..search.proposals import SAMPLERS
+from ..study.tune import BEST
 from ..text import printable
 from . import options
 from .evaluate import folder_name

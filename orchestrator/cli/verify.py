@@ -14,11 +14,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ..api.benchmark import Benchmark
-from ..api.reference import IN_C, USUAL
 from ..benchmark.certificate import Score
 from ..cache import VARIABLE
 from ..codec import to_json
 from ..errors import InputError
+from ..pairing.reference import IN_C, USUAL
 from ..reporting.certificates import Verification, differences
 from ..reporting.files import prepare_folder
 from ..reporting.reasons import verification_reasons

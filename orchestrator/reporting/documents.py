@@ -11,7 +11,7 @@ import msgspec
 from ..benchmark.results import Rules
 from ..codec import Malformed, Struct, from_json, to_json
 from ..errors import InputError
-from .files import prepare_folder, write_text
+from .files import prepare_folder, remove, write_text
 from .wording import SHOWN
 
 CRITERIA = {f"B{number}" for number in range(1, 8)}
@@ -22,20 +22,24 @@ D = TypeVar("D", bound="Document")
 
 class Document(Struct):
     """Base of results that are saved as ``FILE``; ``schema`` names their form, ``MISSING`` is the code of the
-    error if there is no file."""
+    error if there is no file, ``DERIVED`` are the files that are made of it, and of no other."""
 
     FILE: ClassVar[str]
     SCHEMA: ClassVar[str]
     MISSING: ClassVar[str] = "no-run"
+    DERIVED: ClassVar[tuple[str, ...]] = ()
 
     schema: str
 
     def save(self, folder: str | Path) -> Path:
-        """Write the file into ``folder``, which is created if missing; returns ``folder``.
+        """Write the file into ``folder``, which is created if missing; returns ``folder``. What was made of another
+        one there is removed.
 
         Raises :class:`InputError` if it cannot be written to, :class:`EnvironmentFault` if the disk is full.
         """
         prepare_folder(Path(folder))
+        for name in self.DERIVED:
+            remove(Path(folder) / name)
         write_text(Path(folder) / self.FILE, to_json(self) + "\n")
         return Path(folder)
 

@@ -18,7 +18,7 @@ from ..search.findings import (
     Step,
 )
 from .documents import Document, rules_problem, unit_problem
-from .files import ROBUSTNESS, write_text
+from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
 from .recording import load as load_recordings
 from .wording import SHOWN, number
 
@@ -33,6 +33,7 @@ class Robustness(Document, kw_only=True):
 
     FILE: ClassVar[str] = ROBUSTNESS
     SCHEMA: ClassVar[str] = "flexible-manipulator-robustness/1"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT, TRAJECTORIES)
 
     benchmark: str
     protocol: str

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
+from .findings import Step
 from .member import Member
 from .target import Target, height
 
-Ask = Callable[[Sequence[Member]], list[CaseResult]]
-"""Simulates members."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Ask:
+    """Asks for the results of ``members``, in their order."""
+
+    members: tuple[Member, ...]
+
+
+Asking = Generator[Ask | Step, Any, T]
+"""What asks for simulations, and is sent their results; and tells each stage, and is sent whether to go on."""
 
 
 @dataclass(frozen=True)
@@ -20,14 +32,14 @@ class Archive:
     """Members with their results; each is simulated once."""
 
     protocol: Protocol
-    ask: Ask
     found: dict[Member, CaseResult] = field(default_factory=dict)
 
-    def results(self, members: Sequence[Member]) -> list[CaseResult]:
-        """Results of ``members``, those that are not known simulated."""
-        new = list(dict.fromkeys(member for member in members if member not in self.found))
+    def results(self, members: Sequence[Member]) -> Asking[list[CaseResult]]:
+        """Results of ``members``; asks for those that are not known."""
+        new = tuple(dict.fromkeys(member for member in members if member not in self.found))
         if new:
-            self.found.update(zip(new, self.ask(new), strict=True))
+            results: Sequence[CaseResult] = yield Ask(new)
+            self.found.update(zip(new, results, strict=True))
         return [self.found[member] for member in members]
 
     def heights(self, target: Target) -> Iterator[tuple[float, Member]]:

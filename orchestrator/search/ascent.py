@@ -15,7 +15,7 @@ import numpy as np
 
 from ..benchmark.protocol import Protocol
 from ..loop.random_streams import stable_stream
-from .archive import Archive
+from .archive import Archive, Asking
 from .member import Member, loose, names, symbol_of
 from .target import Target, height
 
@@ -87,9 +87,11 @@ def single_effects(member: Member, protocol: Protocol) -> dict[tuple[str, float]
     return found
 
 
-def climb(archive: Archive, wanted: Sequence[Target], budget: int, seed: int, told: Callable[[str], bool]) -> None:
+def climb(
+    archive: Archive, wanted: Sequence[Target], budget: int, seed: int, note: Callable[[str], Asking[bool]]
+) -> Asking[None]:
     """Search for all ``wanted`` targets at once for ``budget`` simulations, beginning with what ``archive`` holds;
-    ``told`` after each round, whether to go on."""
+    ``note`` is asked after each round whether to go on."""
     protocol, begin = archive.protocol, len(archive.found)
     streams = {target: stable_stream((seed, zlib.crc32(target.name.encode()))) for target in wanted}
     number = 0
@@ -100,9 +102,9 @@ def climb(archive: Archive, wanted: Sequence[Target], budget: int, seed: int, to
             for target, parent in parents.items()
             for child in children(loose(parent, protocol), protocol, streams[target])
         ]
-        archive.results(generation)
+        yield from archive.results(generation)
         number += 1
-        if not generation or not told(f"round {number}"):
+        if not generation or not (yield from note(f"round {number}")):
             return
 
 
@@ -111,12 +113,12 @@ def explored(protocol: Protocol) -> int:
     return 2 * len(protocol.uncertainty) + 2
 
 
-def explore(archive: Archive, target: Target, start: Member) -> None:
+def explore(archive: Archive, target: Target, start: Member) -> Asking[None]:
     """The first two steps of a search without a list: each parameter alone at both ends, then all at the worse."""
     protocol = archive.protocol
     alone = single_effects(start, protocol)
-    results = archive.results([start, *alone.values()])
+    results = yield from archive.results([start, *alone.values()])
     heights = dict(zip(alone, (height(target, result, protocol.stability) for result in results[1:]), strict=True))
     worse = {symbol: max((-1.0, 1.0), key=lambda sign: heights[symbol, sign]) for symbol in protocol.uncertainty}
     deviations = tuple((name, worse[symbol_of(name)]) for name in names(protocol))
-    archive.results([replace(start, deviations=deviations)])
+    yield from archive.results([replace(start, deviations=deviations)])

@@ -9,13 +9,13 @@ for any number of processes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Rules, Scorecard
 from ..benchmark.scorecard import kind, score
-from .archive import Archive
+from .archive import Archive, Asking
 from .ascent import climb, explore, explored
 from .findings import (
     ConfigurationFound,
@@ -40,9 +40,8 @@ CONFIRMED = 0.25
 
 @dataclass
 class Hunt:
-    """A search: what it may ask, the members of the protocol's list, what is wanted, how a member's case is repeated,
-    and whom to tell what stage it is in, how many simulations there were and the worst values; the answer is whether to
-    go on. ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
+    """A search: what is known, the members of the protocol's list, what is wanted, and how a member's case is repeated.
+    ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
     ``limit`` is the number of simulations at which the stage's share of the ``budget`` ends."""
 
     archive: Archive
@@ -50,7 +49,6 @@ class Hunt:
     listed: Sequence[Member]
     wanted: Sequence[Target]
     command: Callable[[Member], str]
-    told: Callable[[str, int, Mapping[str, float | None]], bool]
     budget: int
     path: list[Step] = field(default_factory=list)
     shown: dict[Member, list[str]] = field(default_factory=dict)
@@ -77,14 +75,15 @@ class Hunt:
         self.cut = self.cut or bool(dropped)
         return [member for member in members if member not in dropped]
 
-    def note(self, stage: str) -> bool:
-        """Write down what is known at the end of a stage; returns whether to go on."""
+    def note(self, stage: str) -> Asking[bool]:
+        """Write down what is known at the end of a stage; asks, and returns, whether to go on."""
         if self.cut:
             self.cut_short.append(stage)
         self.cut = False
         worst = {target.name: self.archive.height(target) for target in self.wanted}
         self.path.append(Step(stage, len(self.archive.found), worst))
-        self.complete = self.complete and self.told(stage, len(self.archive.found), worst)
+        goes_on: bool = yield self.path[-1]
+        self.complete = self.complete and goes_on
         return self.complete
 
 
@@ -93,27 +92,27 @@ def least(protocol: Protocol, listed: Sequence[object], wanted: Sequence[Target]
     return len(listed) or len({target.test for target in wanted}) * explored(protocol)
 
 
-def search(hunt: Hunt, seed: int) -> None:
+def search(hunt: Hunt, seed: int) -> Asking[None]:
     """Simulate the list, then climb from its worst cases; without a list, from the nominal system."""
     archive, wanted = hunt.archive, hunt.wanted
-    archive.results(hunt.listed)
+    yield from archive.results(hunt.listed)
     if not hunt.listed:
         start = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(hunt.protocol)))
         for target in {target.test: target for target in wanted}.values():
-            explore(archive, target, replace(start, test=target.test))
+            yield from explore(archive, target, replace(start, test=target.test))
     share = SEARCHED if hunt.listed else SEARCHED_ALONE
-    if hunt.note("list" if hunt.listed else "each parameter alone"):
-        climb(archive, wanted, int(share * (hunt.budget - len(archive.found))), seed, hunt.note)
+    if (yield from hunt.note("list" if hunt.listed else "each parameter alone")):
+        yield from climb(archive, wanted, int(share * (hunt.budget - len(archive.found))), seed, hunt.note)
 
 
-def spread(hunt: Hunt) -> None:
+def spread(hunt: Hunt) -> Asking[None]:
     """The worst members of the heaviest criteria at every configuration: eq. (14) wants the maximum at each."""
     poses = dict.fromkeys(member.q_a for member in hunt.listed)
     hunt.allot(CONFIRMED)
-    hunt.archive.results(
+    yield from hunt.archive.results(
         hunt.afford([replace(member, q_a=q_a) for member in worst_members(hunt).values() for q_a in poses])
     )
-    hunt.note("all configurations")
+    yield from hunt.note("all configurations")
 
 
 def worst_members(hunt: Hunt) -> dict[Target, Member]:
@@ -174,7 +173,7 @@ def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
     )
 
 
-def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
+def requirements(hunt: Hunt) -> Asking[dict[str, RequirementFound]]:
     """The requirements, each with the worst case found, which is tried with other noise where it fails."""
     protocol = hunt.protocol
     found = {}
@@ -188,20 +187,20 @@ def requirements(hunt: Hunt) -> dict[str, RequirementFound]:
             known, limits = hunt.archive.found, protocol.stability
             # A simulation that crashed has no height, but fails all the same.
             _, worst = max(members, key=lambda pair: (fails(known[pair[1]], limits), pair[0]))
-            found[name] = _judged(hunt, worst, all(known[member].judged for _, member in members))
+            found[name] = yield from _judged(hunt, worst, all(known[member].judged for _, member in members))
             test = protocol.test(worst.test)
             if known[worst].simulated:
                 hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
-    hunt.note("other noise")
+    yield from hunt.note("other noise")
     return found
 
 
-def _judged(hunt: Hunt, worst: Member, whole: bool) -> RequirementFound:
+def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementFound]:
     """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
     limits = hunt.protocol.stability
-    (result,) = hunt.archive.results([worst])
+    (result,) = yield from hunt.archive.results([worst])
     broken = fails(result, limits)
-    failed, tried = other_noise(hunt, worst) if broken and result.simulated else (0, 0)
+    failed, tried = (yield from other_noise(hunt, worst)) if broken and result.simulated else (0, 0)
     figures = result.measurements
     return RequirementFound(
         passed=False if broken else True if whole else None,
@@ -216,13 +215,13 @@ def _judged(hunt: Hunt, worst: Member, whole: bool) -> RequirementFound:
     )
 
 
-def other_noise(hunt: Hunt, member: Member) -> tuple[int, int]:
+def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
     """With how many of the other realizations of the noise a member fails, and how many were tried."""
-    results = hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
+    results = yield from hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
 
 
-def effects(hunt: Hunt) -> tuple[Effect, ...]:
+def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
     """How the largest values of the heaviest criteria change with each parameter at its other end."""
     found = []
     hunt.allot(CONFIRMED)
@@ -232,13 +231,13 @@ def effects(hunt: Hunt) -> tuple[Effect, ...]:
             name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
         }
         tried = hunt.afford([own, *others.values()])
-        results = dict(zip(tried, hunt.archive.results(tried), strict=True))
+        results = dict(zip(tried, (yield from hunt.archive.results(tried)), strict=True))
         for name, member in others.items():
             if own in results and member in results:
                 found.append(
                     Effect(name, signs[name], target.name, _change(results[own], results[member], target.name))
                 )
-    hunt.note("effects")
+    yield from hunt.note("effects")
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..benchmark.protocol import Protocol
+from .archive import Asking
 from .findings import Margin, Radius
 from .hunt import SEEDS, Hunt, card, costs, other_noise, worst_at_each
 from .member import Member, loose
@@ -42,7 +43,7 @@ class Race(NamedTuple):
     at: Callable[[Member, Any], Member]
 
 
-def margins(hunt: Hunt) -> dict[str, Margin]:
+def margins(hunt: Hunt) -> Asking[dict[str, Margin]]:
     """Gain up and down and delay of each axis, worst over the members nearest to failing in that axis' tests."""
     found = {}
     after = STABILITY + COST if _whole(hunt) else 0
@@ -52,9 +53,9 @@ def margins(hunt: Hunt) -> dict[str, Margin]:
         for entry in entries:
             hunt.allot(1 / (left + after))
             left -= 1
-            if (margin := _margin(hunt, entry)) is not None:
+            if (margin := (yield from _margin(hunt, entry))) is not None:
                 found[entry.name] = margin
-        hunt.note(f"margins of axis {axis}")
+        yield from hunt.note(f"margins of axis {axis}")
     return found
 
 
@@ -82,18 +83,18 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
     return Target(name, name)
 
 
-def _margin(hunt: Hunt, entry: Race) -> Margin | None:
+def _margin(hunt: Hunt, entry: Race) -> Asking[Margin | None]:
     """The margin, within the stage's share; None if that does not last for a single member."""
     limit, members = float(entry.scale[-1]), _contenders(hunt, entry.target)
     share, hunt.limit = hunt.limit, hunt.limit - len(SEEDS)
     if members and not hunt.afford([entry.at(members[0], entry.scale[-1])]):
         return None
-    found = race(members, entry.scale, entry.at, lambda tried: _fail(hunt, tried))
+    found = yield from race(members, entry.scale, entry.at, lambda tried: _fail(hunt, tried))
     hunt.limit = share
     if found is None:
         return Margin(None, limit)
     step, member = found
-    failed, tried = other_noise(hunt, member)
+    failed, tried = yield from other_noise(hunt, member)
     return Margin(float(entry.scale[step]), limit, failed, tried, hunt.command(member))
 
 
@@ -109,10 +110,10 @@ def _contenders(hunt: Hunt, target: Target) -> list[Member]:
     return found
 
 
-def _fail(hunt: Hunt, members: Sequence[Member]) -> list[bool]:
+def _fail(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
     """Whether members are known to fail: one that the stage's share does not last for is not."""
     tried = set(hunt.afford(members))
-    hunt.archive.results([member for member in members if member in tried])
+    yield from hunt.archive.results([member for member in members if member in tried])
     return [member in tried and fails(hunt.archive.found[member], hunt.protocol.stability) for member in members]
 
 
@@ -121,7 +122,7 @@ def _whole(hunt: Hunt) -> bool:
     return bool(hunt.listed) and len(hunt.wanted) == len(targets(hunt.protocol))
 
 
-def radius(hunt: Hunt) -> Radius | None:
+def radius(hunt: Hunt) -> Asking[Radius | None]:
     """The factors on all half-widths at which V passes its target and at which a requirement fails; None for a search
     for less than that, or without a list, or if the budget does not last for it."""
     if not _whole(hunt):
@@ -134,21 +135,21 @@ def radius(hunt: Hunt) -> Radius | None:
     hunt.allot(STABILITY / (STABILITY + COST))
     stability = [target for target in hunt.wanted if not target.criterion]
     members = [member for target in stability for member in _contenders(hunt, target)[:CONTENDERS]]
-    broken = any(_fail(hunt, members))  # then the radius is below 1, whatever happens beyond
+    broken = any((yield from _fail(hunt, members)))  # then the radius is below 1, whatever happens beyond
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
     lasts = not members or bool(hunt.afford([scaled(members[0], scale[-1])]))
-    found = race(members, scale, scaled, lambda tried: _fail(hunt, tried))
-    hunt.note("radius of stability")
+    found = yield from race(members, scale, scaled, lambda tried: _fail(hunt, tried))
+    yield from hunt.note("radius of stability")
     hunt.allot(1.0)
     try:
-        cost = _radius_of_cost(hunt, scaled)
+        cost = yield from _radius_of_cost(hunt, scaled)
     except Spent:
         lasts = False
-    hunt.note("radius of V")
+    yield from hunt.note("radius of V")
     return Radius(cost, None if found is None else SCALES[found[0]], SCALES[-1]) if lasts else None
 
 
-def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> float | None:
+def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> Asking[float | None]:
     """By bisection: at 1 V of all that was found, else with the worst members of each configuration.
 
     Raises :class:`Spent` if the stage's share does not even last for the first steps.
@@ -157,28 +158,28 @@ def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> fl
     quiet = [member for member in hunt.listed if not hunt.protocol.test(member.test).disturbed]
     steps = (0.0, *SCALES)
 
-    def too_much(step: int) -> bool:
+    def too_much(step: int) -> Asking[bool]:
         if step == one:
             cost, _ = costs(hunt)
         else:
             members = [scaled(member, steps[step]) for member in worst]
             if len(hunt.afford(members)) < len(members):
                 raise Spent
-            hunt.archive.results(members)
+            yield from hunt.archive.results(members)
             cost = card(hunt, [*members, *quiet]).cost
         return cost is None or cost > hunt.rules.cost.target
 
     low, one, high = -1, steps.index(1.0), len(steps) - 1
     if not worst:
         return None
-    if too_much(one):
+    if (yield from too_much(one)):
         high = one
-    elif too_much(high):
+    elif (yield from too_much(high)):
         low = one
     else:
         return None
     with suppress(Spent):
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (low, middle) if too_much(middle) else (middle, high)
+            low, high = (low, middle) if (yield from too_much(middle)) else (middle, high)
     return steps[high]

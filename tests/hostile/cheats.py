@@ -55,7 +55,7 @@ BODIES = {
     "forged": """
         wanted = variable("wanted")
         if t > 0.1 and hasattr(wanted, "protocol"):
-            from orchestrator.api.work import expected
+            from orchestrator.pairing.work import expected
             from orchestrator.benchmark.results import Judgement, Measurements
             from orchestrator.codec import pack
             from orchestrator.execution.messages import Finished, frame

@@ -2,20 +2,23 @@
 
 import functools
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from orchestrator.api import campaign
-from orchestrator.api.campaign import FULL_LENGTH, Bench, CaseRun
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.case import Case
 from orchestrator.benchmark.cases import cases
-from orchestrator.execution import pool
+from orchestrator.execution import pool, store
 from orchestrator.execution.job import Job
 from orchestrator.fmi.archive import open_archive
+from orchestrator.pairing.pairing import FULL_LENGTH, Pairing
+from orchestrator.pairing.runs import CaseRun
+from orchestrator.study import batch
+from orchestrator.study.requests import STRIKES, Batch, Entry
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from .commands import ROOT
@@ -47,24 +50,32 @@ def short_cases(durations: Sequence[Fraction]) -> list[Case]:
     ]
 
 
-def bench(plant: Path, controller: Path, limit: float = PLENTY, **changes: Any) -> Bench:
+def bench(plant: Path, controller: Path, limit: float = PLENTY, **changes: Any) -> Pairing:
     """The plant with a controller; a struck case may take ``limit`` seconds, longer ones more in proportion."""
-    opened = Bench(open_archive(plant), open_archive(controller), timeout=limit * FULL_LENGTH / float(STRUCK))
+    opened = Pairing(open_archive(plant), open_archive(controller), timeout=limit * FULL_LENGTH / float(STRUCK))
     return replace(opened, **changes)
 
 
-def run(bench: Bench, chosen: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseRun]:
+def run(bench: Pairing, chosen: Sequence[Case], workers: int = 1, keep_going: bool = True) -> list[CaseRun]:
     """The runs in the order of the cases ``chosen``."""
-    execute = functools.partial(pool.run, workers=workers)
-    return runs_of(campaign.run_cases(PROTOCOL, chosen, bench, execute, (), keep_going))
+    return answered(bench, chosen, functools.partial(pool.run, workers=workers), keep_going)
 
 
-def runs_of(stream: Iterable[tuple[int, CaseRun]]) -> list[CaseRun]:
-    """The runs of a campaign in the order of their cases."""
-    return [run for _, run in sorted(stream, key=lambda entry: entry[0])]
+def answered(
+    bench: Pairing,
+    chosen: Sequence[Case],
+    execute: batch.Execute,
+    keep_going: bool = False,
+    at_once: CaseRun | None = None,
+    known: store.Store | None = None,
+) -> list[CaseRun]:
+    """The runs of the cases ``chosen``, in their order, if ``execute`` runs the jobs."""
+    entry = Entry(PROTOCOL, bench, tuple(chosen), None if keep_going else STRIKES, at_once=at_once)
+    with store.opened(None) if known is None else nullcontext(known) as results:
+        return batch.run(Batch((entry,)), execute, results)[0]
 
 
-def job(bench: Bench, function: str, *tasks: bytes, limit: float = 60.0) -> Job:
+def job(bench: Pairing, function: str, *tasks: bytes, limit: float = 60.0) -> Job:
     """A job of ``function`` in :mod:`hostile.works`, whose values are not decoded."""
     return Job(
         bench.plant,

@@ -5,7 +5,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from orchestrator.api import work
 from orchestrator.benchmark import cases, protocol
 from orchestrator.benchmark.case import Case
 from orchestrator.codec import pack
@@ -17,6 +16,7 @@ from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.scenario import Scenario
 from orchestrator.loop.setup import Setup
 from orchestrator.loop.trajectory import Trajectory
+from orchestrator.pairing import work
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 T_S = Fraction(1, 4000)

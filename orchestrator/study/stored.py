@@ -15,8 +15,9 @@ from ..cache import computing_code
 from ..codec import Malformed, NonNegative, Struct, from_json, to_json
 from ..execution.store import Store
 from ..loop.trajectory import Status
-from .campaign import Bench, CaseRun
-from .work import check_judgement
+from ..pairing.pairing import Pairing
+from ..pairing.runs import CaseRun
+from ..pairing.work import check_judgement
 
 LASTING = (Status.DONE, Status.UNSTABLE)
 """What depends on the key alone; a failure may depend on the conditions, too: a timeout on the time limit."""
@@ -31,16 +32,16 @@ class StoredRun(Struct, frozen=True):
     conditions: str
 
 
-def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> list[str]:
+def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[str]:
     """For each case, the key of its result: a hash of the FMUs' bytes, their parameters, the scenario, how it is
     judged, and the code that simulates and judges it. It does not depend on which other cases the protocol has."""
     common = [
         protocol.benchmark,
         computing_code(),
-        bench.plant.sha256,
-        bench.controller.sha256,
-        sorted(bench.setup.parameters.items()),
-        sorted(bench.setup.mapping.items()),
+        pairing.plant.sha256,
+        pairing.controller.sha256,
+        sorted(pairing.setup.parameters.items()),
+        sorted(pairing.setup.mapping.items()),
         to_json([protocol.settling, protocol.stability]),
     ]
     begin = hashlib.sha256(json.dumps(common).encode())
@@ -54,7 +55,7 @@ def keys(protocol: Protocol, cases: Sequence[Case], bench: Bench) -> list[str]:
 
 
 def load(
-    store: Store, keys: Sequence[str], protocol: Protocol, cases: Sequence[Case], bench: Bench, failures: bool
+    store: Store, keys: Sequence[str], protocol: Protocol, cases: Sequence[Case], pairing: Pairing, failures: bool
 ) -> dict[int, CaseRun]:
     """The stored runs of ``cases`` by number: those that last, and ``failures`` under the same conditions."""
     records = store.get(keys)
@@ -63,12 +64,12 @@ def load(
         with contextlib.suppress(KeyError, Malformed):  # a record that makes no sense is none
             stored = from_json(records[key], StoredRun)
             check_judgement(protocol, case, stored.judgement)
-            if stored.judgement.status in LASTING or (failures and stored.conditions == bench.conditions):
+            if stored.judgement.status in LASTING or (failures and stored.conditions == pairing.conditions):
                 found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, stored.kind)
     return found
 
 
-def keep(store: Store, key: str, run: CaseRun, bench: Bench) -> None:
+def keep(store: Store, key: str, run: CaseRun, pairing: Pairing) -> None:
     """Store a run that says something about the controller."""
     if run.result.judged:
         result = run.result
@@ -79,5 +80,5 @@ def keep(store: Store, key: str, run: CaseRun, bench: Bench) -> None:
             measurements=result.measurements,
             warnings=result.warnings,
         )
-        stored = StoredRun(judgement, run.wall_time, run.kind, bench.conditions)
+        stored = StoredRun(judgement, run.wall_time, run.kind, pairing.conditions)
         store.put(key, run.case.id, to_json(stored, indent=None).encode())

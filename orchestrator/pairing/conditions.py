@@ -5,8 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
@@ -20,14 +19,12 @@ from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
 from ..errors import InputError
-from ..execution import cluster, pool, store
+from ..execution import cluster
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
-from ..reporting.files import prepare_folder
-from .campaign import Bench, Execute
 from .controller import Controller
+from .pairing import Pairing
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
-from .running import Runner
 
 
 def available_cores() -> int:
@@ -112,36 +109,23 @@ class Conditions:
         """How many processes at a time."""
         return self.workers or available_cores()
 
-    @property
-    def execute(self) -> Execute:
-        """What runs jobs: processes of this machine, or the scheduler's."""
-        if self.scheduler:
-            return functools.partial(cluster.run, address=self.scheduler, wait=self.wait)
-        return functools.partial(pool.run, workers=self.processes)
-
-    def bench(self, controller: Controller) -> Bench:
+    def pairing(self, controller: Controller) -> Pairing:
         """Manipulator and controller, and the conditions they run under."""
         limits = Limits(memory=int(self.memory_limit))
-        return Bench(self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox)
+        return Pairing(
+            self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox
+        )
 
-    def prepared(self, controller: Controller | None) -> tuple[Controller, Bench, Fraction, tuple[Case, ...]]:
-        """The controller, by default the paper's PID, with its bench, its sample time [s] and all cases at that."""
+    def prepared(self, controller: Controller | None) -> tuple[Controller, Pairing, Fraction, tuple[Case, ...]]:
+        """The controller, by default the paper's PID, with its pairing, its sample time [s] and all cases at that."""
         controller = controller or Controller()
-        bench = self.bench(controller)
-        T_s = controller_sample_time(bench.controller, self.rules.sample_time, controller.given_sample_time).value
-        return controller, bench, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
+        pairing = self.pairing(controller)
+        T_s = controller_sample_time(pairing.controller, self.rules.sample_time, controller.given_sample_time).value
+        return controller, pairing, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)
 
-    def sampled(self, controller: Controller, case: Case | str) -> tuple[Bench, Case]:
+    def sampled(self, controller: Controller, case: Case | str) -> tuple[Pairing, Case]:
         """A case, sampled by the controller."""
-        bench = self.bench(controller)
+        pairing = self.pairing(controller)
         wanted = self.case(case) if isinstance(case, str) else case
-        T_s = controller_sample_time(bench.controller, wanted.scenario.sample_time, controller.given_sample_time)
-        return bench, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))
-
-    @contextmanager
-    def runner(self, bench: Bench, folder: Path | None, keep_going: bool = False) -> Iterator[Runner]:
-        """What runs cases, with the store in ``folder``, which is created if missing."""
-        if folder is not None:
-            prepare_folder(folder)
-        with store.opened(folder) as known:
-            yield Runner(self.rules, bench, self.execute, known, keep_going)
+        T_s = controller_sample_time(pairing.controller, wanted.scenario.sample_time, controller.given_sample_time)
+        return pairing, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Requirement, Results
-from ..reporting.files import prepare_folder
-from ..reporting.recording import Recording
-from ..reporting.run import Run, load_run, save_run
-from ..reporting.wording import VERDICTS
+from .files import prepare_folder
+from .recording import Recording
+from .run import Run, load_run, save_run
+from .wording import VERDICTS
 
 if TYPE_CHECKING:
     import pandas
@@ -67,7 +67,7 @@ class Evaluation:
         """One row per case, the columns of ``cases.csv``. Needs the package pandas (the extra ``pandas``)."""
         from pandas import DataFrame
 
-        from ..reporting.tables import case_table
+        from .tables import case_table
 
         return DataFrame(case_table(self.results))
 
@@ -88,8 +88,8 @@ class Evaluation:
 
     def report(self, file: str | Path) -> Path:
         """Write the report, one HTML page that needs no network."""
-        from ..reporting.files import write_text
-        from ..reporting.report_page import report_html
+        from .files import write_text
+        from .report_page import report_html
 
         write_text(Path(file), report_html(self._run()))
         return Path(file)
@@ -99,7 +99,7 @@ class Evaluation:
 
         Returns the names of the figures drawn, and of those for which no trajectories were recorded.
         """
-        from ..reporting.figures import write_figures
+        from .figures import write_figures
 
         prepare_folder(Path(folder))
         return write_figures(self._run(), Path(folder))
@@ -108,7 +108,7 @@ class Evaluation:
         return Run(self.results, self.recordings)
 
     def _repr_html_(self) -> str:
-        from ..reporting.fragments import results_fragment
+        from .fragments import results_fragment
 
         return results_fragment(self.results)
 

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from ..benchmark.results import Requirement, rules
 from ..errors import Crash, FmuError, InputError
-from ..execution import store
-from ..fmi.variables import variables
-from ..reporting.files import prepare_folder, remove, write_text
+from ..pairing import records
+from ..pairing.conditions import Conditions
+from ..pairing.controller import Controller
 from ..reporting.recording import BESIDE
 from ..reporting.repeat import simulate_command
 from ..reporting.robustness import Robustness
 from ..reporting.tuning import Best, Judged, Tuning
 from ..search.candidates import Range, Trial, check_range
-from ..search.proposals import STUDY, Proposals
-from . import campaign, document
-from .conditions import Conditions
-from .controller import Controller
-from .evaluating import evaluate, evaluate_seeds
-from .robustness import search, sought
-from .side_by_side import SideBySide
-from .tuner import Judge, OnTrial, Tuner, Verdict
+from ..search.proposals import Proposals
+from .candidates import values_of
+from .evaluate import evaluate, spread
+from .requests import Now, Save, Study, Write, rehearsed
+from .tuner import Judge, Tuner, Verdict
+from .worst_case import sought, worst_case
 
 logger = logging.getLogger(__name__)
 
@@ -52,13 +49,11 @@ def tune(
     robust: int,
     sampler: str,
     search_seed: int,
-    folder: Path | None,
-    on_trial: OnTrial | None,
-) -> Tuning:
-    """See :meth:`.Benchmark.tune`."""
-    begin = time.perf_counter()
+    record: Path | None,
+) -> Study[Tuning]:
+    """See :meth:`.Benchmark.tune`; ``record`` is the file of the sampler's own record, if there is to be one."""
     short = replace(goal, protocol=objective, seed=goal.seed + SEED)
-    controller, bench, _, cases = short.prepared(controller)
+    controller, pairing, _, cases = short.prepared(controller)
     vary = ranges(given)
     start = values_of(controller, vary)
     if trials < 1:
@@ -72,40 +67,35 @@ def tune(
     for name, own in vary.items():
         if not own.low <= start[name] <= own.high:
             logger.warning("%s is %g, out of its range: the search begins at %g.", name, start[name], begin_at[name])
-    if folder is not None:
-        prepare_folder(folder)
-        remove(folder / BEST)  # of another search
 
-    with store.opened(folder) as known:
-        proposals = Proposals(vary, begin_at, sampler, search_seed, None if folder is None else folder / STUDY)
-        first = short.bench(controller.with_parameters(begin_at))
-        if (failure := campaign.rehearse(cases[0], first).failure) is not None:
-            raise Crash(failure.result.message)
-        tuner = Tuner(
-            SideBySide(short.rules, short.execute, known),
-            lambda values: short.bench(controller.with_parameters(values)),
-            judge(goal, controller, strict, robust, folder),
-            proposals,
-            list(cases),
-            on_trial,
-        )
-        tuner.search(trials)
-        best = tuner.best()
-        draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
-        held_out = None if best is None else tuner.held_out(best, draws)
+    begin = yield Now()
+    yield Write(BEST, None)  # of another search
+    proposals = Proposals(vary, begin_at, sampler, search_seed, record)
+    yield from rehearsed(short.pairing(controller.with_parameters(begin_at)), cases[0])
+    tuner = Tuner(
+        short.rules,
+        lambda values: short.pairing(controller.with_parameters(values)),
+        _judge(goal, controller, strict, robust),
+        proposals,
+        list(cases),
+    )
+    yield from tuner.search(trials)
+    best = yield from tuner.best()
     found = None
-    if best is not None and held_out is not None:
+    if best is not None:
+        draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
+        held_out = yield from tuner.held_out(best, draws)
         chosen = controller.with_parameters(best.values)
-        if folder is not None:
-            lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
-            write_text(folder / BEST, "".join(["[parameters]\n", *lines]))
-        whole = evaluate(goal, chosen, folder=_in(folder, _name(best)), keep_going=True)
+        lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
+        yield Write(BEST, "".join(["[parameters]\n", *lines]))
+        whole = yield from evaluate(goal, chosen, inside=_name(best), keep_going=True)
         others = [goal.seed + each for each in SEEDS]
-        seeds = evaluate_seeds(goal, chosen, others, _in(folder, "seeds"), None, recordings=False)
-        listed = evaluate(list_of, chosen, folder=_in(folder, "strict"), recordings=False, keep_going=True)
+        seeds = yield from spread(goal, chosen, others, inside="seeds", recordings=False)
+        listed = yield from evaluate(list_of, chosen, inside="strict", recordings=False, keep_going=True)
         broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
-        found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, not_judged(listed.requirements))
-    return Tuning(
+        found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, _not_judged(listed.requirements))
+    end = yield Now()
+    tuning = Tuning(
         schema=Tuning.SCHEMA,
         benchmark=goal.rules.benchmark,
         protocol=goal.rules.name,
@@ -120,20 +110,22 @@ def tune(
             Judged(
                 number,
                 after,
-                found.cost,
-                found.worst_cost,
-                found.broken,
-                tuple(line for _, line in found.counterexamples),
+                verdict.cost,
+                verdict.worst_cost,
+                verdict.broken,
+                tuple(line for _, line in verdict.counterexamples),
             )
-            for number, (after, found) in tuner.judged.items()
+            for number, (after, verdict) in tuner.judged.items()
         ),
         best=found,
         importance=proposals.importance(),
         rules=rules(goal.rules),
-        controller=document.controller_record(bench, controller),
-        plant=document.plant_record(goal.manipulator, goal.plant_parameters),
-        wall_time=time.perf_counter() - begin,
+        controller=records.controller_record(pairing, controller),
+        plant=records.plant_record(goal.manipulator, goal.plant_parameters),
+        wall_time=end.seconds - begin.seconds,
     )
+    yield Save(tuning)
+    return tuning
 
 
 def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]) -> dict[str, Range]:
@@ -148,28 +140,14 @@ def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float,
     return found
 
 
-def values_of(controller: Controller, wanted: Iterable[str]) -> dict[str, float]:
-    """The parameters of a controller by FMI name: the FMU's own values, or as they are set.
-
-    Raises :class:`InputError` if one that is ``wanted`` is not among them.
-    """
-    known = variables(controller.archive.description).values()
-    own = {each.name: each.start[0] for each in known if each.causality == "parameter" and len(each.start) == 1}
-    found = {**own, **controller.setup.parameters}
-    if unknown := sorted(set(wanted) - found.keys()):
-        message = f"{controller.name} has no parameter {unknown[0]}. It has: {', '.join(found) or 'none'}."
-        raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(found))
-    return found
-
-
-def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: int, folder: Path | None) -> Judge:
+def _judge(goal: Conditions, controller: Controller, strict: str | Path, robust: int) -> Judge:
     """What tries a candidate on the whole protocol and, with ``robust`` simulations, searches for its worst case."""
 
-    def verdict(trial: Trial) -> Verdict:
-        candidate, own = controller.with_parameters(trial.values), _in(folder, _name(trial))
+    def verdict(trial: Trial) -> Study[Verdict]:
+        candidate, own = controller.with_parameters(trial.values), _name(trial)
         _, _, _, cases = goal.prepared(candidate)
         try:
-            evaluation = evaluate(goal, candidate, folder=own, recordings=False, keep_going=True)
+            evaluation = yield from evaluate(goal, candidate, inside=own, recordings=False, keep_going=True)
         except FmuError:  # at a pose that the objective does not have, so from now on it has it
             return Verdict(None, None, ("refused",), [(cases[0], "")])
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
@@ -181,13 +159,13 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
         }
         named = {case.id: case for case in cases}
         found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
-        broken += [f"{name} not judged" for name in not_judged(evaluation.requirements)]
+        broken += [f"{name} not judged" for name in _not_judged(evaluation.requirements)]
         if evaluation.cost is None:
             broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
             return Verdict(evaluation.cost, None, tuple(broken), found)
         try:
-            answer, shown = search(goal, candidate, robust, protocol=strict, folder=own)
+            answer, shown = yield from worst_case(goal, candidate, robust, protocol=strict, inside=own)
         except (FmuError, Crash):
             return Verdict(evaluation.cost, None, ("refused in strict",), found)
         for each in shown:
@@ -199,7 +177,7 @@ def judge(goal: Conditions, controller: Controller, strict: str | Path, robust: 
     return verdict
 
 
-def not_judged(requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
+def _not_judged(requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
     """The requirements that the protocol has cases for, but that are not judged."""
     return tuple(name for name, entry in requirements.items() if entry.passed is None and entry.tally.cases)
 
@@ -215,7 +193,3 @@ def _command(answer: Robustness, role: str) -> str:
 def _name(trial: Trial) -> str:
     """The folder of a candidate that is tried on the whole protocol."""
     return f"trial-{trial.number}"
-
-
-def _in(folder: Path | None, name: str) -> Path | None:
-    return None if folder is None else folder / name

@@ -15,12 +15,14 @@ from typing import NamedTuple
 from msgspec import structs
 
 from ..benchmark.case import Case
-from ..benchmark.results import CaseResult, Rules, rules, test_rules
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Rules, rules, test_rules
 from ..benchmark.spread import Statistic, statistic
+from ..pairing.pairing import Pairing
 from ..search.candidates import Trial, measured, trial
 from ..search.proposals import GENERATION, Proposals
-from .campaign import Bench
-from .side_by_side import SideBySide
+from .candidates import attempt
+from .requests import Study, Tell, TrialDone, side_by_side
 
 JUDGED_EVERY = 4
 """Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
@@ -30,9 +32,6 @@ FINALISTS = 5
 
 FIRST_ADDED = 1000
 """From where on the configurations of cases that were added are numbered."""
-
-OnTrial = Callable[[Trial, int, int], None]
-"""Is told each trial as it comes, how many there are, and how many there will be."""
 
 
 class Verdict(NamedTuple):
@@ -45,73 +44,74 @@ class Verdict(NamedTuple):
     counterexamples: Sequence[tuple[Case, str]]
 
 
-Judge = Callable[[Trial], Verdict]
+Judge = Callable[[Trial], Study[Verdict]]
 """Tries a candidate on the whole protocol."""
 
 
 @dataclass
 class Tuner:
-    """A search for parameters: ``bench`` makes a candidate's bench, ``cases`` and ``rules`` are the objective, to which
+    """A search for parameters: ``pairing`` makes a candidate's, ``cases`` of ``protocol`` are the objective, to which
     counterexamples are added. ``judged`` are the verdicts by the trial's number."""
 
-    side_by_side: SideBySide
-    bench: Callable[[Mapping[str, float]], Bench]
+    protocol: Protocol
+    pairing: Callable[[Mapping[str, float]], Pairing]
     judge: Judge
     proposals: Proposals
     cases: list[Case]
-    on_trial: OnTrial | None = None
     trials: list[Trial] = field(default_factory=list)
     judged: dict[int, tuple[int, Verdict]] = field(default_factory=dict)
 
     @property
     def rules(self) -> Rules:
         """How the objective's cases are judged, those that were added as well."""
-        own = rules(self.side_by_side.protocol)
+        own = rules(self.protocol)
         tests = {test.name: test for test in (*map(test_rules, (case.test for case in self.cases)), *own.tests)}
         return structs.replace(own, tests=tuple(tests.values()))
 
-    def search(self, budget: int) -> None:
+    def search(self, budget: int) -> Study[None]:
         """Try ``budget`` candidates, some of them on the whole protocol."""
         worst, generations = math.inf, 0
         while len(self.trials) < budget:
             asked = self.proposals.ask(budget - len(self.trials))
             first = len(self.trials)
-            found = self.attempt(list(enumerate(asked, start=first)), worst)
+            found = yield from self.attempt(list(enumerate(asked, start=first)), worst)
             self.proposals.tell([each.objective for each in found])
             for each in found:
                 self.trials.append(each)
-                if self.on_trial is not None:
-                    self.on_trial(each, len(self.trials), budget)
+                yield Tell(TrialDone(each, len(self.trials), budget))
             # What V alone makes worse than half of the last generation, no sampler builds on.
             worst = statistics.median(each.objective for each in found) if first else worst
             generations += 1
             known = len(self.cases)
             if generations % JUDGED_EVERY == 1:  # from the first on, whose failures all others are then tried with
-                self.holds(self.leaders()[0])
+                leaders = yield from self.leaders()
+                yield from self.holds(leaders[0])
             if len(self.cases) > known:
                 worst = math.inf  # the objective has become another one
 
-    def best(self) -> Trial | None:
+    def best(self) -> Study[Trial | None]:
         """The best candidate that holds A1 to A3 on the whole protocol, of at most FINALISTS that are tried there."""
         for _ in range(FINALISTS):
-            holding = (each for each in self.leaders() if each.holds and self.verdict(each) in (None, True))
+            leaders = yield from self.leaders()
+            holding = (each for each in leaders if each.holds and self.verdict(each) in (None, True))
             leader = next(holding, None)
             if leader is None:
                 break
-            if self.holds(leader):
+            if (yield from self.holds(leader)):
                 return leader
         good = [self.trials[number] for number, (_, verdict) in self.judged.items() if not verdict.broken]
-        again = self.attempt([(each.number, each.values) for each in good], math.inf)
+        again = yield from self.attempt([(each.number, each.values) for each in good], math.inf)
         return min(again, key=lambda each: each.objective, default=None)
 
-    def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> list[Trial]:
+    def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> Study[list[Trial]]:
         """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
-        return attempt(self.side_by_side, self.rules, self.bench, self.cases, asked, worst)
+        pairings = [self.pairing(values) for _, values in asked]
+        return (yield from attempt(self.protocol, self.rules, pairings, self.cases, asked, worst))
 
-    def leaders(self) -> list[Trial]:
+    def leaders(self) -> Study[list[Trial]]:
         """The best candidates in all of the objective's cases, best first."""
         ranked = sorted((each for each in self.trials if not each.cut_short), key=lambda each: each.objective)
-        again = self.attempt([(each.number, each.values) for each in ranked[:GENERATION]], math.inf)
+        again = yield from self.attempt([(each.number, each.values) for each in ranked[:GENERATION]], math.inf)
         for each in again:
             self.trials[each.number] = each
         return sorted(again, key=lambda each: each.objective)
@@ -121,10 +121,10 @@ class Tuner:
         entry = self.judged.get(candidate.number)
         return None if entry is None else not entry[1].broken
 
-    def holds(self, candidate: Trial) -> bool:
+    def holds(self, candidate: Trial) -> Study[bool]:
         """The same, tried now if it has not been; what fails is added to the objective."""
         if candidate.number not in self.judged:
-            verdict = self.judge(candidate)
+            verdict = yield from self.judge(candidate)
             self.judged[candidate.number] = (len(self.trials), verdict)
             for case, _ in verdict.counterexamples:
                 if all(case.scenario != known.scenario for known in self.cases):
@@ -135,34 +135,12 @@ class Tuner:
                     self.cases.append(replace(case, configuration=pose, test=test))
         return not self.judged[candidate.number][1].broken
 
-    def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Statistic:
+    def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Study[Statistic]:
         """V of the objective with other ``draws``, by seed, in place of its own; with the cases that were added."""
-        bench, own = self.bench(candidate.values), self.rules
+        pairing, own = self.pairing(candidate.values), self.rules
         added = [case for case in self.cases if case.configuration.index >= FIRST_ADDED]
         chosen = {seed: measured([*cases, *added])[0] for seed, cases in draws.items()}
-        results = self.side_by_side.run([(bench, cases) for cases in chosen.values()])
+        found = yield side_by_side(self.protocol, [(pairing, cases) for cases in chosen.values()])
+        results = ([run.result for run in runs] for runs in found)
         costs = (trial(own, candidate.number, candidate.values, each, whole=False).cost for each in results)
         return statistic(dict(zip(chosen, costs, strict=True)))
-
-
-def attempt(
-    side_by_side: SideBySide,
-    own: Rules,
-    bench: Callable[[Mapping[str, float]], Bench],
-    cases: Sequence[Case],
-    asked: Sequence[tuple[int, dict[str, float]]],
-    worst: float = math.inf,
-) -> list[Trial]:
-    """Trials of numbered candidates in ``cases``, judged by the rules; those whose V alone exceeds ``worst`` are cut
-    short."""
-    benches = [bench(values) for _, values in asked]
-    performance, requirements = measured(cases)
-    results: list[list[CaseResult]] = [[] for _ in asked]
-    found = [Trial(number, values, 0.0) for number, values in asked]
-    alive = list(range(len(asked)))
-    for stage in (performance, requirements):
-        for place, new in zip(alive, side_by_side.run([(benches[i], stage) for i in alive]), strict=True):
-            results[place] += new
-            found[place] = trial(own, *asked[place], results[place], whole=stage is requirements)
-        alive = [i for i in alive if not found[i].message and found[i].objective <= worst]
-    return found

@@ -8,16 +8,16 @@ from contextlib import closing
 
 from ..execution import pool
 from ..execution.job import Done
+from ..pairing import work
+from ..pairing.pairing import GROUP_SIZE, START_TIME, Pairing
 from ..reporting.recording import Recording
-from . import work
-from .campaign import GROUP_SIZE, START_TIME, Bench
 from .selection import Shown
 
 LARGEST = 1 << 22
 """Bytes of the largest recording, whose signals are thinned out."""
 
 
-def record_shown(wanted: Sequence[Shown], bench: Bench, workers: int) -> tuple[Recording, ...]:
+def record_shown(wanted: Sequence[Shown], pairing: Pairing, workers: int) -> tuple[Recording, ...]:
     """Simulate what a report shows, on ``workers`` processes.
 
     What fails before its first sample, or takes its process with it, is left out: its status stands in the results.
@@ -25,9 +25,9 @@ def record_shown(wanted: Sequence[Shown], bench: Bench, workers: int) -> tuple[R
     count = max(workers, math.ceil(len(wanted) / GROUP_SIZE))
     groups = [group for first in range(count) if (group := wanted[first::count])]
     jobs = [
-        bench.job(
+        pairing.job(
             work.record_case.__name__,
-            [work.RecordTask(bench.setup, each.case, each.roles) for each in group],
+            [work.RecordTask(pairing.setup, each.case, each.roles) for each in group],
             [each.case.scenario for each in group],
             lambda _, value: work.recording(value),
             START_TIME,

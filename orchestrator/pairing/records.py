@@ -12,6 +12,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import (
     SCHEMA,
     BoundRecord,
+    CaseResult,
     ControllerRecord,
     LoopDelay,
     PlantRecord,
@@ -24,8 +25,8 @@ from ..benchmark.scorecard import score
 from ..fmi.archive import Archive
 from ..fmi.connectors import CONTROLLER
 from ..loop.setup import controller_binding
-from .campaign import Bench, CaseRun
 from .controller import Controller
+from .pairing import Pairing
 from .plant import FILE, Plant
 from .work import TimingRecord
 
@@ -36,20 +37,19 @@ def results(
     protocol: Protocol,
     protocol_file: str,
     seed: int,
-    bench: Bench,
+    pairing: Pairing,
     controller: Controller,
     plant: PlantRecord,
     sample_time: Fraction,
     measured: TimingRecord,
-    runs: Sequence[CaseRun],
+    cases: Sequence[CaseResult],
     timing: RunTiming,
 ) -> Results:
-    """The results of ``runs``, in their order.
+    """The results of an evaluation of ``cases``, in their order.
 
     ``measured`` is the controller's timing.
     """
     spec = rules(protocol)
-    cases = tuple(run.result for run in runs)
     card = score(spec, cases)
     return Results(
         schema=SCHEMA,
@@ -61,9 +61,9 @@ def results(
         criteria=card.criteria,
         stability=card.stability,
         configurations=card.configurations,
-        cases=cases,
+        cases=tuple(cases),
         seed=seed,
-        controller=controller_record(bench, controller),
+        controller=controller_record(pairing, controller),
         plant=plant,
         rules=spec,
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
@@ -91,9 +91,9 @@ def environment() -> dict[str, str]:
     }
 
 
-def controller_record(bench: Bench, controller: Controller) -> ControllerRecord:
+def controller_record(pairing: Pairing, controller: Controller) -> ControllerRecord:
     """The controller as it is used."""
-    binding = controller_binding(bench.controller, bench.setup)
+    binding = controller_binding(pairing.controller, pairing.setup)
     connectors = {
         connector.name: BoundRecord(tuple(v.name for v in bound.variables), bound.spelled, bound.notes)
         if (bound := binding.get(connector.name))
@@ -101,8 +101,8 @@ def controller_record(bench: Bench, controller: Controller) -> ControllerRecord:
         for connector in CONTROLLER
     }
     path = "" if controller.file is None else str(controller.file)
-    setup = bench.setup
-    return ControllerRecord(*_fmu(bench.controller), dict(setup.parameters), path, dict(setup.mapping), connectors)
+    setup = pairing.setup
+    return ControllerRecord(*_fmu(pairing.controller), dict(setup.parameters), path, dict(setup.mapping), connectors)
 
 
 def _loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:

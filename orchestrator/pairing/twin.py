@@ -16,7 +16,7 @@ from ..benchmark.protocol import load
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from .built_in import DEFAULT_CONTROLLER, built_in
-from .campaign import Bench, simulate
+from .pairing import Pairing, simulate
 
 PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
 DEFAULT_IN_C = "DiagonalPID_C"
@@ -30,7 +30,7 @@ logger = logging.getLogger(__name__)
 def fastest_plant() -> Archive:
     """The manipulator, in C if that gives the same bits."""
     return _fastest(
-        "The manipulator", PLANT, PLANT_IN_C, lambda plant: Bench(plant, open_archive(built_in(DEFAULT_CONTROLLER)))
+        "The manipulator", PLANT, PLANT_IN_C, lambda plant: Pairing(plant, open_archive(built_in(DEFAULT_CONTROLLER)))
     )
 
 
@@ -40,11 +40,11 @@ def fastest_default() -> Archive:
         "The paper's PID",
         DEFAULT_CONTROLLER,
         DEFAULT_IN_C,
-        lambda controller: Bench(open_archive(built_in(PLANT)), controller),
+        lambda controller: Pairing(open_archive(built_in(PLANT)), controller),
     )
 
 
-def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Bench]) -> Archive:
+def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Pairing]) -> Archive:
     """The FMU ``twin`` if this machine can build it and its build gives, in the case PROOF on its ``bench``, the
     trajectory of the FMU ``name`` in Python to the last bit, which is tried once; else the latter.
 
@@ -70,7 +70,7 @@ def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Bench])
     return native
 
 
-def _are_equal(python: Bench, native: Bench) -> bool:
+def _are_equal(python: Pairing, native: Pairing) -> bool:
     case = case_named(load("paper"), NOMINAL, 0, PROOF)
     try:
         first, second = (simulate(bench, case.scenario) for bench in (python, native))

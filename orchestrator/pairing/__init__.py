@@ -1,0 +1,1 @@
+"""Which plant and which controller are simulated together, and under which conditions."""

@@ -1,0 +1,118 @@
+"""A plant and a controller, simulated together in processes of their own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
+from ..codec import Struct, pack
+from ..errors import Crash
+from ..execution.job import Died, Done, Job, Limits
+from ..execution.messages import error_of
+from ..execution.supervision import run_isolated
+from ..fmi.archive import Archive
+from ..loop.scenario import Scenario
+from ..loop.setup import Setup
+from ..loop.trajectory import Trajectory
+from ..reporting.recording import OBSERVED
+from . import work
+from .runs import account
+
+GROUP_SIZE = 9
+"""Cases a worker runs before it is replaced: enough that its start does not count, few enough that leaks of FMPy and
+of FMUs do not either."""
+
+FULL_LENGTH = 26.0
+"""Simulated time [s] that a time limit is given for; shorter simulations get their share."""
+
+START_TIME = 5.0
+"""Seconds for instantiation and initialization, on top of the share."""
+
+FIRST_START_TIME = 60.0
+"""The same where compiled code may be missing from the cache, at the least."""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """The two FMUs and the conditions they run under.
+
+    ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``apart``, the process of plant
+    and judge never loads the controller.
+    """
+
+    plant: Archive
+    controller: Archive
+    setup: Setup = field(default_factory=Setup)
+    timeout: float = 60.0
+    limits: Limits = field(default_factory=Limits)
+    sandbox: bool = False
+    apart: bool = False
+
+    def job(
+        self,
+        function: str,
+        tasks: Sequence[Struct],
+        scenarios: Sequence[Scenario],
+        decode: Callable[[int, bytes], object],
+        start: float,
+        largest: int = 1 << 16,
+    ) -> Job:
+        """A job of this pairing: ``function`` of :mod:`.work` with one scenario per task for the time limits, on top of
+        ``start`` [s]."""
+        limits = tuple(start + self.timeout * float(scenario.duration) / FULL_LENGTH for scenario in scenarios)
+        return self.raw_job(f"{work.__name__}:{function}", tasks, limits, decode, largest)
+
+    def raw_job(
+        self,
+        function: str,
+        tasks: Sequence[Struct],
+        time_limits: tuple[float, ...],
+        decode: Callable[[int, bytes], object],
+        largest: int = 1 << 16,
+    ) -> Job:
+        """A job of this pairing with any function ("module:name") and time limits [s]."""
+        packed = tuple(map(pack, tasks))
+        own = (self.limits, self.sandbox, self.apart)
+        return Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
+
+    @property
+    def conditions(self) -> str:
+        """What a failure may depend on beside its key: limits, and whether there is a sandbox."""
+        return json.dumps([self.timeout, self.limits.memory, self.limits.output, self.sandbox, self.apart])
+
+
+def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
+    """The trajectory of ``scenario``, simulated in a process of its own.
+
+    Raises :class:`FmuError` if an FMU fails before the first sample, :class:`Crash` if the process ends before the
+    simulation.
+    """
+    job = pairing.job(
+        work.simulate_scenario.__name__,
+        [work.ScenarioTask(pairing.setup, scenario, OBSERVED)],
+        [scenario],
+        lambda _, value: work.trajectory(scenario.samples, OBSERVED, value),
+        FIRST_START_TIME,
+        work.largest_trajectory(scenario),
+    )
+    (outcome,) = run_isolated(job)
+    if isinstance(outcome, Died):
+        raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")
+    if not isinstance(outcome, Done):
+        raise error_of(outcome.error)
+    found: Trajectory = outcome.value
+    return found
+
+
+def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+    """The job that simulates and judges a ``group`` of cases; its values are judgements."""
+    return pairing.job(
+        work.judge_case.__name__,
+        [work.CaseTask(protocol, pairing.setup, case) for case in group],
+        [case.scenario for case in group],
+        lambda index, value: work.judgement(protocol, group[index], value),
+        START_TIME,
+    )

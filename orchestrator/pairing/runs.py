@@ -1,0 +1,67 @@
+"""From what a process had to say, or left behind, to the run of a case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from msgspec import structs
+
+from ..benchmark.case import Case
+from ..benchmark.metrics import named
+from ..benchmark.results import CaseResult, Judgement
+from ..execution.job import Died, Done, Outcome
+from ..fmi.trace import CONTROLLER, PLANT, Place
+from ..loop.scenario import Scenario
+from ..loop.trajectory import Status
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """A case with its result, and the wall time [s] it took. ``kind`` is what went wrong without figures, the same for
+    equal failures; empty if nothing did."""
+
+    case: Case
+    result: CaseResult
+    wall_time: float = 0.0
+    kind: str = ""
+
+
+def case_run(case: Case, outcome: Outcome) -> CaseRun:
+    """The run of a case from what its process had to say, or left behind."""
+    if isinstance(outcome, Done):
+        judgement: Judgement = outcome.value
+        kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
+        return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+    if isinstance(outcome, Died):
+        # What somebody else has ended, or kept from ending in time, is no failure of the controller.
+        status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED
+        outcome = structs.replace(outcome, place=_plausible(outcome.place, case.scenario))
+        time = float(outcome.place.sample * case.scenario.sample_time)
+        judgement = Judgement(status=status, time=time, message=account(outcome, case.scenario))
+        return CaseRun(case, named(case, judgement), outcome.wall_time, outcome.kind)
+    error = outcome.error
+    kind = f"{error.call} failed" if error.call else _first_line(error.message)
+    # Errors are raised before the first sample; a trajectory tells those that come later.
+    judgement = Judgement(status=Status.ERROR, time=0.0, message=error.message)
+    return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+
+
+def account(death: Died, scenario: Scenario) -> str:
+    """How a process died, where its simulation was, and what it had printed."""
+    return "\n  ".join((f"{death.message}, {_whereabouts(death.place, scenario)}", *death.output))
+
+
+def _plausible(place: Place, scenario: Scenario) -> Place:
+    """``place`` within the simulation: it lay in memory that the FMUs can write into."""
+    return replace(place, sample=min(max(place.sample, 0), scenario.samples))
+
+
+def _whereabouts(place: Place, scenario: Scenario) -> str:
+    who = {PLANT: "the plant", CONTROLLER: "the controller"}.get(place.side)
+    if who is None:
+        return "outside any FMI call"
+    return f"in the call '{place.call}' of {who} at t = {float(place.sample * scenario.sample_time):g} s"
+
+
+def _first_line(message: str) -> str:
+    return message.split("\n")[0]

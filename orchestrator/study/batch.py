@@ -1,0 +1,137 @@
+"""Running a batch: what is in the store is found there, the rest becomes jobs, and outcomes become results."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+
+from ..benchmark.metrics import named
+from ..benchmark.results import Judgement
+from ..execution.job import Job, Outcome
+from ..execution.store import Store
+from ..loop.trajectory import Status
+from ..pairing.pairing import GROUP_SIZE, judging
+from ..pairing.runs import CaseRun, case_run
+from . import stored
+from .requests import Batch, Entry
+
+logger = logging.getLogger(__name__)
+
+Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
+"""Runs jobs somewhere; yields (number of the job, outcome) as they come."""
+
+OnRun = Callable[[CaseRun, int, int], None]
+"""Is told each run as it comes, how many there are, and how many there will be."""
+
+
+@dataclass
+class _Open:
+    """An entry whose cases are on their way: the runs so far by number, and the strikes."""
+
+    entry: Entry
+    keys: list[str]
+    found: dict[int, CaseRun]
+    strikes: Counter[tuple[Status, str]] = field(default_factory=Counter)
+
+    @property
+    def waiting(self) -> list[int]:
+        return [number for number in range(len(self.keys)) if number not in self.found]
+
+    @property
+    def reason(self) -> str:
+        """Why no more cases are run; empty while they are."""
+        patience, at_once = self.entry.patience, self.entry.at_once
+        if patience is None:
+            return ""
+        if at_once is not None:
+            return f"skipped after a failure in the first sample ({at_once.result.status.value}: {at_once.kind})"
+        for (status, kind), count in self.strikes.items():
+            if kind and count >= patience:
+                failures = "a failure" if count == 1 else f"{count} failures of one kind"
+                return f"skipped after {failures} ({status.value}: {kind})"
+        return ""
+
+    def take(self, number: int, run: CaseRun) -> None:
+        self.found[number] = run
+        self.strikes[run.result.status, run.kind] += 1
+
+
+def run(batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = None) -> list[list[CaseRun]]:
+    """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone."""
+    opened = [_open(entry, known) for entry in batch.entries]
+    there = sum(len(each.found) for each in opened)
+    total = sum(len(each.keys) for each in opened) if batch.total is None else batch.total
+    if there and on_run is not None:
+        logger.info("%d of %d cases are there from an earlier run", there, total, extra={"what": "stored"})
+    done = batch.before
+
+    def tell(run: CaseRun) -> None:
+        nonlocal done
+        done += 1
+        if on_run is not None:
+            on_run(run, done, total)
+
+    for each in opened:
+        for found in list(each.found.values()):
+            tell(found)
+    for each in opened:
+        failure = each.entry.at_once
+        if failure is not None and failure.case in each.entry.cases and each.entry.patience is not None:
+            number = each.entry.cases.index(failure.case)
+            if number not in each.found:
+                _keep(each, number, failure, known)
+                tell(failure)
+    for each, number, found in _simulated(opened, execute):
+        _keep(each, number, found, known)
+        tell(found)
+    for each in opened:
+        for number in each.waiting:
+            case, skipped = each.entry.cases[number], Judgement(status=Status.SKIPPED, time=0.0, message=each.reason)
+            each.found[number] = CaseRun(case, named(case, skipped))
+            tell(each.found[number])
+    return [[each.found[number] for number in range(len(each.keys))] for each in opened]
+
+
+def _open(entry: Entry, known: Store) -> _Open:
+    keys = stored.keys(entry.protocol, entry.cases, entry.pairing)
+    if entry.force:
+        known.forget(keys)
+    found = stored.load(known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None)
+    own = _Open(entry, keys, {})
+    for number, run in found.items():
+        own.take(number, run)
+    return own
+
+
+def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
+    stored.keep(known, own.keys[number], run, own.entry.pairing)
+    own.take(number, run)
+
+
+def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
+    """The runs of what is waiting, as they come, until no entry wants more."""
+    jobs: list[Job] = []
+    places: list[tuple[_Open, list[int]]] = []
+    for each in opened:
+        waiting = [] if each.reason else each.waiting
+        alone = each.entry.patience == 1
+        size = max(1, len(waiting)) if alone else GROUP_SIZE
+        for first in range(0, len(waiting), size):
+            numbers = waiting[first : first + size]
+            cases = [each.entry.cases[number] for number in numbers]
+            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
+            places.append((each, numbers))
+    if not jobs:
+        return
+    with closing(execute(jobs)) as outcomes:
+        for job, outcome in outcomes:
+            own, numbers = places[job]
+            number = numbers[outcome.index]
+            if number in own.found or own.reason:
+                continue  # a cluster may run a job twice
+            yield own, number, case_run(own.entry.cases[number], outcome)
+            if all(each.reason or not each.waiting for each in opened):
+                return

@@ -1,0 +1,123 @@
+"""The engine that runs any study: it owns all effects.
+
+Processes or cluster, the store with what is finished, files, recordings, the clock, and whom to tell what happens.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ..asking import answered
+from ..errors import InputError
+from ..execution import cluster, pool, sandbox, store
+from ..pairing.conditions import Conditions
+from ..reporting import recording
+from ..reporting.files import prepare_folder, remove, write_text
+from . import batch, rehearsal
+from .batch import Execute, OnRun
+from .recorder import record_shown
+from .requests import (
+    Batch,
+    Event,
+    Instant,
+    Now,
+    Record,
+    Rehearse,
+    Request,
+    Save,
+    Study,
+    Tell,
+    TimeSteps,
+    Write,
+)
+
+T = TypeVar("T")
+
+logger = logging.getLogger(__name__)
+
+OnEvent = Callable[[Event], None]
+"""Is told the events of a study."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """What answers the requests of a study.
+
+    ``folder`` is where finished cases are stored as they come and found again, and where documents are saved; None for
+    neither.
+    """
+
+    execute: Execute
+    processes: int
+    folder: Path | None = None
+    on_run: OnRun | None = None
+    on_event: OnEvent | None = None
+
+    def run(self, study: Study[T]) -> T:
+        """The document of ``study``. The folder is first touched when the study, which has checked its input by then,
+        asks for something; what is finished is kept however this ends."""
+        with ExitStack() as stack:
+
+            @functools.cache
+            def known() -> store.Store:
+                if self.folder is not None:
+                    prepare_folder(self.folder)
+                return stack.enter_context(store.opened(self.folder))
+
+            return answered(study, lambda request: self._answer(request, known()))
+
+    def _answer(self, request: Request, known: store.Store) -> Any:
+        match request:
+            case Batch():
+                return batch.run(request, self.execute, known, self.on_run)
+            case Rehearse(pairing, case, probe):
+                return rehearsal.rehearse(case, pairing, probe)
+            case TimeSteps(pairing, case):
+                return rehearsal.computing_time(case, pairing)
+            case Record(pairing, shown):
+                return record_shown(shown, pairing, self.processes)
+            case Save(document, inside, recordings):
+                if self.folder is not None:
+                    document.save(self.folder / inside)
+                    if recordings:
+                        recording.save(recordings, self.folder / inside)
+            case Write(name, text):
+                if self.folder is not None:
+                    remove(self.folder / name) if text is None else write_text(self.folder / name, text)
+            case Now():
+                begin = datetime.now(timezone.utc).isoformat(timespec="seconds")
+                return Instant(begin, time.perf_counter(), self.processes)
+            case Tell(event):
+                if self.on_event is not None:
+                    self.on_event(event)
+        return None
+
+
+def here(conditions: Conditions) -> Execute:
+    """Runs jobs in processes of this machine."""
+    return functools.partial(pool.run, workers=conditions.processes)
+
+
+def where_asked(conditions: Conditions) -> Execute:
+    """Runs jobs in processes of this machine, or on the scheduler's."""
+    if conditions.scheduler:
+        return functools.partial(cluster.run, address=conditions.scheduler, wait=conditions.wait)
+    return here(conditions)
+
+
+def can_fence() -> bool:
+    """Whether there is a sandbox here; a note says if not."""
+    try:
+        sandbox.command(())
+    except InputError as problem:
+        logger.warning("The controller runs without a sandbox, and could reach what you can. %s", problem)
+        return False
+    return True

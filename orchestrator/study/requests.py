@@ -1,0 +1,178 @@
+"""What a study asks for, and what answers it.
+
+A study is a generator: it yields requests, is sent the answers, and returns its document. It has no effects of its own:
+it can be tried with any function that answers, and one study can be part of another with ``yield from``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+from typing import Protocol as Interface
+
+from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import CaseResult
+from ..errors import Crash
+from ..pairing.pairing import Pairing
+from ..pairing.runs import CaseRun
+from ..reporting.recording import Recording
+from ..search.candidates import Trial
+from .rehearsal import Rehearsal
+from .selection import Shown
+
+T = TypeVar("T")
+
+STRIKES = 3
+"""Failures of one kind after which a controller's remaining cases are skipped."""
+
+
+class Saved(Interface):
+    """What can be saved in a folder."""
+
+    def save(self, folder: str | Path) -> Path:
+        """Write it into ``folder``."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Cases of one pairing, judged by a protocol.
+
+    After ``patience`` failures of one kind the remaining cases are skipped. If it is None none is skipped, and what
+    failed in an earlier run is run again; with ``force`` everything is. A failure ``at_once``, which the rehearsal has
+    found, is enough alone.
+    """
+
+    protocol: Protocol
+    pairing: Pairing
+    cases: tuple[Case, ...]
+    patience: int | None = STRIKES
+    force: bool = False
+    at_once: CaseRun | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Asks for the runs of each entry's cases, in their order: a list of lists of :class:`.CaseRun`.
+
+    Entries with a patience of one failure run side by side, each in one process. For the progress of a study of several
+    batches: ``before`` is the number of cases that came before this one, ``total`` that of all.
+    """
+
+    entries: tuple[Entry, ...]
+    before: int = 0
+    total: int | None = None
+
+
+@dataclass(frozen=True)
+class Rehearse:
+    """Asks for the :class:`.Rehearsal` of a case, with or without the probe of the controller's timing."""
+
+    pairing: Pairing
+    case: Case
+    probe: bool = True
+
+
+@dataclass(frozen=True)
+class TimeSteps:
+    """Asks for the controller's :class:`.ComputingTime` at the beginning of a case; None if it cannot be measured."""
+
+    pairing: Pairing
+    case: Case
+
+
+@dataclass(frozen=True)
+class Record:
+    """Asks for the recordings of cases that a report shows: a tuple of :class:`.Recording`."""
+
+    pairing: Pairing
+    shown: tuple[Shown, ...]
+
+
+@dataclass(frozen=True)
+class Save:
+    """Asks for a document and what was recorded for it to be saved in the folder ``inside`` that of the study, if the
+    study has one; the answer is None."""
+
+    document: Saved
+    inside: str = ""
+    recordings: tuple[Recording, ...] = ()
+
+
+@dataclass(frozen=True)
+class Write:
+    """Asks for a text file ``name`` in the study's folder, or that there is none if ``text`` is None."""
+
+    name: str
+    text: str | None
+
+
+@dataclass(frozen=True)
+class Now:
+    """Asks for the present :class:`Instant`."""
+
+
+@dataclass(frozen=True)
+class Tell:
+    """Tells what has happened, one of the events below; the answer is None."""
+
+    event: Event
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A time as text and on a steady clock [s], and how many processes there are at a time."""
+
+    start: str
+    seconds: float
+    processes: int
+
+
+@dataclass(frozen=True)
+class SeedDone:
+    """One of several seeds is evaluated."""
+
+    seed: int
+    evaluation: Any
+
+
+@dataclass(frozen=True)
+class StageDone:
+    """A stage of a search has ended, after so many simulations; the worst value of each target so far."""
+
+    stage: str
+    simulations: int
+    worst: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class TrialDone:
+    """A candidate is tried, the number ``done`` of ``total``."""
+
+    trial: Trial
+    done: int
+    total: int
+
+
+Event = SeedDone | StageDone | TrialDone
+
+OnResult = Callable[[CaseResult, int, int], None]
+"""Is told each result as it comes, how many there are, and how many there will be."""
+Request = Batch | Rehearse | TimeSteps | Record | Save | Write | Now | Tell
+Study = Generator[Request, Any, T]
+"""A study that returns a ``T``."""
+
+
+def rehearsed(pairing: Pairing, case: Case) -> Study[Rehearsal]:
+    """Rehearse a case; raises :class:`Crash` if the process does not come through the first sample."""
+    rehearsal: Rehearsal = yield Rehearse(pairing, case)
+    if rehearsal.failure is not None:
+        raise Crash(rehearsal.failure.result.message)
+    return rehearsal
+
+
+def side_by_side(protocol: Protocol, wanted: Sequence[tuple[Pairing, Sequence[Case]]]) -> Batch:
+    """Asks for the cases of several pairings; those after one that has no verdict are skipped."""
+    return Batch(tuple(Entry(protocol, pairing, tuple(cases), patience=1) for pairing, cases in wanted))

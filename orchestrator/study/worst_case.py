@@ -1,0 +1,148 @@
+"""The worst case of a controller, as far as a search finds it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..asking import translated
+from ..benchmark.case import Case
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import rules
+from ..errors import InputError
+from ..pairing import records
+from ..pairing.conditions import Conditions
+from ..pairing.controller import Controller
+from ..reporting.recording import BESIDE, FOUND
+from ..reporting.repeat import Setting, member_command
+from ..reporting.robustness import Robustness
+from ..search import hunt as stages
+from ..search.archive import Archive, Ask, Asking
+from ..search.findings import Step
+from ..search.hunt import Hunt
+from ..search.margins import margins as margins_of
+from ..search.margins import radius as radius_of
+from ..search.member import NOMINAL, Member, case_of, of_case, parameters
+from ..search.target import Target, targets
+from .requests import Batch, Entry, Now, Record, Request, Save, StageDone, Study, Tell, rehearsed
+from .selection import Shown
+
+
+def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequence[str]) -> list[Target]:
+    """What ``only`` names, or everything, to be searched for from the cases ``listed``.
+
+    Raises :class:`InputError` for a protocol whose tests draw, if there is no such thing to search for, or if the
+    budget does not last for what a search begins with.
+    """
+    if any(test.draws for test in protocol.tests):
+        raise InputError(
+            f"The protocol {protocol.name} draws disturbances: a search lists them.", "draws", protocol.name
+        )
+    known = targets(protocol)
+    for name in only:
+        if name not in {target.name for target in known}:
+            names = [target.name for target in known]
+            message = f"There is nothing called {name} to search for. Choose from {', '.join(names)}."
+            raise InputError(message, "no-target", protocol.name, name, names)
+    wanted = [target for target in known if not only or target.name in only]
+    least = stages.least(protocol, listed, wanted)
+    if budget < least:
+        raise InputError(
+            f"The search begins with {least} simulations: more than its budget of {budget}.", "small-budget", "", budget
+        )
+    return wanted
+
+
+def worst_case(
+    conditions: Conditions,
+    controller: Controller | None,
+    budget: int,
+    minutes: float = math.inf,
+    protocol: str | Path = "strict",
+    only: Sequence[str] = (),
+    from_list: bool = True,
+    recordings: bool = False,
+    inside: str = "",
+) -> Study[tuple[Robustness, list[Shown]]]:
+    """See :meth:`.Benchmark.robustness`; and the worst cases, each followed by that of the nominal arm."""
+    own = replace(conditions, protocol=protocol)
+    controller, pairing, T_s, cases = own.prepared(controller)
+    rules_of, listed = own.rules, cases if from_list else ()
+    wanted = sought(rules_of, listed, budget, only)
+    setting = Setting(
+        records.controller_record(pairing, controller),
+        records.plant_record(conditions.manipulator, conditions.plant_parameters),
+        str(protocol),
+        conditions.seed,
+        None if T_s == rules_of.sample_time else float(T_s),
+    )
+
+    def case(member: Member) -> Case:
+        found = case_of(member, rules_of, own.nominal)
+        return replace(found, scenario=replace(found.scenario, sample_time=T_s))
+
+    def command(member: Member) -> str:
+        return member_command(setting, member, parameters(member, rules_of, own.nominal))
+
+    begin = yield Now()
+    yield from rehearsed(pairing, cases[0])
+
+    def answer(request: Ask | Step) -> Generator[Request, Any, Any]:
+        if isinstance(request, Ask):
+            (runs,) = yield Batch((Entry(rules_of, pairing, tuple(map(case, request.members))),))
+            return [run.result for run in runs]
+        yield Tell(StageDone(request.stage, request.simulations, request.worst))
+        now = yield Now()
+        return now.seconds - begin.seconds < 60.0 * minutes
+
+    hunt = Hunt(Archive(rules_of), rules(rules_of), [of_case(each) for each in listed], wanted, command, budget)
+    found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
+    results, end = hunt.archive.found.values(), (yield Now())
+    found = Robustness(
+        schema=Robustness.SCHEMA,
+        benchmark=rules_of.benchmark,
+        protocol=rules_of.name,
+        seed=setting.seed,
+        budget=budget,
+        simulations=len(results),
+        failures=sum(result.judged and not result.simulated for result in results),
+        complete=hunt.complete,
+        cut_short=tuple(hunt.cut_short),
+        **found_by_stage,
+        path=tuple(hunt.path),
+        rules=hunt.rules,
+        controller=setting.controller,
+        plant=setting.plant,
+        wall_time=end.seconds - begin.seconds,
+    )
+    shown = [each for member, roles in hunt.shown.items() for each in _beside_nominal(member, roles, case)]
+    yield Save(found, inside)  # before the recordings: whatever happens now, the answer is there
+    if recordings:
+        yield Save(found, inside, (yield Record(pairing, tuple(shown))))
+    return found, shown
+
+
+def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
+    """The fields of the answer that the stages fill. Criteria and costs are read off before margins and radius, whose
+    members are not searched for them."""
+    yield from stages.search(hunt, seed)
+    yield from stages.spread(hunt)
+    found: dict[str, Any] = {"requirements": (yield from stages.requirements(hunt))}
+    found["effects"] = yield from stages.effects(hunt)
+    found["criteria"], found["configurations"] = stages.criteria(hunt), stages.configurations(hunt)
+    found["cost"], found["protocol_cost"] = stages.costs(hunt)
+    found["margins"] = (yield from margins_of(hunt)) if hunt.complete else {}
+    found["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
+    return found
+
+
+def _beside_nominal(member: Member, roles: Sequence[str], case: Any) -> Iterator[Shown]:
+    worst = case(member)
+    if member.deviations:
+        worst = replace(worst, system=replace(worst.system, name=FOUND))
+    yield Shown(worst, tuple(roles))
+    nominal = replace(member, system=NOMINAL, deviations=())
+    yield Shown(case(nominal), tuple(f"{BESIDE} {role}" for role in roles))
