@@ -1,6 +1,6 @@
 """The whole command: full protocol, report included, with the Python PID and with the C PID.
 
-    python benchmarks/full_protocol.py              two minutes on two idle cores
+    python benchmarks/full_protocol.py
     python benchmarks/full_protocol.py DiagonalPID_C
 
 The first evaluation of all is a quick one, so that the cache of compiled code is warm. Wall time counts from the start
