@@ -7,12 +7,10 @@ AddressSanitizer and UndefinedBehaviorSanitizer. ``benchmarks/random_calls.py`` 
 import re
 
 import pytest
-from random_calls.build import build, run, sanitizing_compiler
+from random_calls.build import build, run
 from random_calls.fmus import FMUS, LQGS
 
-needs_sanitizers = pytest.mark.skipif(
-    sanitizing_compiler() is None, reason="no C compiler with AddressSanitizer and UndefinedBehaviorSanitizer"
-)
+needs_sanitizers = pytest.mark.needs("sanitizers")
 
 CALLS = 100_000
 

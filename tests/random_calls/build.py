@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from fmpy import read_model_description
 
-from controller_fmu.export import find_compiler, unpack
+from controller_fmu.export import unpack
 
 HERE = Path(__file__).parent
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
@@ -26,12 +26,14 @@ SECONDS_PER_CALL = 1e-3
 
 @cache
 def sanitizing_compiler() -> list[str] | None:
-    """The command of a C compiler that has both sanitizers and can run what it compiles; None if there is none."""
-    found = find_compiler()
+    """The command of a C compiler that has both sanitizers and can run what it compiles; None if there is none.
+
+    That of the package ziglang is not tried: it takes the option, and has no AddressSanitizer.
+    """
     with TemporaryDirectory() as folder:
         source, program = Path(folder, "empty.c"), Path(folder, "empty")
         source.write_text("int main(void) { return 0; }\n")
-        for command in [*([found] if found else []), *([name] for name in COMPILERS)]:
+        for command in ([name] for name in COMPILERS):
             try:
                 subprocess.run(
                     [*command, *SANITIZERS, str(source), "-o", str(program)], check=True, capture_output=True

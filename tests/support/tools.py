@@ -11,15 +11,14 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
 from typing import Any
 
 import fmpy
 import pytest
+from random_calls.build import sanitizing_compiler
 
 import build_fmus
 from orchestrator.execution import sandbox
@@ -31,21 +30,6 @@ def bubblewrap_works() -> bool:
     """Whether it is installed and may make namespaces, which a container may forbid."""
     program = shutil.which("bwrap")
     return program is not None and _runs([program, *sandbox.OPTIONS, "--", "true"])
-
-
-def sanitizing_compiler() -> str | None:
-    """The first compiler whose programs run with AddressSanitizer; None if there is none.
-
-    That of the package ziglang brings no runtime for it, and some machines have gcc without its runtime.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        source, program = Path(folder, "empty.c"), Path(folder, "empty")
-        source.write_text("int main(void) { return 0; }\n")
-        for compiler in ("gcc", "clang", "cc"):
-            command = [compiler, "-fsanitize=address,undefined", str(source), "-o", str(program)]
-            if shutil.which(compiler) and _runs(command) and _runs([str(program)]):
-                return compiler
-    return None
 
 
 def _runs(command: list[str]) -> bool:
@@ -96,6 +80,8 @@ TOOLS: Mapping[str, Tool] = {
     "compiler": Tool("needs a C compiler (cc, gcc, clang, or extra native)", lambda: bool(build_fmus.find_compiler())),
     "ziglang": _package("ziglang", "native"),
     "sanitizers": Tool("needs AddressSanitizer (gcc or clang with its runtime)", lambda: bool(sanitizing_compiler())),
+    "gcc": _program("gcc", "needs gcc"),
+    "clang": _program("clang", "needs clang"),
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
     "wine": _program("wine", "needs Wine (wine)"),
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
