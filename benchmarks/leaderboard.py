@@ -388,7 +388,8 @@ def main() -> None:
     os.chdir(ROOT)
     kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
     if options.same:
-        kept = [same(each, options.runs) for each in kept]
+        chosen = options.names or PAGES
+        kept = [same(each, options.runs) if name_of(each) in chosen else each for each in kept]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for name in () if options.table or options.same else options.names or PAGES:
         new = evaluate(name, options.runs)

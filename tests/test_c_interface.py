@@ -3,6 +3,7 @@
 Random sequences of calls are in ``test_random_calls.py``.
 """
 
+import itertools
 import math
 import shlex
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 from fmpy import calloc, extract, free, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
+    FMU2Model,
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
     fmi2CallbackFreeMemoryTYPE,
@@ -310,6 +312,8 @@ def test_arrays_of_fmi_3_end_where_they_are_declared(references, size, words, fi
         ({"sensor_delay[2]": 1023.0}, "sensor_delay[2] = 1023 refused"),
         ({"drive_delay[1]": 0.0}, "drive_delay[1] = 0 refused"),
         ({"rate": -1.0}, "rate = -1 refused"),
+        ({"angle_quantum": -1.0}, "angle_quantum = -1 refused"),
+        ({"limit[1]": -5.0}, "limit[1] = -5 refused"),
         ({"noise_state[3]": 2.0**32}, "noise_state[3] = 4294967296 refused"),
     ],
 )
@@ -390,3 +394,54 @@ def test_sources_are_one_translation_unit_without_a_warning(name, compiler, file
     flags = "-std=c99 -O1 -Wall -Wextra -Wno-unused-parameter -pedantic -Werror"
     done = subprocess.run([compiler, *shlex.split(flags), "-c", "all.c"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["DiagonalPID_C", "DitheredLQG_C", "RobustLQG"])
+def test_a_step_is_a_difference_of_two_times(name, one):
+    """Far from zero the times that importers subtract are coarse."""
+    fmu, start = one(name), 1e5
+    fmu.start(start=start)
+    times = [start + k * T_S for k in range(40)]
+    for t, end in itertools.pairwise(times):
+        fmu.fmu.doStep(t, end - t)
+    assert "must equal the sample time" in fmu.refusal(fmu.fmu.doStep, times[-1], 1.001 * T_S)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "step"), [({"u_m[1]": 1e300}, 1e-3), ({"F[1]": 1e200}, 1e-3), ({"u_m[1]": 1e7}, 0.1)], ids=str
+)
+def test_the_plant_refuses_a_step_after_which_its_state_is_not_finite(inputs, step, one):
+    fmu = one("FlexibleManipulatorNative")
+    fmu.set(inputs)
+
+    def steps():
+        for k in range(10):
+            fmu.fmu.doStep(k * step, step)
+
+    assert "the state does not stay finite" in fmu.refusal(steps)
+    assert all(map(math.isfinite, fmu.get("q_m[1]", "q_a[1]", "X[1]")))
+
+
+def test_the_plant_has_no_state_of_rest_at_an_angle_that_is_not_one(one):
+    fmu = one("FlexibleManipulatorNative")
+    assert "no state of rest" in fmu.refusal(fmu.start, {"q_a_start[1]": 1e308})
+
+
+def test_an_event_that_was_left_out_is_refused(file):
+    description = read_model_description(str(file("DiagonalPID_C_me2")))
+    fmu = FMU2Model(
+        guid=description.guid,
+        modelIdentifier=description.modelExchange.modelIdentifier,
+        unzipDirectory=extract(str(file("DiagonalPID_C_me2")), unzipdir=tempfile.mkdtemp()),
+    )
+    fmu.instantiate(callbacks=CALLBACKS, loggingOn=True)
+    fmu.setupExperiment(startTime=0.0)
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.newDiscreteStates()
+    fmu.enterContinuousTimeMode()
+    fmu.setTime(0.5)
+    fmu.enterEventMode()
+    with pytest.raises(FMICallException):
+        fmu.newDiscreteStates()
+    assert "was left out" in LOG[-1]

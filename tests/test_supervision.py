@@ -234,7 +234,7 @@ def test_a_cache_that_is_deleted_is_filled_again(side, harmless, healthy, monkey
 
 
 SEVENTH = Place(7, CONTROLLER, "")
-DIES = SimpleNamespace(is_alive=lambda: True, use=lambda: Use(0.0, 0, False, False))
+DIES = SimpleNamespace(is_alive=lambda: True, use=lambda: Use(0.0, 0.0, 0, False, False))
 
 
 def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place = SEVENTH, code=-6):

@@ -26,10 +26,10 @@ shares = st.floats(0.0, 1.0)
 
 def spent(*steps: tuple[float, float, bool]) -> Spent:
     """After looks at these intervals [s], at processor time per second, and at whether the process was ready."""
-    looks = [Look(0.0, Use(0.0, 0, False, False))]
+    looks = [Look(0.0, Use(0.0, 0.0, 0, False, False))]
     for interval, share, ready in steps:
         last = looks[-1]
-        looks.append(Look(last.time + interval, Use(last.use.processor + share * interval, 0, ready, False)))
+        looks.append(Look(last.time + interval, Use(last.use.processor + share * interval, 0.0, 0, ready, False)))
     total = Spent()
     for one, next in pairwise(looks):
         total = total.after(one, next)
@@ -42,6 +42,15 @@ def test_who_is_ready_to_compute_does_not_wait(steps):
     total = spent(*steps)
     assert total.waited == 0.0
     assert total.processor == pytest.approx(sum(interval * share for interval, share, _ in steps), rel=1e-6, abs=1e-9)
+
+
+@given(durations, st.floats(1.0, 100.0), st.floats(2 * IDLE, 1.0))
+def test_who_computes_now_and_then_does_not_wait_because_others_slow_it_down(period, slower, share):
+    """Of each period a share is computed; on a busy machine that takes longer, in which it stands in the queue."""
+    computed = share * period
+    queued = (slower - 1.0) * computed
+    one = Look(0.0, Use(0.0, 0.0, 0, False, False))
+    assert Spent().after(one, Look(period + queued, Use(computed, queued, 0, False, False))).waited == 0.0
 
 
 @given(st.lists(st.tuples(durations, st.just(0.0), st.just(False)), max_size=20))
@@ -68,7 +77,7 @@ def test_what_was_reached_is_told_with_figures():
     assert (told, kind) == (f"{PROCESSOR_REACHED}: 65.2 s of 65 s", PROCESSOR_REACHED)
     told, kind = Spent(processor=1.0, waited=130.1).excess(65.0)
     assert (told, kind) == (
-        f"{WAITING_REACHED}: it waited for 130.1 s of 130 s, and computed for 1.0 s",
+        f"{WAITING_REACHED}: for 130.1 s of 130 s it was not seen to compute, and it computed for 1.0 s",
         WAITING_REACHED,
     )
 

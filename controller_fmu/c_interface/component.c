@@ -11,8 +11,8 @@
  * sample time or the step: importers compute times in their own way and may miss them by a rounding error. */
 static const double TIME_TOLERANCE = 1e-6, ROUNDING = 1e-12;
 
-/* Of the step, relative to the sample time. */
-static const double STEP_TOLERANCE = 1e-9;
+/* Of the step, relative to the sample time and, for rounding, to the time. */
+static const double STEP_TOLERANCE = 1e-9, COARSENESS = 4.5e-16;
 
 /* Largest time [s]: beyond it doubles are too coarse to count the steps of a controller. */
 static const double LONGEST_TIME = 1e9;
@@ -302,7 +302,8 @@ static bool check_step(Component *component, double t, double h)
     char *message = component->message;
     if (!check_time(component, t)) return false;
     const double T_s = MODEL_HAS_VARIABLE_STEPS ? INFINITY : model_sample_time(memory->model);
-    if (isfinite(T_s) && !(fabs(h - T_s) <= STEP_TOLERANCE * T_s)) {
+    /* Importers compute the step as a difference of two times, which is as coarse as these. */
+    if (isfinite(T_s) && !(fabs(h - T_s) <= STEP_TOLERANCE * T_s + COARSENESS * fabs(t))) {
         snprintf(message, MODEL_MESSAGE_SIZE,
                  "step of %.15g s at t = %.15g s refused: the communication step must equal the sample time "
                  "T_s = %.15g s",
@@ -365,8 +366,13 @@ double component_next_event(const Component *component)
 bool component_event(Component *component)
 {
     Memory *memory = component->memory;
-    const double h = model_sample_time(memory->model);
-    if (!isfinite(h) || memory->time < component_next_event(component) - TIME_TOLERANCE * h) return true;
+    const double h = model_sample_time(memory->model), due = component_next_event(component);
+    if (!isfinite(h) || memory->time < due - TIME_TOLERANCE * h) return true;
+    if (memory->time > due + (1.0 - TIME_TOLERANCE) * h) {
+        snprintf(component->message, MODEL_MESSAGE_SIZE,
+                 "event at t = %.15g s refused: the one at t = %.15g s was left out", memory->time, due);
+        return false;
+    }
     if (!model_step(memory->model, memory->time, h, component->message)) return false;
     memory->samples += 1.0;
     return true;

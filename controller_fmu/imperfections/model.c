@@ -99,6 +99,11 @@ static bool check_loop(const Loop *own, char message[MODEL_MESSAGE_SIZE])
         {"sensor_delay[2]", own->sensor_delay[1], 0.0, most, true},
         {"drive_delay[1]", own->drive_delay[0], 1.0, most, true},
         {"drive_delay[2]", own->drive_delay[1], 1.0, most, true},
+        {"angle_quantum", own->angle_quantum, 0.0, 1e12, false},
+        {"torque_quantum[1]", own->torque_quantum[0], 0.0, 1e12, false},
+        {"torque_quantum[2]", own->torque_quantum[1], 0.0, 1e12, false},
+        {"limit[1]", own->limit[0], 0.0, 1e300, false},
+        {"limit[2]", own->limit[1], 0.0, 1e300, false},
         {"sigma", own->sigma, 0.0, 1e12, false},
         {"noise_state[1]", state[0], 0.0, WORD, true},
         {"noise_state[2]", state[1], 0.0, WORD, true},
@@ -173,7 +178,11 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     return true;
 }
 
-static double quantize(double value, double quantum) { return quantum > 0.0 ? rint(value / quantum) * quantum : value; }
+/* A quantum below the resolution of the value itself rounds nothing, and dividing by it could overflow. */
+static double quantize(double value, double quantum)
+{
+    return quantum > 1e-100 ? rint(value / quantum) * quantum : value;
+}
 
 static double drive(const Loop *own, int i, double asked)
 {

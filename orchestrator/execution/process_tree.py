@@ -20,13 +20,15 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 class Use:
     """What a process tree has used so far, and what it is doing.
 
-    ``processor`` [s] is the processor time of all its processes, as far as they have been seen, ``memory`` [bytes] is
-    the resident memory of those alive. ``ready`` tells whether one of their threads runs or waits for a processor; one
-    that sleeps, or waits for a lock, a file or a socket does not. ``stopped`` tells whether the first process is
-    stopped, as by SIGSTOP or a debugger.
+    ``processor`` [s] is the processor time of all its processes, as far as they have been seen; ``queued`` [s] the time
+    that threads of those alive were ready to run but had no processor, 0 where the system does not tell; ``memory``
+    [bytes] the resident memory of those alive. ``ready`` tells whether one of their threads runs or waits for a
+    processor; one that sleeps, or waits for a lock, a file or a socket does not. ``stopped`` tells whether the first
+    process is stopped, as by SIGSTOP or a debugger.
     """
 
     processor: float
+    queued: float
     memory: int
     ready: bool
     stopped: bool
@@ -38,6 +40,7 @@ class _Member:
 
     own: float
     children: float
+    queued: float
     memory: int
     ready: bool
     stopped: bool
@@ -65,6 +68,7 @@ class ProcessTree:
         self._most = max(self._most, seen, waited_for)
         return Use(
             processor=self._most,
+            queued=sum(read.queued for read in found.values()),
             memory=sum(read.memory for read in found.values()),
             ready=any(read.ready for read in found.values()),
             stopped=self._pid in found and found[self._pid].stopped,
@@ -114,17 +118,26 @@ def _read(member: psutil.Process) -> _Member | None:
     fields = _fields(place)
     if not fields or not member.is_running():  # another process may have its number by now
         return None
-    states = {thread[_STATE] for thread in map(_fields, _threads(place)) if thread}
+    threads = _threads(place)
+    states = {thread[_STATE] for thread in map(_fields, threads) if thread}
     tick, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
     user, system, *waited_for = (int(field) / tick for field in fields[_TIMES])
     memory = int(fields[_RESIDENT]) * page
-    return _Member(user + system, sum(waited_for), memory, "R" in states, bool(states & {"T", "t"}))
+    queued = sum(map(_queued, threads))
+    return _Member(user + system, sum(waited_for), queued, memory, "R" in states, bool(states & {"T", "t"}))
 
 
 def _threads(place: Path) -> list[Path]:
     with suppress(OSError):
         return list((place / "task").iterdir())
     return []
+
+
+def _queued(thread: Path) -> float:
+    """Time [s] that a thread was ready to run without a processor; 0 if it is gone, or the system does not tell."""
+    with suppress(OSError, IndexError, ValueError):
+        return int((thread / "schedstat").read_text().split()[1]) * 1e-9
+    return 0.0
 
 
 def _fields(place: Path) -> list[str]:
@@ -141,7 +154,7 @@ def _read_portably(member: psutil.Process) -> _Member | None:
         return None
     waited_for = getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0)
     ready, stopped = status == psutil.STATUS_RUNNING, status == psutil.STATUS_STOPPED
-    return _Member(times.user + times.system, waited_for, memory, ready, stopped)
+    return _Member(times.user + times.system, waited_for, 0.0, memory, ready, stopped)
 
 
 FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")

@@ -18,7 +18,8 @@ WAITING = 2.0
 """Limit of waiting, in time limits."""
 
 IDLE = 0.05
-"""Processor time per second below which a process waits: one that sleeps between short calls does, too."""
+"""Time per second, with a processor or ready for one, below which a process waits: one that sleeps between short calls
+does, too."""
 
 LONGEST = 1.0
 """Seconds that count at most between two looks: whoever looks may have been suspended, and the process with it."""
@@ -55,7 +56,8 @@ class Spent:
     def after(self, one: Look, next: Look) -> Spent:
         """What is spent at the ``next`` look, if this is at ``one``."""
         passed, used = next.time - one.time, max(next.use.processor - one.use.processor, 0.0)
-        waits = not next.use.ready and used < IDLE * passed
+        queued = max(next.use.queued - one.use.queued, 0.0)
+        waits = not next.use.ready and used + queued < IDLE * passed
         waited = min(passed, LONGEST) if waits else 0.0
         return Spent(self.processor + used, self.waited + waited, self.stopped or next.use.stopped)
 
@@ -64,8 +66,8 @@ class Spent:
         if self.processor > limit:
             return f"{PROCESSOR_REACHED}: {self.processor:.1f} s of {limit:g} s", PROCESSOR_REACHED
         if self.waited > WAITING * limit:
-            used = f"it waited for {self.waited:.1f} s of {WAITING * limit:g} s"
-            return f"{WAITING_REACHED}: {used}, and computed for {self.processor:.1f} s", WAITING_REACHED
+            used = f"for {self.waited:.1f} s of {WAITING * limit:g} s it was not seen to compute"
+            return f"{WAITING_REACHED}: {used}, and it computed for {self.processor:.1f} s", WAITING_REACHED
         return "", ""
 
 

@@ -80,6 +80,15 @@ static void drive(const Manipulator *plant, double tau[2])
         tau[i] = plant->joints[i].gamma * plant->of.u_m[i] + plant->of.u_d[i];
 }
 
+/* NaN and infinity stay what they are, times 0 both are NaN. */
+static bool is_finite(const State *x)
+{
+    double sum = 0.0;
+    for (int i = 0; i < STATES; i++)
+        sum += 0.0 * x->of[i];
+    return sum == 0.0;
+}
+
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 {
     Manipulator *plant = model;
@@ -99,10 +108,24 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
         plant->speeds[i] = plant->speeds[2 + i] = 0.0;
     }
     tool_position(&plant->arm, of->q_a, of->X);
-    return true;
+    const State x = state_of(plant);
+    if (is_finite(&x) && isfinite(of->X[0]) && isfinite(of->X[1])) return true;
+    snprintf(message, MODEL_MESSAGE_SIZE, "q_a_start = %.15g, %.15g rad refused: the arm has no state of rest there",
+             of->q_a_start[0], of->q_a_start[1]);
+    return false;
 }
 
-/* Apart from model_step, whose machine code it would slow down. */
+/* Apart from model_step, whose machine code they would slow down. */
+static bool refuse_torques(const Manipulator *plant, double t, double h, char message[MODEL_MESSAGE_SIZE])
+{
+    const Variables *of = &plant->of;
+    snprintf(message, MODEL_MESSAGE_SIZE,
+             "step of %.15g s at t = %.15g s refused: the state does not stay finite with u_m = %g, %g N.m, "
+             "u_d = %g, %g N.m and F = %g, %g N",
+             h, t, of->u_m[0], of->u_m[1], of->u_d[0], of->u_d[1], of->F[0], of->F[1]);
+    return false;
+}
+
 static bool refuse_step(double t, double h, double substeps, char message[MODEL_MESSAGE_SIZE])
 {
     snprintf(message, MODEL_MESSAGE_SIZE,
@@ -121,6 +144,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     drive(plant, tau);
     const State x = advance(&plant->arm, plant->joints, substeps,
                             state_of(plant), h, tau, of->F);
+    if (!is_finite(&x)) return refuse_torques(plant, t, h, message);
     for (int i = 0; i < 2; i++) {
         of->q_a[i] = x.of[Q_A + i];
         of->q_m[i] = x.of[Q_M + i];
