@@ -71,7 +71,7 @@ def simulate(
                 watch(record)
             raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
             ending = _ending(raw, record, scenario, plant, controller)
-            if not ending.failed_call:
+            if raw.reason not in (loop.PLANT_FAILED, loop.CONTROLLER_FAILED):  # the standards forbid it after an error
                 ending = _terminated(ending, controller, plant)
     if changed := arithmetic_now():  # only now: what measures the trajectory would count otherwise, too
         message = _changed_arithmetic(controller, changed)
