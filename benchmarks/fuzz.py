@@ -58,10 +58,10 @@ from orchestrator.fmi.port import LOST, WARNING, exchange  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.pairing import work  # noqa: E402
 from orchestrator.pairing.built_in import built_in  # noqa: E402
-from orchestrator.reporting.evaluation import Evaluation  # noqa: E402
-from orchestrator.reporting.files import RESULTS, TRAJECTORIES  # noqa: E402
-from orchestrator.reporting.recording import OBSERVED, Recording  # noqa: E402
-from orchestrator.reporting.run import load_run, save_run  # noqa: E402
+from orchestrator.documents.evaluation import Evaluation  # noqa: E402
+from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
+from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
+from orchestrator.documents.run import load_run, save_run  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
 PROTOCOL = protocols.load("quick")

@@ -36,8 +36,8 @@ from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.errors import InputError  # noqa: E402
 from orchestrator.pairing.reference import IN_C, in_c  # noqa: E402
-from orchestrator.reporting.certificates import Verification  # noqa: E402
-from orchestrator.reporting.wording import SHOWN, number  # noqa: E402
+from orchestrator.documents.certificates import Verification  # noqa: E402
+from orchestrator.documents.wording import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
+    from .documents.evaluation import Evaluation
+    from .documents.robustness import Robustness
+    from .documents.spread import Spread
+    from .documents.sweep import Sweep
+    from .documents.tuning import Tuning
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
     from .pairing.controller import Controller
-    from .reporting.evaluation import Evaluation
-    from .reporting.robustness import Robustness
-    from .reporting.spread import Spread
-    from .reporting.sweep import Sweep
-    from .reporting.tuning import Tuning
 
 __all__ = [
     "Benchmark",
@@ -53,13 +53,13 @@ __all__ = [
 _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".pairing.controller",
-    "Evaluation": ".reporting.evaluation",
+    "Evaluation": ".documents.evaluation",
     "LinearModel": ".api.linear_model",
-    "Robustness": ".reporting.robustness",
+    "Robustness": ".documents.robustness",
     "Simulation": ".api.simulation",
-    "Spread": ".reporting.spread",
-    "Sweep": ".reporting.sweep",
-    "Tuning": ".reporting.tuning",
+    "Spread": ".documents.spread",
+    "Sweep": ".documents.sweep",
+    "Tuning": ".documents.tuning",
     "Variation": ".benchmark.variation",
     "compare": ".api.comparing",
     "controller_from_mlp": "controller_fmu",

@@ -21,8 +21,8 @@ from support.reports import ABOUT, results_of
 from orchestrator.benchmark.results import SampleTimeRecord
 from orchestrator.cli import simulate
 from orchestrator.cli.main import COMMANDS, main
-from orchestrator.reporting.repeat import recording_command, simulate_command
-from orchestrator.reporting.run import load_run
+from orchestrator.documents.repeat import recording_command, simulate_command
+from orchestrator.documents.run import load_run
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")
 EVALUATE = (sys.executable, "-m", "orchestrator.evaluate")

@@ -10,10 +10,10 @@ from matplotlib.colors import to_rgb
 from support.reports import recording, results_of, scaled, searched, seeded, spread, stored
 
 from orchestrator.cli import compare
-from orchestrator.reporting import comparison_figures
-from orchestrator.reporting.beside import beside, compare_spreads
-from orchestrator.reporting.figures import FIGURES, STYLE
-from orchestrator.reporting.run import Run
+from orchestrator.documents import comparison_figures
+from orchestrator.documents.beside import beside, compare_spreads
+from orchestrator.documents.figures import FIGURES, STYLE
+from orchestrator.documents.run import Run
 from plant_fmu.flexible_manipulator import coefficients, dynamics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 

@@ -32,12 +32,12 @@ from orchestrator.cli.tables import show_results
 from orchestrator.codec import from_json, to_json
 from orchestrator.errors import Crash
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting.certificates import Verification, differences
-from orchestrator.reporting.fragments import results_fragment
-from orchestrator.reporting.reasons import Reason, reasons, spread_reasons, verification_reasons
-from orchestrator.reporting.report_page import report_html
-from orchestrator.reporting.run import Run, load_run
-from orchestrator.reporting.spread import spread_of
+from orchestrator.documents.certificates import Verification, differences
+from orchestrator.documents.fragments import results_fragment
+from orchestrator.documents.reasons import Reason, reasons, spread_reasons, verification_reasons
+from orchestrator.documents.report_page import report_html
+from orchestrator.documents.run import Run, load_run
+from orchestrator.documents.spread import spread_of
 from orchestrator.search.findings import RequirementFound
 
 GOOD = everything(TABLE_2, range(4))

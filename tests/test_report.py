@@ -20,14 +20,14 @@ from support.results import TABLE_2, everything, result
 from orchestrator.benchmark.results import BoundRecord, LoopDelay, Measurements, SampleTimeRecord
 from orchestrator.cli.tables import show_results, terminal
 from orchestrator.loop.trajectory import Ending, Status
-from orchestrator.reporting import pages
-from orchestrator.reporting.fragments import results_fragment, simulation_fragment
-from orchestrator.reporting.payload import ROWS, report_payload, script_json
-from orchestrator.reporting.recording import MOTION_INTERVALS, TORQUE_INTERVALS
-from orchestrator.reporting.repeat import simulate_command
-from orchestrator.reporting.report_page import facts, report_html
-from orchestrator.reporting.run import Run, contradictions
-from orchestrator.reporting.wording import collapsed, remarks, requirement_rows
+from orchestrator.documents import pages
+from orchestrator.documents.fragments import results_fragment, simulation_fragment
+from orchestrator.documents.payload import ROWS, report_payload, script_json
+from orchestrator.documents.recording import MOTION_INTERVALS, TORQUE_INTERVALS
+from orchestrator.documents.repeat import simulate_command
+from orchestrator.documents.report_page import facts, report_html
+from orchestrator.documents.run import Run, contradictions
+from orchestrator.documents.wording import collapsed, remarks, requirement_rows
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
 EVIL = "</script><script>alert(1)</script><!--<script>"

@@ -21,13 +21,13 @@ from orchestrator.codec import json_schema, to_json
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting import files, trajectory_files
-from orchestrator.reporting.figures import write_figures
-from orchestrator.reporting.files import write_text
-from orchestrator.reporting.mat import mat_bytes
-from orchestrator.reporting.recording import MOTION, OBSERVED, thin
-from orchestrator.reporting.run import Run, load_run, save_run
-from orchestrator.reporting.tables import csv_text, parquet_bytes
+from orchestrator.documents import files, trajectory_files
+from orchestrator.documents.figures import write_figures
+from orchestrator.documents.files import write_text
+from orchestrator.documents.mat import mat_bytes
+from orchestrator.documents.recording import MOTION, OBSERVED, thin
+from orchestrator.documents.run import Run, load_run, save_run
+from orchestrator.documents.tables import csv_text, parquet_bytes
 
 DOCS = Path(__file__).parents[1] / "docs"
 

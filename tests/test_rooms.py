@@ -23,7 +23,7 @@ FLOORS = (
     ("loop",),
     ("benchmark", "conformance"),
     ("execution", "search"),
-    ("reporting",),
+    ("documents",),
     ("pairing",),
     ("study",),
     ("api",),
@@ -127,6 +127,6 @@ def test_options_stand_in_the_commands_alone():
 
 OPTION = re.compile(r"(^|[\s`'\"(])--[a-z]")
 WITH_OPTIONS = {
-    "orchestrator.reporting.repeat": "the command that repeats a case, held against the parser in test_cli.py",
+    "orchestrator.documents.repeat": "the command that repeats a case, held against the parser in test_cli.py",
     "orchestrator.execution.sandbox": "the words of bubblewrap's own command",
 }

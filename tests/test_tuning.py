@@ -26,7 +26,7 @@ from orchestrator import Benchmark, Controller, InputError, Sweep
 from orchestrator.asking import answered
 from orchestrator.cli import report, values
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting.tuning import Tuning
+from orchestrator.documents.tuning import Tuning
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
 from orchestrator.study.tuner import Verdict

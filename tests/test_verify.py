@@ -28,8 +28,8 @@ from orchestrator.codec import from_json, to_json
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.built_in import built_in
 from orchestrator.pairing.reference import USUAL
-from orchestrator.reporting.certificates import Verification, differences
-from orchestrator.reporting.wording import VERDICTS
+from orchestrator.documents.certificates import Verification, differences
+from orchestrator.documents.wording import VERDICTS
 from orchestrator.study import verify as verification
 
 pytestmark = [

@@ -21,13 +21,14 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..benchmark.linearization import Friction
     from ..benchmark.variation import Variation
     from ..conformance.finding import Finding
+    from ..documents.evaluation import Evaluation
+    from ..documents.findings import Findings
+    from ..documents.robustness import Robustness
+    from ..documents.spread import Spread
+    from ..documents.sweep import Sweep
+    from ..documents.tuning import Tuning
+    from ..documents.verification import Verification
     from ..pairing.runs import CaseRun
-    from ..reporting.certificates import Verification
-    from ..reporting.evaluation import Evaluation
-    from ..reporting.robustness import Robustness
-    from ..reporting.spread import Spread
-    from ..reporting.sweep import Sweep
-    from ..reporting.tuning import Tuning
     from ..search.candidates import Range, Trial
     from ..study.engine import Engine
     from ..study.evaluate import Options
@@ -68,6 +69,8 @@ class Benchmark(Conditions):
         Address of a Dask scheduler, ``"tcp://host:port"``, to evaluate on its cluster.
     wait : float
         Seconds to wait for a silent scheduler or worker, and for the first worker.
+    command : str
+        The command line that asks, if there is one; documents tell it.
 
     Raises
     ------
@@ -75,12 +78,15 @@ class Benchmark(Conditions):
         If the protocol or a plant parameter does not exist, or a number makes no sense.
     """
 
-    def check(self, controller: Controller | None = None) -> tuple[Finding, ...]:
+    def check(self, controller: Controller | None = None) -> Findings:
         """What can be said of a controller before any evaluation: what it is, how it is bound, how it behaves.
 
         Whatever is wrong with it is a finding, not an exception.
         """
-        return tuple(self.iter_check(controller or Controller()))
+        from ..documents.findings import Findings
+
+        own = controller or Controller()
+        return Findings(own.file_name, tuple(self.iter_check(own)))
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
@@ -423,7 +429,7 @@ class Benchmark(Conditions):
     ) -> Verification:
         """Do the verification of a ``certificate`` again, with the FMU it is about (by default the paper's PID).
 
-        :func:`~orchestrator.reporting.certificates.differences` compares the two. Raises :class:`InputError` if the FMU
+        :func:`~orchestrator.documents.verification.differences` compares the two. Raises :class:`InputError` if the FMU
         is another one, and what :meth:`verify` raises.
         """
         from ..study.engine import can_fence

@@ -1,19 +1,19 @@
-"""Several evaluations side by side."""
+"""Several results side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..reporting.comparison import Group
-from ..reporting.comparison import compare as compared
-from ..reporting.evaluation import Evaluation
-from ..reporting.run import Run
+from ..documents.comparison import Comparison
+from ..documents.comparison import compare as compared
+from ..documents.document import Comparable
 
 
-def compare(evaluations: Iterable[Evaluation]) -> tuple[Group, ...]:
-    """The evaluations in groups that may be ranked together, the largest group first.
+def compare(documents: Iterable[Comparable]) -> Comparison:
+    """Evaluations, and other results of the benchmark, in groups that may be ranked together.
 
-    A group holds those under equal conditions: benchmark version, protocol, rules, seed, sample time and plant. Its
-    ``ranked`` entries are in order, those that hold all requirements first, then by V.
+    A group holds those of one kind under equal conditions: benchmark version, protocol, rules, seed, sample time and
+    plant; of each kind the largest group comes first. Its ``ranked`` entries are in order, those that meet all
+    requirements first, then by V.
     """
-    return compared([Run(evaluation.results, evaluation.recordings) for evaluation in evaluations])
+    return compared([(each, getattr(each, "folder", None)) for each in documents])

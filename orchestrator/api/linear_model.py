@@ -11,12 +11,15 @@ import numpy as np
 
 from ..benchmark.case import Case
 from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, linearized, modes, rest, sampled
+from ..documents.document import Shown
 from ..errors import InputError
 from ..loop.scenario import NO_DELAY
+from ..views.table import Cell, Column, Note, Summary, Table, Value
+from ..views.units import HERTZ, MILLIMETRE, RADIAN, TORQUE, heading
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class LinearModel(Shown):
     """``dx/dt = A x + B u``, or the next ``x`` if there is a ``sample_time``, and ``y = C x + D u``; SI units.
 
     States, inputs and outputs are deviations from :attr:`at`, the steady state. With n states:
@@ -75,7 +78,7 @@ class LinearModel:
         """Write A, B, C, D, T_s (0 if continuous), the names and the steady state into a ``.mat`` or ``.npz`` file."""
         from scipy.io import savemat
 
-        from ..reporting.files import streamed, write_bytes
+        from ..documents.files import streamed, write_bytes
 
         file = Path(file)
         contents = {name: getattr(self, name) for name in "ABCD"} | {"T_s": self.sample_time or 0.0}
@@ -90,10 +93,20 @@ class LinearModel:
             raise InputError(f"{file} ends neither in .mat nor in .npz.", "bad-ending", file, file.suffix)
         return file
 
-    def _repr_html_(self) -> str:
-        from ..reporting.fragments import linear_fragment
-
-        return linear_fragment(self.title, self.at._asdict(), self.modes)
+    def summary(self) -> Summary:
+        """Where it is linearized, and frequencies and damping of its motions."""
+        units = {"q_a": RADIAN, "q_m": RADIAN, "u_m": TORQUE, "X": MILLIMETRE}
+        rest: tuple[tuple[Cell, ...], ...] = tuple(
+            (heading(name, units[name]), *(Value(each, unit=units[name]) for each in pair))
+            for name, pair in self.at._asdict().items()
+        )
+        modes = tuple((mode.frequency, mode.damping) for mode in self.modes)
+        parts = (
+            Table("Steady state", (Column(""), Column("first"), Column("second")), rest),
+            Table("Modes", (Column("frequency", HERTZ), Column("damping")), modes),
+            Note(f"{len(self.states)} states: {', '.join(self.states)}", warning=False),
+        )
+        return Summary("Linear model", self.title, parts)
 
     def __repr__(self) -> str:
         return f"LinearModel({self.title}: {len(self.A)} states)"

@@ -10,6 +10,7 @@ from ..benchmark.case import Case
 from ..benchmark.linearization import rest
 from ..benchmark.metrics import judge, named
 from ..benchmark.scorecard import kind
+from ..documents.files import write_bytes
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..pairing.built_in import built_in
@@ -17,7 +18,6 @@ from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.pairing import simulate as simulated
 from ..pairing.plant import AUTO, NATIVE, PYTHON
-from ..reporting.files import write_bytes
 from .simulation import Simulation
 
 
@@ -36,8 +36,8 @@ def simulate(conditions: Conditions, controller: Controller, case: Case | str) -
 
 def export_ssp(conditions: Conditions, controller: Controller, case: Case | str, file: Path) -> None:
     """See :meth:`.Benchmark.export_ssp`."""
+    from ..documents.ssp import package
     from ..loop.controller import Steady  # loads Numba
-    from ..reporting.ssp import package
 
     if conditions.plant not in (AUTO, PYTHON, NATIVE):
         message = f"The package holds the benchmark's manipulator, in the place of {conditions.plant}: leave that out."

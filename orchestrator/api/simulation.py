@@ -15,12 +15,20 @@ from msgspec.structs import asdict
 from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, Kind
 from ..codec import Malformed, Struct, pack, unpack
+from ..documents.document import Shown
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
+from ..views.table import Column, Note, Part, Summary, Table, Value
+from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, heading
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), TORQUE) | {"B5": MILLIMETRE, "B6": SECOND, "B7": MILLIMETRE}
+UNITS |= {"recovery": SECOND, "limit_cycle": MICROMETRE, "rest_error": MILLIMETRE}
+UNITS |= {"limit_cycle_ratio": NONE, "limit_cycle_frequency": HERTZ}
+"""Units that the figures of a simulation are shown in."""
 
 
 class _Saved(Struct, frozen=True):
@@ -33,7 +41,7 @@ class _Saved(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Shown):
     """Sampled signals of one simulation with N samples, in SI units; times t_k = k T_s.
 
     Parameters
@@ -108,7 +116,7 @@ class Simulation:
 
     def columns(self) -> Mapping[str, np.ndarray]:
         """All signals by name with unit, each of shape (N + 1,); torques of the last instant, not computed, are NaN."""
-        from ..reporting.trajectory_files import columns
+        from ..documents.trajectory_files import columns
 
         return columns(self.trajectory, self.case.scenario)
 
@@ -120,13 +128,13 @@ class Simulation:
 
     def plot(self, figure: Figure | None = None) -> Figure:
         """TCP error [mm] and torques [Nm] over time, in the paper's axes, in ``figure`` or a new one."""
-        from ..reporting.trajectory_files import plot
+        from ..documents.trajectory_files import plot
 
         return plot(self.trajectory, self.case.scenario, self.title, figure)
 
     def save(self, file: str | Path) -> Path:
         """Write the simulation into ``file``; :meth:`load` reads it. The signals alone: see :meth:`columns`."""
-        from ..reporting.files import write_bytes
+        from ..documents.files import write_bytes
 
         write_bytes(Path(file), pack(_Saved(**vars(self))))
         return Path(file)
@@ -142,12 +150,26 @@ class Simulation:
             raise InputError(f"{file} does not hold a simulation: {problem}.", "damaged", file) from None
         return cls(**asdict(saved))
 
+    def summary(self) -> Summary:
+        """How it ended, and what was measured."""
+        ending, rows = self.ending, []
+        for name, unit in UNITS.items():
+            value = getattr(self.result.measurements, name)
+            if value is not None:
+                rows.append((heading(name.replace("_", " "), unit), Value(value, unit=unit)))
+        rows.append((heading("largest TCP error", MILLIMETRE), Value(float(self.tcp_error.max()), unit=MILLIMETRE)))
+        parts: list[Part] = [Table("Measured", (Column("quantity"), Column("value")), tuple(rows))]
+        if self.case.test.requirements:
+            parts.append(Note(f"verdict: {self.kind}", warning=False))
+        message = f": {ending.message}" if ending.message else ""
+        return Summary(self.title, f"{ending.status.value} at {ending.time:g} s{message}", tuple(parts))
+
     def _repr_html_(self) -> str:
-        from ..reporting.fragments import simulation_fragment
+        from ..views.page import fragment  # as in Shown
 
         stream = io.StringIO()
         self.plot().savefig(stream, format="svg")
-        return simulation_fragment(self.title, self.ending, self.result, stream.getvalue())
+        return fragment(self.summary(), stream.getvalue())
 
     def __repr__(self) -> str:
         return f"Simulation({self.title}: {self.ending.status.value} at {self.ending.time:g} s)"

@@ -1,4 +1,4 @@
-"""The results of an evaluation, typed to the last field: what ``results.json`` holds, and every report is made from.
+"""What the cases of a protocol came to, one by one and over the workspace: the parts that results are made of.
 
 All values are in SI units; None stands for a value that does not exist.
 """
@@ -10,16 +10,10 @@ from typing import Literal
 import msgspec
 
 from ..codec import Finite, Natural, NonNegative, Struct
-from ..loop.computing import ComputingTime
 from ..loop.trajectory import Status
 from .case import Configuration, Test
 from .protocol import Protocol, Stability
 from .tally import Tally, reason
-
-SCHEMA = "flexible-manipulator-results/3"
-
-SCHEMA_2 = "flexible-manipulator-results/2"
-"""The form before it, without tallies, in which a case that was lost is ``crashed``; it is still read."""
 
 
 class Measurements(Struct, omit_defaults=True):
@@ -213,79 +207,6 @@ class Rules(Struct):
         return next(test for test in self.tests if test.name == name)
 
 
-class BoundRecord(Struct):
-    """The variables of the controller that a connector is bound to, how they were found, what could not be checked."""
-
-    variables: tuple[str, ...]
-    found: str
-    notes: tuple[str, ...] = ()
-
-
-class FmuRecord(Struct):
-    """An FMU as used. ``parameters`` are those that were set: the controller's in its own units, the plant's in SI."""
-
-    file: str
-    sha256: str
-    fmi_version: str
-    generation_tool: str | None
-    parameters: dict[str, Finite]
-
-
-class ControllerRecord(FmuRecord):
-    """The controller, with its path as it was given, its mapping and connectors; a connector is None if an optional
-    one is absent."""
-
-    path: str
-    mapping: dict[str, str]
-    connectors: dict[str, BoundRecord | None]
-
-
-class PlantRecord(FmuRecord):
-    """The plant, with all its nominal parameters.
-
-    ``build`` is "python" or "native", of the same equations, or "file"; ``model`` is the SHA-256 of these equations'
-    sources, or of the file ``path``.
-    """
-
-    nominal: dict[str, Finite]
-    build: Literal["python", "native", "file"]
-    model: str
-    path: str = ""
-
-
-class SampleTimeRecord(Struct):
-    """The controller's sample time [s]."""
-
-    seconds: NonNegative
-    as_in_benchmark: bool
-
-
-class LoopDelay(Struct):
-    """From a measurement to the torque at the motor: the benchmark's T_d and the controller's own latency.
-
-    ``seconds`` and ``samples`` are None if the latency could not be measured.
-    """
-
-    seconds: NonNegative | None
-    samples: NonNegative | None
-    benchmark: NonNegative
-    controller_samples: int | None
-    convention: str | None
-
-
-class RunTiming(Struct):
-    """When the evaluation began, and how long it took [s]: ``wall_time`` on ``workers`` processes; ``simulated_time``
-    and ``simulation_time`` are sums over the cases. ``computing_time`` is the controller's, per sample; None if it was
-    not measured."""
-
-    start: str
-    wall_time: NonNegative
-    workers: int
-    simulated_time: NonNegative
-    simulation_time: NonNegative
-    computing_time: ComputingTime | None = None
-
-
 class Scorecard(Struct):
     """``cost`` is V of eq. (15), None if a criterion has no value. ``complete`` tells whether every case of the
     protocol ended with ``done`` or ``unstable``."""
@@ -295,44 +216,6 @@ class Scorecard(Struct):
     criteria: dict[str, CriterionScore]
     stability: dict[str, Requirement]
     configurations: tuple[ConfigurationScore, ...]
-
-
-class Results(Struct):
-    """The contents of ``results.json``: a scorecard, the cases it follows from, and what they were made with.
-
-    ``schema`` names this form; ``protocol_file`` is the path of a protocol that does not come with the benchmark.
-    """
-
-    schema: str
-    benchmark: str
-    protocol: str
-    protocol_file: str
-    complete: bool
-    cost: NonNegative | None
-    criteria: dict[str, CriterionScore]
-    stability: dict[str, Requirement]
-    configurations: tuple[ConfigurationScore, ...]
-    cases: tuple[CaseResult, ...]
-    seed: Natural
-    controller: ControllerRecord
-    plant: PlantRecord
-    rules: Rules
-    sample_time: SampleTimeRecord
-    loop_delay: LoopDelay
-    environment: dict[str, str]
-    timing: RunTiming
-
-    @property
-    def scorecard(self) -> Scorecard:
-        """The scorecard alone."""
-        return Scorecard(**{name: getattr(self, name) for name in Scorecard.__struct_fields__})
-
-    def case(self, id: str) -> CaseResult:
-        """The result of the case called ``id``; raises :class:`KeyError` if there is none."""
-        for case in self.cases:
-            if case.id == id:
-                return case
-        raise KeyError(id)
 
 
 def rules(protocol: Protocol) -> Rules:

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 
 from ..codec import Finite, Natural, NonNegative, Struct
-from .results import Results, Rules
+from .results import Rules, Scorecard
 from .tally import Tally
 
 
@@ -60,14 +60,14 @@ class Summary(Struct):
     requirements: dict[str, Holding]
 
 
-def seed_score(results: Results) -> SeedScore:
-    """The score of an evaluation."""
+def seed_score(seed: int, card: Scorecard) -> SeedScore:
+    """The score of the evaluation with this seed."""
     return SeedScore(
-        seed=results.seed,
-        cost=results.cost,
-        criteria={name: entry.value for name, entry in results.criteria.items()},
-        requirements={name: entry.passed for name, entry in results.stability.items()},
-        tallies={name: entry.tally for name, entry in results.stability.items()},
+        seed=seed,
+        cost=card.cost,
+        criteria={name: entry.value for name, entry in card.criteria.items()},
+        requirements={name: entry.passed for name, entry in card.stability.items()},
+        tallies={name: entry.tally for name, entry in card.stability.items()},
     )
 
 

@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..codec import to_json
+from ..documents import compare_page, paper_tables
+from ..documents.beside import beside, beside_document, compare_spreads
+from ..documents.comparison import compare, comparison_document
+from ..documents.files import FIGURES, RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write_text
+from ..documents.robustness import Robustness
+from ..documents.run import Run, load_run
+from ..documents.spread import Spread
 from ..errors import InputError
-from ..reporting import compare_page, paper_tables
-from ..reporting.beside import beside, beside_document, compare_spreads
-from ..reporting.comparison import compare, comparison_document
-from ..reporting.files import FIGURES, RESULTS, ROBUSTNESS, SPREAD, prepare_folder, write_text
-from ..reporting.robustness import Robustness
-from ..reporting.run import Run, load_run
-from ..reporting.spread import Spread
 from ..text import printable
 from .comparison_tables import show_comparison, show_spreads, show_worst
 from .judged import shown_code
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         show_worst(worst, terminal())
     written = [compare_page.FILE]
     if given.figures:
-        from ..reporting.comparison_figures import write_comparison  # Matplotlib, which takes a second
+        from ..documents.comparison_figures import write_comparison  # Matplotlib, which takes a second
 
         drawn, empty = write_comparison(groups, spreads, worst, given.output_dir / FIGURES)
         written += [f"{FIGURES}/{name}" for name in drawn]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from ..api.benchmark import Benchmark
 from ..codec import to_json
+from ..documents.evaluation import Evaluation
+from ..documents.files import CASES, RESULTS, TRAJECTORIES, seed_folder
+from ..documents.spread import Spread
+from ..documents.wording import number
 from ..pairing.controller import Controller
-from ..reporting.evaluation import Evaluation
-from ..reporting.files import CASES, RESULTS, TRAJECTORIES, seed_folder
-from ..reporting.spread import Spread
-from ..reporting.wording import number
 from ..study.evaluate import Options
 from ..text import file_name
 from . import options, outputs

@@ -7,10 +7,10 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from ..documents.evaluation import Evaluation
+from ..documents.files import FIGURES, MAT, PARQUET, REPORT, write_bytes
+from ..documents.run import Run
 from ..errors import InputError
-from ..reporting.evaluation import Evaluation
-from ..reporting.files import FIGURES, MAT, PARQUET, REPORT, write_bytes
-from ..reporting.run import Run
 
 NO_TRAJECTORIES = (
     "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
@@ -45,13 +45,13 @@ def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespac
     written: list[str] = []
     left_out: list[str] = []
     if given.parquet:
-        from ..reporting.tables import parquet_bytes
+        from ..documents.tables import parquet_bytes
 
         write_bytes(folder / PARQUET, parquet_bytes(evaluation.results))
         written.append(PARQUET)
     if given.mat:
         if evaluation.recordings:
-            from ..reporting.mat import mat_bytes
+            from ..documents.mat import mat_bytes
 
             write_bytes(folder / MAT, mat_bytes(Run(evaluation.results, evaluation.recordings)))
         (written if evaluation.recordings else left_out).append(MAT)

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from ..codec import to_json
+from ..documents.documents import Document
+from ..documents.evaluation import Evaluation
+from ..documents.files import RESULTS
+from ..documents.robustness import Robustness
+from ..documents.run import load_run
+from ..documents.sweep import Sweep
+from ..documents.tuning import Tuning
 from ..errors import InputError
-from ..reporting.documents import Document
-from ..reporting.evaluation import Evaluation
-from ..reporting.files import RESULTS
-from ..reporting.robustness import Robustness
-from ..reporting.run import load_run
-from ..reporting.sweep import Sweep
-from ..reporting.tuning import Tuning
 from . import robustness, sweep, tune
 from .guard import EXIT_OK
 from .judged import shown_code

@@ -11,9 +11,9 @@ from pathlib import Path
 from rich.console import Console
 
 from ..codec import to_json
-from ..reporting.files import REPORT, ROBUSTNESS, TRAJECTORIES
-from ..reporting.robustness import Robustness, margin_words, radius_rows, robustness_remarks, verdict_words
-from ..reporting.wording import SHOWN, number
+from ..documents.files import REPORT, ROBUSTNESS, TRAJECTORIES
+from ..documents.robustness import Robustness, margin_words, radius_rows, robustness_remarks, verdict_words
+from ..documents.wording import SHOWN, number
 from . import options
 from .evaluate import folder_name
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK

@@ -14,13 +14,13 @@ from ..api.simulation import Simulation
 from ..benchmark.case import Case
 from ..benchmark.results import Results
 from ..benchmark.variation import Variation
+from ..documents import trajectory_files
+from ..documents.files import prepare_folder
+from ..documents.run import load_run
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
-from ..reporting import trajectory_files
-from ..reporting.files import prepare_folder
-from ..reporting.run import load_run
 from ..text import file_name, printable
 from . import options, outputs
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK

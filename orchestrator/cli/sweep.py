@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..codec import to_json
-from ..reporting.files import SWEEP, streamed, write_bytes, write_text
-from ..reporting.sweep import COLUMNS, Sweep, smallest_words, sweep_rows
+from ..documents.files import SWEEP, streamed, write_bytes, write_text
+from ..documents.sweep import COLUMNS, Sweep, smallest_words, sweep_rows
 from ..search.candidates import Trial
 from . import options
 from .evaluate import folder_name
@@ -47,7 +47,7 @@ def pictured(found: Sweep, folder: Path) -> list[str]:
     write_text(folder / TABLE, found.csv())
     if len(found.varied) > 2:
         return [TABLE]
-    from ..reporting.figures import FORMATS  # Matplotlib takes as long to load as the rest of the command
+    from ..documents.figures import FORMATS  # Matplotlib takes as long to load as the rest of the command
 
     figure = found.plot()
     write_bytes(folder / PICTURE, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))

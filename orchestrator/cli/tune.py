@@ -11,9 +11,9 @@ from rich.console import Console
 
 from ..benchmark.protocol import names
 from ..codec import to_json
-from ..reporting.files import REPORT, TUNING
-from ..reporting.tuning import Tuning, best_rows, parameter_rows, tuning_remarks
-from ..reporting.wording import number
+from ..documents.files import REPORT, TUNING
+from ..documents.tuning import Tuning, best_rows, parameter_rows, tuning_remarks
+from ..documents.wording import number
 from ..search.candidates import Trial
 from ..search.proposals import SAMPLERS
 from ..study.tune import BEST

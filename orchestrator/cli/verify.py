@@ -17,12 +17,12 @@ from ..api.benchmark import Benchmark
 from ..benchmark.certificate import Score
 from ..cache import VARIABLE
 from ..codec import to_json
+from ..documents.certificates import Verification, differences
+from ..documents.files import prepare_folder
+from ..documents.reasons import verification_reasons
+from ..documents.wording import SHOWN, VERDICTS, number
 from ..errors import InputError
 from ..pairing.reference import IN_C, USUAL
-from ..reporting.certificates import Verification, differences
-from ..reporting.files import prepare_folder
-from ..reporting.reasons import verification_reasons
-from ..reporting.wording import SHOWN, VERDICTS, number
 from ..text import printable
 from . import options
 from .evaluate import folder_name

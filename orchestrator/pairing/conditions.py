@@ -48,6 +48,7 @@ class Conditions:
     sandbox: bool = False
     scheduler: str | None = None
     wait: float = cluster.WAIT
+    command: str = ""
 
     def __post_init__(self) -> None:
         if self.seed < 0 or (self.workers is not None and self.workers < 1):

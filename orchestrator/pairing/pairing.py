@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
+from ..documents.recording import OBSERVED
 from ..errors import Crash
 from ..execution.job import Died, Done, Job, Limits
 from ..execution.messages import error_of
@@ -17,7 +18,6 @@ from ..fmi.archive import Archive
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Trajectory
-from ..reporting.recording import OBSERVED
 from . import work
 from .runs import account
 

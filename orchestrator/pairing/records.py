@@ -1,27 +1,16 @@
-"""From the runs of an evaluation to its results: everything ``results.json`` says."""
+"""What documents say of the controller, the plant and this machine."""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from importlib import metadata
 
 from .. import __version__
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import (
-    SCHEMA,
-    BoundRecord,
-    CaseResult,
-    ControllerRecord,
-    LoopDelay,
-    PlantRecord,
-    Results,
-    RunTiming,
-    SampleTimeRecord,
-    rules,
-)
-from ..benchmark.scorecard import score
+from ..documents.head import BoundRecord, ControllerRecord, PlantRecord
+from ..documents.results import LoopDelay
 from ..fmi.archive import Archive
 from ..fmi.connectors import CONTROLLER
 from ..loop.setup import controller_binding
@@ -31,46 +20,6 @@ from .plant import FILE, Plant
 from .work import TimingRecord
 
 LIBRARIES = ("fmpy", "pythonfmu", "numpy", "scipy", "numba")
-
-
-def results(
-    protocol: Protocol,
-    protocol_file: str,
-    seed: int,
-    pairing: Pairing,
-    controller: Controller,
-    plant: PlantRecord,
-    sample_time: Fraction,
-    measured: TimingRecord,
-    cases: Sequence[CaseResult],
-    timing: RunTiming,
-) -> Results:
-    """The results of an evaluation of ``cases``, in their order.
-
-    ``measured`` is the controller's timing.
-    """
-    spec = rules(protocol)
-    card = score(spec, cases)
-    return Results(
-        schema=SCHEMA,
-        benchmark=protocol.benchmark,
-        protocol=protocol.name,
-        protocol_file=protocol_file,
-        complete=card.complete,
-        cost=card.cost,
-        criteria=card.criteria,
-        stability=card.stability,
-        configurations=card.configurations,
-        cases=tuple(cases),
-        seed=seed,
-        controller=controller_record(pairing, controller),
-        plant=plant,
-        rules=spec,
-        sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
-        loop_delay=_loop_delay(protocol, sample_time, measured),
-        environment=environment(),
-        timing=timing,
-    )
 
 
 def plant_record(plant: Plant, changes: Mapping[str, float]) -> PlantRecord:
@@ -105,7 +54,8 @@ def controller_record(pairing: Pairing, controller: Controller) -> ControllerRec
     return ControllerRecord(*_fmu(pairing.controller), dict(setup.parameters), path, dict(setup.mapping), connectors)
 
 
-def _loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:
+def loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:
+    """The loop delay with a controller of this ``sample_time`` [s], whose timing was ``measured``."""
     T_d, latency = protocol.loop.delay, measured.latency
     if latency is None:
         return LoopDelay(None, None, float(T_d), None, measured.convention)

@@ -15,11 +15,11 @@ from ..benchmark.metrics import expected, judge
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
 from ..codec import Malformed, Natural, Struct, pack, unpack
+from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Status, Trajectory
-from ..reporting.recording import OBSERVED, Recording, record
 
 if TYPE_CHECKING:  # it loads the compiler, which only workers need
     from ..fmi.slaves import Slave
@@ -70,7 +70,7 @@ def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
 
 
 def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """A :class:`RecordTask`; gives a :class:`~orchestrator.reporting.recording.Recording`."""
+    """A :class:`RecordTask`; gives a :class:`~orchestrator.documents.recording.Recording`."""
     wanted = unpack(task, RecordTask)
     trajectory = _simulate(plant, controller, wanted.case.scenario, wanted.setup, OBSERVED)
     return pack(record(wanted.case, wanted.roles, trajectory))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..asking import answered
+from ..documents import recording
+from ..documents.files import prepare_folder, remove, write_text
 from ..errors import InputError
 from ..execution import cluster, pool, sandbox, store
 from ..pairing.conditions import Conditions
-from ..reporting import recording
-from ..reporting.files import prepare_folder, remove, write_text
+from ..pairing.runs import CaseRun
 from . import batch, rehearsal
 from .batch import Execute, OnRun
 from .recorder import record_shown
@@ -47,6 +48,20 @@ OnEvent = Callable[[Event], None]
 """Is told the events of a study."""
 
 
+@dataclass
+class _Spent:
+    """What simulations have taken so far, as in :class:`.Instant`."""
+
+    simulations: int = 0
+    simulated_time: float = 0.0
+    simulation_time: float = 0.0
+
+    def count(self, runs: Sequence[CaseRun]) -> None:
+        self.simulations += len(runs)
+        self.simulated_time += sum(run.result.time for run in runs)
+        self.simulation_time += sum(run.wall_time for run in runs)
+
+
 @dataclass(frozen=True)
 class Engine:
     """What answers the requests of a study.
@@ -64,6 +79,7 @@ class Engine:
     def run(self, study: Study[T]) -> T:
         """The document of ``study``. The folder is first touched when the study, which has checked its input by then,
         asks for something; what is finished is kept however this ends."""
+        spent = _Spent()
         with ExitStack() as stack:
 
             @functools.cache
@@ -72,12 +88,14 @@ class Engine:
                     prepare_folder(self.folder)
                 return stack.enter_context(store.opened(self.folder))
 
-            return answered(study, lambda request: self._answer(request, known()))
+            return answered(study, lambda request: self._answer(request, known(), spent))
 
-    def _answer(self, request: Request, known: store.Store) -> Any:
+    def _answer(self, request: Request, known: store.Store, spent: _Spent) -> Any:
         match request:
             case Batch():
-                return batch.run(request, self.execute, known, self.on_run)
+                found = batch.run(request, self.execute, known, self.on_run)
+                spent.count([run for runs in found for run in runs])
+                return found
             case Rehearse(pairing, case, probe):
                 return rehearsal.rehearse(case, pairing, probe)
             case TimeSteps(pairing, case):
@@ -94,7 +112,7 @@ class Engine:
                     remove(self.folder / name) if text is None else write_text(self.folder / name, text)
             case Now():
                 begin = datetime.now(timezone.utc).isoformat(timespec="seconds")
-                return Instant(begin, time.perf_counter(), self.processes)
+                return Instant(begin, time.perf_counter(), self.processes, **vars(spent))
             case Tell(event):
                 if self.on_event is not None:
                     self.on_event(event)

@@ -7,15 +7,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TypedDict
 
+from msgspec.structs import asdict
+
 from ..benchmark.case import Case
-from ..benchmark.results import RunTiming
+from ..benchmark.scorecard import score
+from ..documents.evaluation import Evaluation
+from ..documents.files import seed_folder
+from ..documents.results import Results
+from ..documents.spread import Spread, spread_of
 from ..errors import InputError
-from ..pairing import records
 from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
-from ..reporting.evaluation import Evaluation
-from ..reporting.files import seed_folder
-from ..reporting.spread import Spread, spread_of
+from ..pairing.records import loop_delay
+from .heads import head
 from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Save, SeedDone, Study, Tell, TimeSteps
 from .selection import shown
 
@@ -48,25 +52,14 @@ def evaluate(
     patience = None if keep_going else STRIKES
     (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, force, rehearsal.failure),))
     end = yield Now()
-    timing = RunTiming(
-        begin.start,
-        end.seconds - begin.seconds,
-        begin.processes,
-        sum(run.result.time for run in runs),
-        sum(run.wall_time for run in runs),
-        computing_time,
-    )
-    results = records.results(
-        protocol,
-        str(conditions.protocol) if str(conditions.protocol) != protocol.name else "",
-        conditions.seed,
-        pairing,
-        controller,
-        records.plant_record(conditions.manipulator, conditions.plant_parameters),
-        sample_time,
-        rehearsal.timing,
-        [run.result for run in runs],
-        timing,
+    found = head(conditions, controller, pairing, sample_time, begin, end, computing_time=computing_time)
+    listed = tuple(run.result for run in runs)
+    results = Results(
+        schema=Results.SCHEMA,
+        head=found,
+        **asdict(score(found.rules, listed)),
+        cases=listed,
+        loop_delay=loop_delay(protocol, sample_time, rehearsal.timing),
     )
     evaluation = Evaluation(results)
     yield Save(evaluation, inside)  # before the recordings: whatever happens now, the results are there
@@ -92,7 +85,8 @@ def spread(
     wanted = tuple(dict.fromkeys(seeds))
     if not wanted:
         raise InputError("At least one seed is needed.", "bad-number")
-    found = []
+    found, begin = [], (yield Now())
+    controller, pairing, sample_time, _ = conditions.prepared(controller)
     for seed in wanted:
         own = f"{inside}/{seed_folder(seed)}" if inside else seed_folder(seed)
         evaluation = yield from evaluate(
@@ -105,7 +99,9 @@ def spread(
             inside=own,
         )
         found.append(evaluation.results)
-        result = spread_of(wanted, found)
+        end = yield Now()
+        own_head = head(conditions, controller, pairing, sample_time, begin, end, several_seeds=True)
+        result = spread_of(wanted, found, own_head)
         yield Save(result, inside)
         yield Tell(SeedDone(seed, evaluation))
     return result

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from contextlib import closing
 
+from ..documents.recording import Recording
 from ..execution import pool
 from ..execution.job import Done
 from ..pairing import work
 from ..pairing.pairing import GROUP_SIZE, START_TIME, Pairing
-from ..reporting.recording import Recording
 from .selection import Shown
 
 LARGEST = 1 << 22

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from ..benchmark.case import Case
 from ..codec import unpack
+from ..documents.recording import OBSERVED
 from ..execution.job import Died, Done
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
@@ -13,7 +14,6 @@ from ..loop.computing import ComputingTime
 from ..pairing import pairing, work
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun, case_run
-from ..reporting.recording import OBSERVED
 
 
 @dataclass(frozen=True)

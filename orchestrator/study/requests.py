@@ -15,10 +15,10 @@ from typing import Protocol as Interface
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
+from ..documents.recording import Recording
 from ..errors import Crash
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
-from ..reporting.recording import Recording
 from ..search.candidates import Trial
 from .rehearsal import Rehearsal
 from .selection import Shown
@@ -123,11 +123,15 @@ class Tell:
 
 @dataclass(frozen=True)
 class Instant:
-    """A time as text and on a steady clock [s], and how many processes there are at a time."""
+    """A time as text and on a steady clock [s], how many processes there are at a time, and the number of simulations
+    that were answered until then with the sums of their simulated time and of what they took [s]."""
 
     start: str
     seconds: float
     processes: int
+    simulations: int = 0
+    simulated_time: float = 0.0
+    simulation_time: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from ..benchmark import cases
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Scorecard
+from ..documents.recording import EXAMPLE, SPREAD
 from ..exact_time import seconds
 from ..loop.trajectory import Status
 from ..pairing.runs import CaseRun
-from ..reporting.recording import EXAMPLE, SPREAD
 
 POSE = (math.radians(18.0), math.radians(-50.0))
 """Link angles [rad] of the example and the spread: an ordinary pose in the middle of the workspace."""

@@ -7,14 +7,14 @@ import math
 from collections.abc import Mapping, Sequence
 
 from ..benchmark.results import rules
+from ..documents.sweep import Sweep
 from ..errors import InputError
-from ..pairing import records
 from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
-from ..reporting.sweep import Sweep
 from ..search.candidates import Trial
 from ..search.proposals import GENERATION
 from .candidates import attempt, values_of
+from .heads import head
 from .requests import Now, Save, Study, Tell, TrialDone, rehearsed
 
 
@@ -25,7 +25,7 @@ def sweep(conditions: Conditions, controller: Controller, given: Mapping[str, Se
         raise InputError("Nothing varies: at least one parameter with its values is needed.", "nothing-varies")
     if bad := [name for name, each in values.items() if not all(map(math.isfinite, each))]:
         raise InputError(f"The values of {bad[0]} are not finite.", "bad-number", bad[0])
-    controller, pairing, _, cases = conditions.prepared(controller)
+    controller, pairing, T_s, cases = conditions.prepared(controller)
     values_of(controller, values)
     own = rules(conditions.rules)
     begin = yield Now()
@@ -40,15 +40,9 @@ def sweep(conditions: Conditions, controller: Controller, given: Mapping[str, Se
     end = yield Now()
     found = Sweep(
         schema=Sweep.SCHEMA,
-        benchmark=conditions.rules.benchmark,
-        protocol=conditions.rules.name,
-        seed=conditions.seed,
+        head=head(conditions, controller, pairing, T_s, begin, end),
         values=values,
         trials=tuple(trials),
-        rules=own,
-        controller=records.controller_record(pairing, controller),
-        plant=records.plant_record(conditions.manipulator, conditions.plant_parameters),
-        wall_time=end.seconds - begin.seconds,
     )
     yield Save(found)
     return found

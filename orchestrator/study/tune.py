@@ -7,19 +7,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..benchmark.results import Requirement, rules
+from ..benchmark.results import Requirement
+from ..documents.commands import simulate_command
+from ..documents.recording import BESIDE
+from ..documents.robustness import Robustness
+from ..documents.tuning import Best, Judged, Tuning
 from ..errors import Crash, FmuError, InputError
-from ..pairing import records
 from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
-from ..reporting.recording import BESIDE
-from ..reporting.repeat import simulate_command
-from ..reporting.robustness import Robustness
-from ..reporting.tuning import Best, Judged, Tuning
 from ..search.candidates import Range, Trial, check_range
 from ..search.proposals import Proposals
 from .candidates import values_of
 from .evaluate import evaluate, spread
+from .heads import head
 from .requests import Now, Save, Study, Write, rehearsed
 from .tuner import Judge, Tuner, Verdict
 from .worst_case import sought, worst_case
@@ -53,7 +53,7 @@ def tune(
 ) -> Study[Tuning]:
     """See :meth:`.Benchmark.tune`; ``record`` is the file of the sampler's own record, if there is to be one."""
     short = replace(goal, protocol=objective, seed=goal.seed + SEED)
-    controller, pairing, _, cases = short.prepared(controller)
+    controller, pairing, T_s, cases = short.prepared(controller)
     vary = ranges(given)
     start = values_of(controller, vary)
     if trials < 1:
@@ -97,10 +97,8 @@ def tune(
     end = yield Now()
     tuning = Tuning(
         schema=Tuning.SCHEMA,
-        benchmark=goal.rules.benchmark,
-        protocol=goal.rules.name,
+        head=head(goal, controller, pairing, T_s, begin, end),
         objective=str(objective),
-        seed=goal.seed,
         sampler=sampler,
         search_seed=search_seed,
         robust=robust,
@@ -119,10 +117,6 @@ def tune(
         ),
         best=found,
         importance=proposals.importance(),
-        rules=rules(goal.rules),
-        controller=records.controller_record(pairing, controller),
-        plant=records.plant_record(goal.manipulator, goal.plant_parameters),
-        wall_time=end.seconds - begin.seconds,
     )
     yield Save(tuning)
     return tuning
@@ -158,7 +152,7 @@ def _judge(goal: Conditions, controller: Controller, strict: str | Path, robust:
             if verdict.passed is False and verdict.worst_case
         }
         named = {case.id: case for case in cases}
-        found = [(named[id], simulate_command(evaluation.results, id)) for id in failing]
+        found = [(named[id], simulate_command(evaluation.head, id)) for id in failing]
         broken += [f"{name} not judged" for name in _not_judged(evaluation.requirements)]
         if evaluation.cost is None:
             broken.append("V")

@@ -16,14 +16,14 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
 from ..cache import code_hash
+from ..documents.verification import FRESH, PUBLISHED, STRICT, Verification
 from ..errors import InputError
 from ..loop.sampling import controller_sample_time
-from ..pairing import records
 from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
 from ..pairing.reference import reference
-from ..reporting.certificates import FRESH, PUBLISHED, STRICT, Verification
+from .heads import head
 from .requests import Batch, Entry, Now, Rehearse, Study
 
 
@@ -78,18 +78,11 @@ def verify(
         **structs.asdict(result),
         references=references,
         schema=Verification.SCHEMA,
-        benchmark=protocol.benchmark,
-        protocol=str(conditions.protocol),
+        head=head(conditions, controller, own, T_s, begin, end),
         source=source,
         entropy=text,
-        controller=records.controller_record(own, controller),
-        sample_time=float(T_s),
-        plant=records.plant_record(conditions.manipulator, conditions.plant_parameters),
         code=code_hash(),
         sandbox=own.sandbox,
-        environment=records.environment(),
-        start=begin.start,
-        wall_time=end.seconds - begin.seconds,
     )
 
 
@@ -98,11 +91,15 @@ def repeat(
 ) -> Study[Verification]:
     """See :meth:`.Benchmark.repeat`."""
     record = certificate.controller
-    controller = Controller(file, record.parameters, record.mapping, certificate.sample_time)
+    controller = Controller(file, record.parameters, record.mapping, certificate.sample_time.seconds)
     if controller.archive.sha256 != record.sha256:
         message = f"{controller.archive.name} is not the controller of the certificate: its contents differ."
         raise InputError(message, "other-controller", file)
-    same = replace(conditions, protocol=certificate.protocol, plant_parameters=certificate.plant.parameters)
+    same = replace(
+        conditions,
+        protocol=certificate.head.protocol_file or certificate.protocol,
+        plant_parameters=certificate.plant.parameters,
+    )
     wanted = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
     found = yield from verify(same, controller, certificate.entropy, *wanted, sandboxed)
     return structs.replace(found, source=certificate.source)

@@ -12,13 +12,13 @@ from ..asking import translated
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import rules
+from ..documents.commands import Setting, member_command
+from ..documents.recording import BESIDE, FOUND
+from ..documents.robustness import Robustness
 from ..errors import InputError
 from ..pairing import records
 from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
-from ..reporting.recording import BESIDE, FOUND
-from ..reporting.repeat import Setting, member_command
-from ..reporting.robustness import Robustness
 from ..search import hunt as stages
 from ..search.archive import Archive, Ask, Asking
 from ..search.findings import Step
@@ -27,6 +27,7 @@ from ..search.margins import margins as margins_of
 from ..search.margins import radius as radius_of
 from ..search.member import NOMINAL, Member, case_of, of_case, parameters
 from ..search.target import Target, targets
+from .heads import head
 from .requests import Batch, Entry, Now, Record, Request, Save, StageDone, Study, Tell, rehearsed
 from .selection import Shown
 
@@ -103,9 +104,7 @@ def worst_case(
     results, end = hunt.archive.found.values(), (yield Now())
     found = Robustness(
         schema=Robustness.SCHEMA,
-        benchmark=rules_of.benchmark,
-        protocol=rules_of.name,
-        seed=setting.seed,
+        head=head(own, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
         budget=budget,
         simulations=len(results),
         failures=sum(result.judged and not result.simulated for result in results),
@@ -113,10 +112,6 @@ def worst_case(
         cut_short=tuple(hunt.cut_short),
         **found_by_stage,
         path=tuple(hunt.path),
-        rules=hunt.rules,
-        controller=setting.controller,
-        plant=setting.plant,
-        wall_time=end.seconds - begin.seconds,
     )
     shown = [each for member, roles in hunt.shown.items() for each in _beside_nominal(member, roles, case)]
     yield Save(found, inside)  # before the recordings: whatever happens now, the answer is there

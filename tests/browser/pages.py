@@ -10,14 +10,14 @@ from support.reports import hunted, recording, results_of, scaled, searched, see
 from support.results import TABLE_2, everything, result
 
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting.beside import beside, compare_spreads
-from orchestrator.reporting.compare_page import compare_html
-from orchestrator.reporting.comparison import compare
-from orchestrator.reporting.recording import Recording
-from orchestrator.reporting.report_page import report_html
-from orchestrator.reporting.run import Run
-from orchestrator.reporting.tune_page import tune_html
-from orchestrator.reporting.worst_page import worst_html
+from orchestrator.documents.beside import beside, compare_spreads
+from orchestrator.documents.compare_page import compare_html
+from orchestrator.documents.comparison import compare
+from orchestrator.documents.recording import Recording
+from orchestrator.documents.report_page import report_html
+from orchestrator.documents.run import Run
+from orchestrator.documents.tune_page import tune_html
+from orchestrator.documents.worst_page import worst_html
 
 DESKTOP, PHONE = (1280, 900), (390, 844)
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"

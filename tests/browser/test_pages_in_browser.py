@@ -17,7 +17,7 @@ from browser.pages import (
     tuning,
     worst_case,
 )
-from orchestrator.reporting.repeat import simulate_command
+from orchestrator.documents.repeat import simulate_command
 
 pytestmark = pytest.mark.slow
 

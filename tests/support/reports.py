@@ -22,11 +22,11 @@ from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
 from orchestrator.loop.computing import ComputingTime
 from orchestrator.loop.trajectory import Status
-from orchestrator.reporting.recording import About, Recording
-from orchestrator.reporting.robustness import Robustness
-from orchestrator.reporting.run import Run, load_run, save_run
-from orchestrator.reporting.spread import Spread, spread_of
-from orchestrator.reporting.tuning import Best, Judged, Tuning
+from orchestrator.documents.recording import About, Recording
+from orchestrator.documents.robustness import Robustness
+from orchestrator.documents.run import Run, load_run, save_run
+from orchestrator.documents.spread import Spread, spread_of
+from orchestrator.documents.tuning import Best, Judged, Tuning
 from orchestrator.search.candidates import Range, Trial
 from orchestrator.search.findings import (
     ConfigurationFound,

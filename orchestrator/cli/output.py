@@ -1,0 +1,57 @@
+"""What a command prints: a summary for people, JSON or a paper's table; and the exit code that goes with it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ..codec import to_json
+from ..documents.document import Completeness, Shown
+from ..text import printable
+from ..views.csv import csv
+from ..views.latex import latex
+from ..views.markdown import markdown
+from ..views.terminal import show, terminal
+from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
+from .values import Parser
+
+FORMS = {"latex": ("LaTeX (booktabs)", latex), "markdown": ("Markdown", markdown), "csv": ("CSV, SI units", csv)}
+"""How tables are written for a paper, by name."""
+
+EXITS: dict[Completeness, int] = {"complete": EXIT_OK, "incomplete": EXIT_INCOMPLETE, "not judged": EXIT_NOT_JUDGED}
+
+
+def add_options(parser: Parser, json: str) -> None:
+    """Options of what is printed; ``json`` says what that form is."""
+    shown = parser.add_mutually_exclusive_group()
+    shown.add_argument("--json", action="store_true", help=f"print {json} instead of tables")
+    for form, (words, _) in FORMS.items():
+        shown.add_argument(f"--{form}", action="store_const", const=form, dest="form", help=f"print tables in {words}")
+
+
+def add_dry_run(parser: Parser, what: str) -> None:
+    """The option that only tells."""
+    parser.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
+
+
+def put(shown: Shown, given: argparse.Namespace, document: Any = None) -> None:
+    """Print what was asked for; ``document`` is what JSON holds if that is not ``shown``."""
+    if given.json:
+        print(to_json(shown if document is None else document))
+    elif given.form:
+        print(FORMS[given.form][1](shown.summary().tables))
+    else:
+        show(shown.summary(), terminal())
+
+
+def tell_written(folder: Path, names: Iterable[str]) -> None:
+    """Say on standard error what was written."""
+    print(printable(f"written to {folder}: {', '.join(names) or 'nothing'}"), file=sys.stderr)
+
+
+def shown_code(completeness: Completeness) -> int:
+    """The exit code of showing again what was found: whether something of it is not judged."""
+    return EXIT_NOT_JUDGED if completeness == "not judged" else EXIT_OK

@@ -1,0 +1,56 @@
+"""All cases of a run as one table: CSV, and Parquet for those who go on in pandas or a database."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..views.csv import csv_text
+from .results import Results
+
+
+def case_table(results: Results) -> dict[str, list[Any]]:
+    """One list per column, one element per case; names carry the SI unit. None if a case has no such figure."""
+    cases = results.cases
+
+    def measured(name: str) -> list[Any]:
+        return [getattr(case.measurements, name) for case in cases]
+
+    return {
+        "id": [case.id for case in cases],
+        "status": [case.status.value for case in cases],
+        "configuration": [case.configuration.index for case in cases],
+        "q_a1 [rad]": [case.configuration.q_a1 for case in cases],
+        "q_a2 [rad]": [case.configuration.q_a2 for case in cases],
+        "system": [case.system for case in cases],
+        "test": [case.test for case in cases],
+        "time [s]": [case.time for case in cases],
+        **{f"{name} [{criterion.unit}]": measured(name) for name, criterion in results.criteria.items()},
+        "settled": measured("settled"),
+        **{f"{name} [m]": measured(name) for name in ("limit_cycle_x", "limit_cycle_z", "rest_error")},
+        "limit_cycle_ratio": measured("limit_cycle_ratio"),
+        "limit_cycle_frequency [Hz]": measured("limit_cycle_frequency"),
+        "recovery [s]": measured("recovery"),
+        "warnings": [case.warnings for case in cases],
+        "message": [case.message for case in cases],
+    }
+
+
+def cases_csv(results: Results) -> str:
+    """The contents of ``cases.csv``, one row per case."""
+    table = case_table(results)
+    return csv_text(table, zip(*table.values(), strict=True))
+
+
+def parquet_bytes(results: Results) -> bytes:
+    """The same table in Parquet, by the optional package pyarrow."""
+    from pyarrow import BufferOutputStream, bool_, float64, parquet, table
+
+    columns = table(case_table(results))
+    for number, name in enumerate(columns.column_names):
+        if columns.schema.field(name).type == "null":  # no case has such a figure
+            kind = bool_() if name == "settled" else float64()
+            columns = columns.set_column(number, name, columns.column(name).cast(kind))
+    sink = BufferOutputStream()
+    parquet.write_table(columns, sink)
+    contents: bytes = sink.getvalue().to_pybytes()
+    return contents

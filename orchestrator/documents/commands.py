@@ -1,0 +1,106 @@
+"""The command that repeats a case of a run: what stands beside every case that is shown.
+
+Option names stand in the commands' own room only, and here; a test holds the two against each other.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from ..benchmark.tally import Tally
+from ..search.member import Member
+from .head import ControllerRecord, Head, PlantRecord
+from .recording import About
+
+
+class Setting(NamedTuple):
+    """What a case is simulated with: ``protocol`` is a name or a file, ``sample_time`` [s] None for the benchmark's."""
+
+    controller: ControllerRecord
+    plant: PlantRecord
+    protocol: str
+    seed: int
+    sample_time: float | None
+
+
+def setting(head: Head, seed: int | None = None) -> Setting:
+    """The setting of what was made with ``head``, with another ``seed`` if there is one."""
+    own = None if head.sample_time.as_in_benchmark else head.sample_time.seconds
+    chosen = head.seed or 0 if seed is None else seed
+    return Setting(head.controller, head.plant, head.protocol_file or head.protocol, chosen, own)
+
+
+def simulate_command(head: Head, id: str) -> str:
+    """The whole command that simulates the case ``id`` again, with the controller, protocol, seed and values of
+    ``head``."""
+    return case_command(setting(head), id)
+
+
+def case_command(setting: Setting, id: str) -> str:
+    """The whole command that simulates the case ``id`` in this setting."""
+    return _command(setting, "--case", id)
+
+
+def recording_command(head: Head, about: About) -> str:
+    """The same for a case that was recorded, which need not be one of the protocol's poses."""
+    if about.configuration >= 0:
+        return simulate_command(head, about.id)
+    pose = (_exact(degrees(angle)) for angle in about.q_a)
+    return _command(setting(head), "--configuration", *pose, "--system", about.system, "--test", about.test)
+
+
+def again(tally: Tally) -> str:
+    """How to get the cases that a requirement is not judged without; empty if they were not asked for."""
+    if "skipped" in tally.not_judged:
+        return "to run what was skipped, repeat with --keep-going"
+    return "to run again what was lost, repeat the same command" if "lost" in tally.not_judged else ""
+
+
+def degrees(angle: float) -> float:
+    """The angle [degrees] that becomes ``angle`` [rad] again, if there is one; else the nearest."""
+    value = math.degrees(angle)
+    around = (value, math.nextafter(value, math.inf), math.nextafter(value, -math.inf))
+    return next((each for each in around if math.radians(each) == angle), value)
+
+
+def member_command(setting: Setting, member: Member, parameters: Mapping[str, float]) -> str:
+    """The same for a member of the uncertainty description, whose plant has these ``parameters``."""
+    words = ["--configuration", *map(_exact, member.q_a), "--system", member.system, "--test", member.test]
+    if member.phi_F is not None:
+        words += ["--phi-F", _exact(member.phi_F)]
+    if member.sweep is not None:
+        words += ["--chirp-frequencies", *map(_exact, member.sweep)]
+    if member.gain is not None:
+        words += ["--gain", *map(_exact, member.gain)]
+    if member.delay is not None:
+        words += ["--delay", *(str(Decimal(each.numerator) / each.denominator) for each in member.delay)]
+    plant = replace(setting.plant, parameters={**setting.plant.parameters, **parameters})
+    return _command(setting._replace(plant=plant, seed=member.seed), *words)
+
+
+def _exact(value: float) -> str:
+    """All digits of a number, without an exponent: a command line takes ``-1e-5`` for an option."""
+    return format(Decimal(repr(value)), "f")
+
+
+def _command(setting: Setting, *case: str) -> str:
+    controller, plant = setting.controller, setting.plant
+    words = ["python", "-m", "orchestrator.simulate", *filter(None, (controller.path,)), *case]
+    if setting.protocol != "paper":
+        words += ["--protocol", setting.protocol]
+    if plant.path:
+        words += ["--plant", plant.path]
+    if setting.seed:
+        words += ["--seed", str(setting.seed)]
+    if setting.sample_time is not None:
+        words += ["--sample-time", repr(setting.sample_time)]
+    words += [word for name, value in controller.parameters.items() for word in ("--set", f"{name}={value!r}")]
+    words += [word for name, value in controller.mapping.items() for word in ("--map", f"{name}={value}")]
+    words += [word for name, value in plant.parameters.items() for word in ("--plant-set", f"{name}={value!r}")]
+    return shlex.join(words)

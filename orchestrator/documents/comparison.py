@@ -1,0 +1,212 @@
+"""Documents of any kind side by side: which may be compared, in which order, and why the others may not."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, overload
+
+from ..codec import plain
+from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, Verdict, shown
+from ..views.table import plain as number_in
+from . import compare_page
+from .comparability import Conditions, conditions
+from .document import Comparable, Row, Shown
+from .evaluation import Evaluation
+from .head import ControllerRecord
+from .spread import Spread
+from .wording import SEED_MATTERS
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A document with the name it is listed under, and what is shown of it."""
+
+    name: str
+    document: Comparable
+    folder: Path | None
+    row: Row
+
+    @property
+    def cost(self) -> float | None:
+        """V, if it counts, that is if every case of the protocol was simulated."""
+        return None if self.document.unranked else self.document.V
+
+
+@dataclass(frozen=True)
+class Group:
+    """Documents of one kind under equal conditions, best first: those that meet all requirements, then by V.
+
+    ``unranked`` pairs those that have no rank with the reason. ``difference`` says what sets the group apart from the
+    first one of its kind; empty for the first.
+    """
+
+    kind: str
+    conditions: Conditions
+    ranked: tuple[Entry, ...]
+    unranked: tuple[tuple[Entry, str], ...]
+    difference: str
+
+    @property
+    def title(self) -> str:
+        """The kind and the conditions in words."""
+        return f"{self.kind}: {self.conditions.title}"
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All, those without a rank last."""
+        return *self.ranked, *(entry for entry, _ in self.unranked)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know before trusting the ranks."""
+        found = [f"Not ranked with the above: {self.difference}."] if self.difference else []
+        found += [f"Not ranked: {entry.name}: {reason}." for entry, reason in self.unranked]
+        name = self.conditions.protocol
+        if self.conditions.seed is not None and name in ("quick", "tuning"):
+            found.append(f"Protocol {name}: {SEED_MATTERS}. Compare with several seeds.")
+        return tuple(found)
+
+    def table(self) -> Table:
+        """A row for each document, and what to compare with."""
+        columns = list(dict.fromkeys(column for entry in self.entries for column, _ in entry.row))
+        ranks = [*(str(rank) for rank, _ in enumerate(self.ranked, start=1)), *("-" for _ in self.unranked)]
+        rows = [
+            (rank, entry.name, *(_cell(entry.row, column) for column in columns))
+            for rank, entry in zip(ranks, self.entries, strict=True)
+        ]
+        rules = self.conditions.rules
+        footer: list[tuple[Cell, ...]] = []
+        for words, which in (("target", "target"), ("paper's PID", "paper")):
+            values = {"V": getattr(rules.cost, which)}
+            values |= {name: getattr(spec, which) for name, spec in rules.criteria.items()}
+            footer.append(("", words, *(values.get(column.name) for column in columns)))
+        return Table(self.title, (Column("rank"), Column("controller"), *columns), tuple(rows), tuple(footer))
+
+
+@dataclass(frozen=True)
+class Comparison(Shown, Sequence[Group]):
+    """What :func:`compare` finds: a sequence of groups; shows itself in a notebook."""
+
+    groups: tuple[Group, ...]
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+    @overload
+    def __getitem__(self, place: int) -> Group: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> tuple[Group, ...]: ...
+
+    def __getitem__(self, place: int | slice) -> Group | tuple[Group, ...]:
+        return self.groups[place]
+
+    @property
+    def named(self) -> dict[str, list[tuple[str, Comparable]]]:
+        """The documents of the first group of each kind, with their names: what charts and figures show."""
+        first = {group.kind: group for group in reversed(self.groups)}
+        return {kind: [(entry.name, entry.document) for entry in group.entries] for kind, group in first.items()}
+
+    def summary(self) -> Summary:
+        """A table for each group."""
+        parts: list[Part] = []
+        for group in self.groups:
+            parts += [group.table(), *map(Note, group.notes)]
+        return Summary("Comparison of controllers", _kicker(self.groups), tuple(parts))
+
+    def page(self) -> Page:
+        """The tables, and charts of the first group of each kind."""
+        own, named = self.summary(), self.named
+        panels = (Panel("leaderboard", "Leaderboard", own.parts), *compare_page.panels(named))
+        return Page(own.title, own.kicker, panels, compare_page.SCRIPTS, lambda: compare_page.payload(named))
+
+    def document(self) -> dict[str, Any]:
+        """The comparison as plain values in SI units."""
+        return {"groups": [_plain(group) for group in self.groups]}
+
+    def __repr__(self) -> str:
+        lines = (f"{group.title}: {', '.join(entry.name for entry in group.entries)}" for group in self.groups)
+        return f"Comparison({'; '.join(lines)})"
+
+
+def compare(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
+    """The documents in groups, those of one kind together, and of each kind the largest group first."""
+    listed = names([(each.head.controller, folder) for each, folder in documents])
+    everything = [(name, each) for name, (each, _) in zip(listed, documents, strict=True)]
+    groups: dict[str, list[tuple[Conditions, list[Entry]]]] = {Evaluation.KIND: [], Spread.KIND: []}  # these first
+    for name, (each, folder) in zip(listed, documents, strict=True):
+        of_kind, own = groups.setdefault(each.KIND, []), conditions(each.head)
+        there = next((entries for known, entries in of_kind if known == own), None)
+        if there is None:
+            of_kind.append((own, there := []))
+        first = there[0].document if there else None
+        there.append(Entry(name, each, folder, each.row(first, everything)))
+    found = []
+    for kind, of_kind in groups.items():
+        of_kind.sort(key=lambda group: len(group[1]), reverse=True)
+        for own, entries in of_kind:
+            ranked = sorted((e for e in entries if not e.document.unranked), key=lambda entry: entry.document.standing)
+            unranked = tuple((entry, entry.document.unranked) for entry in entries if entry.document.unranked)
+            found.append(Group(kind, own, tuple(ranked), unranked, own.difference(of_kind[0][0])))
+    return Comparison(tuple(found))
+
+
+def names(listed: Sequence[tuple[ControllerRecord, Path | None]]) -> list[str]:
+    """A name for each: the controller's with its parameters, and the folder or the place if that is not enough."""
+    plain_names = [_controller(controller) for controller, _ in listed]
+    folders = (folder for _, folder in listed)
+    places = [f"run {i}" if folder is None else os.path.normpath(folder) for i, folder in enumerate(folders, start=1)]
+    counts = Counter(plain_names)
+    return [f"{name} ({place})" if counts[name] > 1 else name for name, place in zip(plain_names, places, strict=True)]
+
+
+def _controller(controller: ControllerRecord) -> str:
+    parameters = ", ".join(f"{name}={value:g}" for name, value in controller.parameters.items())
+    return controller.file.removesuffix(".fmu") + (f" [{parameters}]" if parameters else "")
+
+
+def _kicker(groups: Sequence[Group]) -> str:
+    return groups[0].conditions.title if groups else ""
+
+
+def _cell(row: Row, column: Column) -> Cell:
+    return next((cell for own, cell in row if own == column), None)
+
+
+def _plain(group: Group) -> dict[str, Any]:
+    return {
+        "kind": group.kind,
+        "conditions": plain(group.conditions),
+        "difference": group.difference,
+        "notes": list(group.notes),
+        "ranked": [{"rank": rank, **_entry(entry)} for rank, entry in enumerate(group.ranked, start=1)],
+        "unranked": [{"reason": reason, **_entry(entry)} for entry, reason in group.unranked],
+    }
+
+
+def _entry(entry: Entry) -> dict[str, Any]:
+    return {
+        "name": entry.name,
+        "folder": None if entry.folder is None else str(entry.folder),
+        "sha256": entry.document.head.controller.sha256,
+        "complete": entry.document.completeness == "complete",
+        "figures": {column.name: value for column, cell in entry.row for value in _values(column, cell)},
+    }
+
+
+def _values(column: Column, cell: Cell) -> Iterator[Any]:
+    match cell:
+        case Verdict(passed, _):
+            yield passed
+        case Value(deviation=float() as deviation):
+            yield {"mean": cell.value, "deviation": deviation}
+        case str():
+            yield cell
+        case _ if cell is None or number_in(cell) is not None:
+            yield None if cell is None else number_in(cell)
+        case _:
+            yield shown(cell, column.unit)

@@ -1,0 +1,269 @@
+"""Documents: results that are one JSON file each, read with every field checked, written in one go, and shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol, TypeVar
+
+import msgspec
+
+from ..benchmark.results import Rules
+from ..benchmark.tally import Tally
+from ..codec import Malformed, Struct, from_json, to_json
+from ..errors import InputError
+from ..loop.trajectory import Status
+from ..views.table import Cell, Column, Page, Panel, Summary
+from ..views.units import SHOWN
+from .files import prepare_folder, remove, write_text
+from .head import ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
+
+CRITERIA = {f"B{number}" for number in range(1, 8)}
+
+T = TypeVar("T")
+D = TypeVar("D", bound="Document")
+
+
+Completeness = Literal["complete", "incomplete", "not judged"]
+
+
+class Ended(Protocol):
+    """A case that has ended."""
+
+    @property
+    def status(self) -> Status:
+        """How."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it was simulated to its end."""
+
+
+def completeness(cases: Iterable[Ended], tallies: Iterable[Tally]) -> Completeness:
+    """How far requirements with these tallies are judged by these cases."""
+    listed = list(cases)
+    if any(case.status is Status.LOST for case in listed) or any(tally.interrupted for tally in tallies):
+        return "not judged"
+    return "complete" if all(case.simulated for case in listed) else "incomplete"
+
+
+class Shown:
+    """What shows itself: in a notebook, as a page, and as the tables of its summary."""
+
+    __slots__ = ()
+
+    def summary(self) -> Summary:
+        """What every renderer shows."""
+        raise NotImplementedError
+
+    def page(self) -> Page:
+        """The page of a report; the summary alone unless there is more."""
+        own = self.summary()
+        return Page(own.title, own.kicker, (Panel("summary", "Summary", own.parts),))
+
+    def report(self, file: str | Path) -> Path:
+        """Write the report, one HTML page that needs no network; returns ``file``."""
+        from ..views.page import page_html  # the templates' package takes time to load, which simulations need not
+
+        write_text(Path(file), page_html(self.page()))
+        return Path(file)
+
+    def _repr_html_(self) -> str:
+        from ..views.page import fragment  # as above
+
+        return fragment(self.summary())
+
+
+Row = tuple[tuple[Column, Cell], ...]
+"""What a comparison shows of a document: its cells, each with its column."""
+
+
+class Comparable(Shown):
+    """What a comparison lists: results of one ``KIND``, with their head, their V, and how they stand."""
+
+    __slots__ = ()
+
+    KIND: ClassVar[str]
+
+    @property
+    def head(self) -> Head:
+        """What it was made with."""
+        raise NotImplementedError
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`."""
+        raise NotImplementedError
+
+    @property
+    def V(self) -> float | None:
+        """The cost it is ranked by; None if there is none."""
+        raise NotImplementedError
+
+    @property
+    def holds(self) -> bool:
+        """Whether all requirements are met."""
+        raise NotImplementedError
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """What is shown of it beside the ``first`` one of its group (None if that is itself) and all ``others`` that
+        are compared, with their names."""
+        raise NotImplementedError
+
+    @property
+    def unranked(self) -> str:
+        """Why it has no rank; empty if it has one."""
+        return "no cost" if self.V is None else ""
+
+    @property
+    def standing(self) -> tuple[bool, float]:
+        """The sort key: those that meet all requirements first, then V."""
+        return not self.holds, math.inf if self.V is None else self.V
+
+
+class Document(Struct, kw_only=True):
+    """Base of results that are saved as ``FILE``; ``schema`` names their form, ``MISSING`` is the code of the error if
+    there is no file, ``DERIVED`` are the files that are made of it, and of no other."""
+
+    FILE: ClassVar[str]
+    SCHEMA: ClassVar[str]
+    MISSING: ClassVar[str] = "no-run"
+    DERIVED: ClassVar[tuple[str, ...]] = ()
+
+    schema: str
+    head: Head
+
+    @property
+    def benchmark(self) -> str:
+        """Name and version of the benchmark."""
+        return self.head.benchmark
+
+    @property
+    def protocol(self) -> str:
+        """Name of the protocol."""
+        return self.head.protocol
+
+    @property
+    def seed(self) -> int | None:
+        """Base seed; None for several."""
+        return self.head.seed
+
+    @property
+    def controller(self) -> ControllerRecord:
+        """The controller as it was used."""
+        return self.head.controller
+
+    @property
+    def plant(self) -> PlantRecord:
+        """The plant as it was used."""
+        return self.head.plant
+
+    @property
+    def sample_time(self) -> SampleTimeRecord:
+        """The controller's sample time."""
+        return self.head.sample_time
+
+    @property
+    def rules(self) -> Rules:
+        """What the protocol asks for."""
+        return self.head.rules
+
+    @property
+    def timing(self) -> Timing:
+        """When it was made, and what it took."""
+        return self.head.timing
+
+    @property
+    def completeness(self) -> Completeness:
+        """How far it is judged: ``"complete"``, ``"incomplete"`` if simulations failed, or ``"not judged"`` if some
+        were skipped or lost."""
+        return "complete"
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the file into ``folder``, which is created if missing; returns ``folder``. What was made of another
+        one there is removed.
+
+        Raises :class:`InputError` if it cannot be written to, :class:`EnvironmentFault` if the disk is full.
+        """
+        prepare_folder(Path(folder))
+        for name in self.DERIVED:
+            remove(Path(folder) / name)
+        write_text(Path(folder) / self.FILE, to_json(self) + "\n")
+        return Path(folder)
+
+    @classmethod
+    def load(cls: type[D], path: str | Path) -> D:
+        """What was saved in the folder ``path``, or is that file.
+
+        Raises :class:`InputError` if it is damaged, contradicts itself, or is not there.
+        """
+        file = file_of(Path(path), cls.FILE)
+        found = _read(file, cls)
+        if problem := rules_problem(found.rules) or found._problem():
+            raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
+        return found
+
+    @classmethod
+    def _converted(cls: type[D], older: Mapping[str, Any]) -> D | None:
+        """The document from the contents of an older form; None if that form is not read any more."""
+        return None
+
+    def _problem(self) -> str:
+        """What is wrong with it, beyond the types of its fields; empty if nothing is."""
+        return ""
+
+
+def file_of(path: Path, name: str) -> Path:
+    """The file called ``name`` in the folder ``path``, or ``path`` if it is no folder."""
+    return path / name if path.is_dir() else path
+
+
+def _read(file: Path, kind: type[D]) -> D:
+    """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
+    try:
+        text = file.read_bytes()
+    except OSError as problem:
+        raise InputError(f"{file} cannot be read: {problem.strerror}.", kind.MISSING, file) from problem
+    try:
+        form = from_json(text, _Schema).schema
+        if form == kind.SCHEMA:
+            return from_json(text, kind)
+        name, _, number = kind.SCHEMA.rpartition("/")
+        found = kind._converted(from_json(text, dict)) if form.rpartition("/")[0] == name else None
+    except Malformed as problem:
+        raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
+    if found is None:
+        message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
+        if form.startswith(f"{name}/") and form < kind.SCHEMA:
+            message += f" Version {LAST_OLD} of this package reads it; or make it again."
+        raise InputError(message, "other-schema", file, form)
+    return found
+
+
+LAST_OLD = "0.1.0"
+"""The last version that reads documents of the forms before :class:`Head`."""
+
+
+class _Schema(msgspec.Struct):
+    schema: str = ""
+
+
+def older_head(older: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
+    """The head out of the fields of an older form, which stood side by side with all others."""
+    return {name: older[name] for name in Head.__struct_fields__ if name in older} | changes
+
+
+def rules_problem(rules: Rules) -> str:
+    """Why figures that are judged by ``rules`` could not be shown; empty if they can."""
+    specs, cost = rules.criteria.values(), rules.cost
+    if not {*rules.criteria, *(name for test in rules.tests for name in test.criteria)} <= CRITERIA:
+        return "it has criteria that no case is measured by"
+    if unit_problem(spec.unit for spec in specs) or min(cost.target, cost.paper, *(spec.target for spec in specs)) <= 0:
+        return "a target is not positive, or has no unit it could be shown in"
+    return ""
+
+
+def unit_problem(units: Iterable[str]) -> str:
+    """Which of ``units`` no value could be shown in; empty if there is none."""
+    return next((f"nothing is shown in {unit!r}" for unit in units if unit not in SHOWN), "")

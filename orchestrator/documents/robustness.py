@@ -1,0 +1,192 @@
+"""The answer of a search for the worst case: what ``robustness.json`` holds, and its words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from ..codec import Natural, NonNegative, plain
+from ..search.findings import (
+    ConfigurationFound,
+    CriterionFound,
+    Effect,
+    Margin,
+    Radius,
+    RequirementFound,
+    Step,
+)
+from ..views.table import Beside, Cell, Column, Commands, Facts, Note, Page, Part, Summary, Value
+from ..views.units import NONE, SHOWN, number
+from . import worst_page
+from .comparability import same_controller
+from .document import Comparable, Completeness, Document, Row, unit_problem
+from .evaluation import Evaluation
+from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
+from .recording import Recording
+from .recording import load as load_recordings
+from .spread import Spread
+from .wording import parameter_words, seed_words
+
+SCORECARDS = (Evaluation.KIND, Spread.KIND)
+"""What a search stands beside in a comparison."""
+
+
+class Robustness(Document, Comparable, kw_only=True):
+    """The worst case of a controller as far as it was found; shows itself in a notebook. All values are in SI units.
+
+    ``cost`` is V of eq. (15) from the largest values found: a lower bound of the true one. ``simulations`` counts all,
+    ``failures`` those that hung or crashed. ``complete`` is False if time ran out. ``cut_short`` names the stages that
+    wanted more simulations than their share of the budget: theirs are the best answers of those that they had.
+    """
+
+    FILE: ClassVar[str] = ROBUSTNESS
+    SCHEMA: ClassVar[str] = "flexible-manipulator-robustness/2"
+    KIND: ClassVar[str] = "Worst cases found, beside the scorecards"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT, TRAJECTORIES)
+
+    budget: Natural
+    simulations: Natural
+    failures: Natural
+    complete: bool
+    cut_short: tuple[str, ...] = ()
+    cost: NonNegative | None
+    protocol_cost: NonNegative | None
+    criteria: dict[str, CriterionFound]
+    requirements: dict[str, RequirementFound]
+    margins: dict[str, Margin]
+    radius: Radius | None
+    configurations: tuple[ConfigurationFound, ...]
+    effects: tuple[Effect, ...]
+    path: tuple[Step, ...]
+
+    def _problem(self) -> str:
+        if not set(self.criteria) <= set(self.rules.criteria):
+            return "it has criteria that no case is measured by"
+        if not set(self.requirements) <= {name for test in self.rules.tests for name in test.requirements}:
+            return "it has requirements that no case is judged by"
+        return unit_problem(entry.unit for entry in self.criteria.values())
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`."""
+        if any(entry.passed is None for entry in self.requirements.values()):
+            return "not judged"
+        return "complete" if self.complete and not self.failures else "incomplete"
+
+    @property
+    def V(self) -> float | None:
+        """The cost it is ranked by."""
+        return self.cost
+
+    @property
+    def holds(self) -> bool:
+        """Whether all requirements are met."""
+        return all(entry.passed for entry in self.requirements.values())
+
+    @property
+    def unranked(self) -> str:
+        """Why it has no rank; empty if it has one."""
+        return "" if self.cost is not None else "no V was found: a case that counts has no value"
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """What was found, beside V of the scorecards of the same controller."""
+        cards = [
+            (name, each) for name, each in others if each.KIND in SCORECARDS and same_controller(each.head, self.head)
+        ]
+        words = [f"{number(each.V)} ({each.head.protocol}, {seed_words(each.head)})" for _, each in cards]
+        found: list[tuple[Column, Cell]] = [
+            (Column("simulations", minor=True), self.simulations),
+            (Column("V of the scorecard"), ", ".join(words) or "-"),
+            (Column("V", best="smallest"), self.cost),
+        ]
+        for name in ("B5", "B6", "B7"):
+            if name in self.criteria:
+                entry = self.criteria[name]
+                worst = entry.worst_case
+                cell: Cell = "unstable" if worst.value is None and worst.command else Value(worst.value)
+                found.append((Column(f"largest {name}", SHOWN[entry.unit], minor=True), cell))
+        found.append((Column("fails"), ", ".join(self.broken) or "none found"))
+        for name, margin in self.margins.items():
+            value = worst_page.margin_value(name, margin)
+            unit = value.unit or NONE
+            best: Literal["smallest", "largest"] = "smallest" if name.endswith("down") else "largest"
+            found.append((Column(name, unit, minor=True, best=best), value))
+        radii = worst_page.radius_values(self.radius)
+        return *found, *((Column(name, minor=True, best="largest"), value) for name, value in radii.items())
+
+    def summary(self) -> Summary:
+        """What was found, and the commands that repeat it."""
+        parts: list[Part] = [
+            Facts("This search", tuple(worst_page.facts(self.head, self.simulations, self.budget))),
+            worst_page.largest(self.rules, self.criteria, self.cost, self.protocol_cost, {}),
+            worst_page.requirements(self.rules, self.requirements, {}),
+        ]
+        if self.margins or self.radius:
+            parts.append(worst_page.margin_table(self.rules, self.margins, self.radius))
+        parts.append(
+            Commands("to repeat these", tuple(worst_page.commands(self.criteria, self.requirements, self.margins)))
+        )
+        return Summary(f"Worst case of {self.controller.file}", self._kicker, (*parts, *self._remarks()))
+
+    def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
+        """Write the report, one HTML page that needs no network; with the trajectories that were recorded in
+        ``folder``, where the search was saved.
+
+        Raises :class:`InputError` if they are damaged.
+        """
+        from ..views.page import page_html  # the templates' package takes time to load, which simulations need not
+
+        write_text(Path(file), page_html(self.page(() if folder is None else load_recordings(Path(folder)))))
+        return Path(file)
+
+    def page(self, recordings: Sequence[Recording] = ()) -> Page:
+        """The report, with the ``recordings`` of the worst cases."""
+        commands = {name: entry.worst_case.command for name, entry in self.criteria.items()}
+        commands |= {name: entry.command for name, entry in self.requirements.items()}
+        packs = worst_page.packs(recordings, commands)
+        shown = {role.split(" ")[0]: number for number, pack in enumerate(packs) for role in pack["roles"]}
+        left = (worst_page.headline(self.cost, self.protocol_cost, self.protocol, self.rules.cost.target),)
+        right = (worst_page.requirements(self.rules, self.requirements, shown),)
+        summary: tuple[Part, ...] = (
+            *self._remarks(),
+            Beside((left, right)),
+            worst_page.largest(self.rules, self.criteria, self.cost, self.protocol_cost, shown),
+            Facts("This search", tuple(worst_page.facts(self.head, self.simulations, self.budget))),
+        )
+        listed = tuple(worst_page.commands(self.criteria, self.requirements, self.margins))
+        payload = {
+            "criteria": worst_page.specs(self.rules, self.criteria),
+            "effects": [{**plain(each), "words": parameter_words(each.parameter)} for each in self.effects],
+            **{name: plain(getattr(self, name)) for name in ("rules", "path", "configurations", "margins", "radius")},
+            "recordings": packs,
+        }
+        panels = worst_page.panels(summary, bool(packs), self.margins, self.radius, listed)
+        title = f"Worst case of {self.controller.file}: V = {number(self.cost)}"
+        return Page(title, self._kicker, panels, worst_page.SCRIPTS, lambda: payload)
+
+    @property
+    def _kicker(self) -> str:
+        return f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.simulations} simulations"
+
+    def _remarks(self) -> tuple[Note, ...]:
+        """What a reader must know."""
+        remarks = []
+        if self.failures:
+            remarks.append(f"{self.failures} simulations ended with crashed, timeout or error.")
+        if self.cut_short:
+            remarks.append(f"The budget of {self.budget} simulations cut short: {', '.join(self.cut_short)}.")
+        if not self.complete:
+            remarks.append("Time ran out: the search is not complete.")
+        return tuple(map(Note, remarks))
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """The requirements that a failure was found of."""
+        return tuple(name for name, entry in self.requirements.items() if entry.passed is False)
+
+    def __repr__(self) -> str:
+        verdict = f"{', '.join(self.broken)} broken" if self.broken else "no requirement broken"
+        if unknown := [name for name, entry in self.requirements.items() if entry.passed is None]:
+            verdict += f", {', '.join(unknown)} not judged"
+        return f"Robustness({self.controller.file}, {self.simulations} simulations: V = {number(self.cost)}, {verdict})"

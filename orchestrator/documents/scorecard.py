@@ -1,0 +1,146 @@
+"""The scorecard of an evaluation: what every output shows of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from ..loop.trajectory import Status
+from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Summary, Table, Value, Verdict
+from ..views.units import SHOWN, heading
+from .commands import again, simulate_command
+from .document import Row
+from .facts import head_facts
+from .reasons import Reason, reason_notes, reason_text
+from .results import Results
+from .wording import computing_time, loop_delay, remarks, requirement_rows
+
+MESSAGES = 3
+"""Failed cases that are named; the others are counted."""
+
+BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
+"""Facts that a terminal shows."""
+
+CRITERIA = (
+    "Value: worst case over the systems of a configuration, averaged over the workspace, as in Table 2 of the paper. "
+    "The paper's systems and directions of the force are not known: its figures compare approximately."
+)
+
+
+def summary(results: Results) -> Summary:
+    """Criteria, requirements, what failed with the commands that repeat it, and what a reader must know."""
+    parts: list[Part] = [Facts("This run", tuple(facts(results)), BRIEF), criteria(results), requirements(results)]
+    failed = [case for case in results.cases if case.status is not Status.DONE]
+    parts += [Note(f"{case.id}: {case.status.value}: {case.message}") for case in failed[:MESSAGES]]
+    if len(failed) > MESSAGES:
+        parts.append(Note(f"... and {len(failed) - MESSAGES} more; see cases.csv.", warning=False))
+    parts += [*reason_notes(reasons(results)), Commands("to repeat the other cases above", tuple(_others(results)))]
+    parts += [Note(remark) for remark in remarks(results)]
+    return Summary(results.controller.file, conditions(results), tuple(parts))
+
+
+def conditions(results: Results) -> str:
+    """Benchmark and protocol."""
+    return f"{results.benchmark}, protocol {results.protocol}, seed {results.seed}"
+
+
+def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
+    """B1 to B7 and V; cases that are ``shown`` have a recording of that number."""
+    recorded, places = shown or {}, poses(results)
+    columns = (
+        Column(""),
+        Column("criterion"),
+        Column("value"),
+        Column("target"),
+        Column("paper's PID", minor=True),
+        Column("value / target", minor=True),
+        Column("share of V", minor=True),
+        Column("worst", minor=True),
+        Column("where"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for name, each in results.criteria.items():
+        unit, worst = SHOWN[each.unit], each.worst_case
+        ratio = None if each.value is None else each.value / each.target
+        where = "-"
+        if worst is not None:
+            where = f"c{worst.configuration:02d}.{worst.system}"
+            if recorded:
+                where = f"{places[worst.configuration]}, {worst.system}"
+        rows.append(
+            (
+                name,
+                heading(each.title, unit),
+                Value(each.value, unit=unit, good=None if ratio is None else ratio <= 1),
+                Value(each.target, unit=unit),
+                Value(each.paper, unit=unit),
+                ratio,
+                each.share,
+                Value(worst.value if worst else None, unit=unit),
+                Link(where, simulate_command(results.head, worst.id), recorded.get(worst.id)) if worst else where,
+            )
+        )
+    cost, rest = results.rules.cost, (None,) * 4
+    total = ("V", "Cost, eq. (15)", Value(results.cost), cost.target, cost.paper, *rest)
+    return Table("Worst case, averaged over the workspace", columns, tuple(rows), (total,), CRITERIA)
+
+
+def row(results: Results) -> Row:
+    """What a comparison shows: V, the criteria, and the verdicts."""
+    figures = ((criterion_column(name, each.unit), each.value) for name, each in results.criteria.items())
+    verdicts = ((Column(each.label), Verdict(each.judged.passed)) for each in requirement_rows(results))
+    return (Column("V", best="smallest"), results.cost), *figures, *verdicts
+
+
+def criterion_column(name: str, unit: str) -> Column:
+    """The column of a criterion in a comparison."""
+    return Column(name, SHOWN[unit], minor=True, best="smallest")
+
+
+def requirements(results: Results, shown: Mapping[str, int] | None = None) -> Table:
+    """A1 to A3, A1 and A2 per axis."""
+    recorded = shown or {}
+    columns = (Column(""), Column("requirement"), Column("verdict"), Column("limit cycle"), Column("where"))
+    rows: list[tuple[Cell, ...]] = []
+    for row in requirement_rows(results):
+        worst = row.judged.worst_case
+        link = Link(worst, simulate_command(results.head, worst), recorded.get(worst)) if worst else "-"
+        rows.append((row.name, row.title, Verdict(row.judged.passed), row.amplitude, link))
+    limit = results.rules.stability.limit_cycle * 1e6
+    return Table(f"Stability: limit cycle below {limit:g} µm", columns, tuple(rows))
+
+
+def reasons(results: Results) -> Iterator[Reason]:
+    """Why requirements are not met or not judged."""
+    for name, entry in results.stability.items():
+        if not entry.passed:
+            text = reason_text(name, entry.passed, "", entry.reason)
+            command = simulate_command(results.head, entry.tally.first) if entry.tally.failed else ""
+            yield Reason(text, command, "" if command else again(entry.tally))
+
+
+def facts(results: Results) -> Iterator[tuple[str, str]]:
+    """How the results were obtained, as pairs of a name and a text."""
+    yield from head_facts(results.head)
+    yield "Loop delay", loop_delay(results.loop_delay)
+    yield "Computing time", f"{computing_time(results)}, per sample"
+
+
+def poses(results: Results) -> dict[int, str]:
+    """The configurations' link angles in words."""
+    return {
+        entry.index: f"{math.degrees(entry.q_a1):.0f}° / {math.degrees(entry.q_a2):.0f}°"
+        for entry in results.configurations
+    }
+
+
+def _others(results: Results) -> Iterator[tuple[str, str]]:
+    """The commands that repeat the first cases that failed and the worst of the requirements, but for those that stand
+    with a reason."""
+    failed = [case for case in results.cases if case.status is not Status.DONE][:MESSAGES]
+    shown = {entry.tally.first for entry in results.stability.values() if entry.passed is False}
+    worst = [row.judged.worst_case for row in requirement_rows(results) if row.judged.passed is False]
+    named = [*(case.id for case in failed if case.status is not Status.SKIPPED), *worst]
+    for id in dict.fromkeys(named):
+        if id and id not in shown:
+            yield "", simulate_command(results.head, id)

@@ -1,0 +1,162 @@
+"""The answer of a sweep: what ``sweep.json`` holds, its table and its picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from ..codec import Finite
+from ..errors import InputError
+from ..search.candidates import Trial
+from ..views.csv import csv_text
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Verdict
+from ..views.units import number
+from . import files
+from .document import Comparable, Completeness, Document, Row
+from .facts import head_facts
+from .wording import assignments
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+CSV, SVG = "sweep.csv", "sweep.svg"
+"""What shows a sweep beside its report."""
+
+
+class Sweep(Document, Comparable, kw_only=True):
+    """V and stability over a grid of parameter values; shows itself in a notebook.
+
+    ``values`` are those of each parameter; ``trials`` all their combinations, in which the last parameter changes
+    fastest.
+    """
+
+    FILE: ClassVar[str] = files.SWEEP
+    SCHEMA: ClassVar[str] = "flexible-manipulator-sweep/2"
+    KIND: ClassVar[str] = "Sweeps, the best combination"
+    DERIVED: ClassVar[tuple[str, ...]] = (files.REPORT, CSV, SVG)
+
+    values: dict[str, tuple[Finite, ...]]
+    trials: tuple[Trial, ...]
+
+    def _problem(self) -> str:
+        if len(self.trials) != math.prod(map(len, self.values.values())):
+            return "its trials are not the combinations of its values"
+        if any(trial.values.keys() != self.values.keys() for trial in self.trials):
+            return "a trial has other parameters than those that vary"
+        return ""
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`."""
+        if not all(trial.judged for trial in self.trials):
+            return "not judged"
+        return "incomplete" if any(trial.message for trial in self.trials) else "complete"
+
+    @property
+    def best(self) -> Trial | None:
+        """The combination of the smallest V of those that hold A1 to A3; None if none does."""
+        holding = [trial for trial in self.trials if trial.holds and trial.cost is not None]
+        return min(holding, key=lambda trial: trial.objective, default=None)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """One list per column, one element per combination: the values, V, ``cycle`` (the largest limit cycle relative
+        to what A3 allows), whether A1 to A3 hold, and what failed. None where there is no such figure."""
+        found: dict[str, list[Any]] = {name: [trial.values[name] for trial in self.trials] for name in self.values}
+        fields = {"V": "cost", "cycle": "cycle", "holds": "holds", "message": "message"}
+        return found | {name: [getattr(trial, field) for trial in self.trials] for name, field in fields.items()}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The :meth:`columns`. Needs the package pandas (the extra ``pandas``)."""
+        from pandas import DataFrame  # optional
+
+        return DataFrame(self.columns())
+
+    def csv(self) -> str:
+        """The same as CSV."""
+        table = self.columns()
+        return csv_text(table, zip(*table.values(), strict=True))
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """V over the values of one parameter, or as a map over those of two, in ``figure`` or a new one.
+
+        Raises :class:`InputError` if more than two parameters have several values.
+        """
+        if len(self.varied) > 2:
+            message = f"{len(self.varied)} parameters vary ({', '.join(self.varied)}): a picture shows one or two."
+            raise InputError(message, "no-picture")
+        from .sweep_figure import draw  # Matplotlib takes as long to load as the rest of a command
+
+        return draw(self.varied, self.values, self.trials, self.rules.cost.target, figure)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The parameters that have several values; the first one if none has."""
+        return tuple(name for name, each in self.values.items() if len(each) > 1) or tuple(self.values)[:1]
+
+    @property
+    def V(self) -> float | None:
+        """The cost it is ranked by."""
+        return None if self.best is None else self.best.cost
+
+    @property
+    def holds(self) -> bool:
+        """Whether all requirements are met."""
+        return self.best is not None
+
+    @property
+    def unranked(self) -> str:
+        """Why it has no rank; empty if it has one."""
+        return "" if self.best is not None else "no combination has a V and holds A1-A3"
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """The best combination."""
+        found: list[tuple[Column, Cell]] = [(Column("combinations"), len(self.trials))]
+        found.append((Column("V", best="smallest"), self.V))
+        return *found, (Column("values"), "-" if self.best is None else assignments(self.best.values))
+
+    def summary(self) -> Summary:
+        """The combinations, and the best of them."""
+        parts: list[Part] = [Facts("This sweep", tuple(head_facts(self.head))), self.table()]
+        parts.append(Note(f"Best: {smallest_words(self)}.", warning=self.best is None))
+        if len(self.varied) == 1:
+            parts.append(self._over(self.varied[0]))
+        kicker = f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {len(self.trials)} combinations"
+        return Summary(self.controller.file, kicker, tuple(parts))
+
+    def table(self) -> Table:
+        """Every combination: the values, V, the limit cycle relative to what A3 allows, and whether A1 to A3 hold."""
+        rows = tuple(
+            (
+                *(f"{value:g}" for value in trial.values.values()),
+                trial.cost,
+                trial.cycle,
+                trial.message or Verdict(trial.holds, "hold" if trial.holds else "fail"),
+            )
+            for trial in self.trials
+        )
+        names = tuple(Column(name) for name in self.values)
+        return Table(
+            "Every combination", (*names, Column("V", best="smallest"), Column("cycle"), Column("A1-A3")), rows
+        )
+
+    def _over(self, name: str) -> Plot:
+        """V over the values of one parameter."""
+        order = sorted(self.trials, key=lambda trial: trial.values[name])
+        x, y = (tuple(trial.values[name] for trial in order), tuple(trial.cost for trial in order))
+        series = Series("V", x, y, tuple(not trial.holds for trial in order))
+        levels = (("target", self.rules.cost.target),)
+        return Plot("sweep-plot", f"V over {name}", Column(name), Column("V"), (series,), levels, "A1-A3 fail")
+
+    def __repr__(self) -> str:
+        return f"Sweep({self.controller.file}, {len(self.trials)} combinations: {smallest_words(self)})"
+
+
+def smallest_words(found: Sweep) -> str:
+    """The best combination and its V."""
+    best = found.best
+    if best is None:
+        return "no combination has a V and holds A1-A3"
+    return f"V = {number(best.cost)} with {assignments(best.values)}"

@@ -1,0 +1,109 @@
+"""A trajectory as a table in CSV, NPZ and MAT files, and as a plot in the paper's units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..loop import disturbances
+from ..loop.disturbances import ChirpSignal, PulseSignal
+from ..loop.scenario import Scenario
+from ..loop.trajectory import Trajectory
+from ..views.csv import csv_text
+from .files import streamed, write_bytes, write_text
+
+if TYPE_CHECKING:  # loaded by those who draw
+    from matplotlib.figure import Figure
+
+Table = Mapping[str, np.ndarray]
+"""Signals by name with unit, such as ``q_m[1] [rad]``, each of shape (N + 1,)."""
+
+
+def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
+    """All signals of a simulation. Torques at the last instant, which are not computed, are NaN."""
+    t = trajectory.time
+    u_d = _while_on(disturbances.chirp, disturbances.chirp_signal(scenario.chirp), t)
+    F = _while_on(disturbances.pulse, disturbances.pulse_signal(scenario.pulse), t)
+    pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
+    pairs = {
+        "q_m[{}] [rad]": trajectory.q_m,
+        "u_c[{}] [N.m]": np.vstack([trajectory.command, pending]),
+        "u_m[{}] [N.m]": np.vstack([trajectory.torque, pending]),
+        "u_d[{}] [N.m]": u_d,
+    }
+    return {
+        "time [s]": t,
+        **{f"{name} [rad]": values for name, values in trajectory.extra.items()},
+        **{name.format(i + 1): values[:, i] for name, values in pairs.items() for i in range(2)},
+        "F_x [N]": F[:, 0],
+        "F_z [N]": F[:, 1],
+        "x [m]": trajectory.X[:, 0],
+        "z [m]": trajectory.X[:, 1],
+        "tcp_error [m]": trajectory.tcp_error,
+    }
+
+
+def _while_on(
+    function: Callable[[Any, float], tuple[float, float]], signal: ChirpSignal | PulseSignal, t: np.ndarray
+) -> np.ndarray:
+    """A disturbance at the times ``t``, shape (len(t), 2); it is only computed where it is not zero."""
+    found, on = np.zeros((len(t), 2)), (signal.start <= t) & (t < signal.stop)
+    found[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)
+    return found
+
+
+def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The Python source of a compiled function: compiling it would take longer than the few calls made here."""
+    python: Callable[..., Any] = getattr(function, "py_func", function)
+    return python
+
+
+def write_csv(table: Table, file: Path) -> None:
+    """Write the columns with their names as header; each number with as few digits as determine it exactly."""
+    write_text(file, csv_text(table, zip(*(column.tolist() for column in table.values()), strict=True)))
+
+
+def write_npz(table: Table, file: Path) -> None:
+    """Write the columns as arrays by their names: ``numpy.load(file)["u_m[1] [N.m]"]``.
+
+    They are not compressed: that would take longer than the simulation, and halve their size only.
+    """
+    write_bytes(file, streamed(lambda stream: np.savez(stream, allow_pickle=False, **table)))
+
+
+def write_mat(table: Table, file: Path) -> None:
+    """Write the columns as MATLAB variables ``time``, ``q_m_1``, ..., ``tcp_error``, in the same SI units."""
+    from scipy.io import savemat
+
+    named = {re.sub(r"\W+", "_", name.split(" ")[0]).strip("_"): column for name, column in table.items()}
+    write_bytes(file, streamed(lambda stream: savemat(stream, named, oned_as="column", do_compression=True)))
+
+
+def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Figure | None = None) -> Figure:
+    """TCP error [mm] and motor torques [Nm] over time, drawn into ``figure`` or a new one."""
+    from matplotlib.figure import Figure
+
+    figure = figure or Figure(figsize=(8, 6), layout="constrained")
+    error, torque = figure.subplots(2, 1, sharex=True)
+    t = trajectory.time
+    error.plot(t, trajectory.tcp_error * 1e3, linewidth=0.8)
+    error.set(ylabel="TCP position error [mm]")
+    error.set_title(title, parse_math=False)
+    for i in range(2):
+        torque.step(t[:-1], trajectory.torque[:, i], where="post", linewidth=0.8, label=f"axis {i + 1}")
+    torque.set(xlabel="Time [s]", ylabel="Motor torque [Nm]")  # a formula would take longer to typeset than all else
+    torque.legend(loc="upper right")  # to find the best place among so many points takes longer than to draw them
+    for axes in (error, torque):
+        axes.grid(alpha=0.3)
+        axes.set_xlim(t[0], t[-1] if len(t) > 1 else float(scenario.duration))
+    return figure
+
+
+def write_plot(figure: Figure, file: Path) -> None:
+    """Write a figure in the format that the file's ending names."""
+    ending = file.suffix.lstrip(".") or "png"
+    write_bytes(file, streamed(lambda stream: figure.savefig(stream, format=ending, dpi=150)))

@@ -1,0 +1,323 @@
+"""The answer of a tuning: what ``tuning.json`` holds, and its words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+from ..benchmark.spread import Statistic
+from ..codec import Finite, Natural, NonNegative, Struct, plain
+from ..search.candidates import Range, Trial
+from ..views.table import (
+    Beside,
+    Cell,
+    Chart,
+    Column,
+    Commands,
+    Facts,
+    Headline,
+    Note,
+    Page,
+    Panel,
+    Part,
+    Summary,
+    Table,
+    Value,
+    Verdict,
+    Widget,
+)
+from ..views.units import number
+from .document import Comparable, Completeness, Document, Row
+from .facts import head_facts
+from .files import REPORT, TUNING
+from .spread import mean_words
+from .wording import assignments
+
+OVERFITTED = 2.0
+"""Standard deviations by which V of the objective may lie below that of other draws."""
+
+
+class Judged(Struct):
+    """A candidate on the whole protocol and, if a worst case was searched for, as far as one was found.
+
+    ``worst_cost`` is V with what was found; ``broken`` are the requirements that fail or are not judged in the one or
+    the other; the objective has had the failing cases, which the ``commands`` repeat, from then on.
+    """
+
+    trial: Natural
+    after: Natural
+    cost: NonNegative | None
+    worst_cost: NonNegative | None
+    broken: tuple[str, ...]
+    commands: tuple[str, ...]
+
+
+class Best(Struct):
+    """The candidate that is best of those that hold A1 to A3, and what tells whether that is luck.
+
+    ``held_out`` is V of the objective's performance cases with other draws; ``seeds`` V of the whole protocol with
+    other seeds; ``strict`` V of the protocol strict, ``strict_broken`` what fails there, and ``strict_not_judged``
+    what is not judged there.
+    """
+
+    trial: Trial
+    cost: NonNegative | None
+    held_out: Statistic
+    seeds: Statistic
+    strict: NonNegative | None
+    strict_broken: tuple[str, ...]
+    strict_not_judged: tuple[str, ...] = ()
+
+    @property
+    def overfitted(self) -> bool:
+        """Whether the objective's V is lower than other draws explain."""
+        mean, deviation = self.held_out.mean, self.held_out.deviation
+        if mean is None or deviation is None or self.trial.cost is None:
+            return True
+        return self.trial.cost < mean - OVERFITTED * deviation
+
+
+class Tuning(Document, Comparable, kw_only=True):
+    """The parameters of a controller that a search found; shows itself in a notebook.
+
+    ``trials`` are in the order they were tried, the first one at the values that the search began with; their
+    objectives count the cases that were added up to the end. ``best`` is None if none of the candidates that were tried
+    on the whole protocol, ``judged``, holds A1 to A3. ``importance`` is the share of each parameter in how the
+    objective varies.
+    """
+
+    FILE: ClassVar[str] = TUNING
+    SCHEMA: ClassVar[str] = "flexible-manipulator-tuning/2"
+    KIND: ClassVar[str] = "Tunings, the best candidate"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
+
+    objective: str
+    sampler: str
+    search_seed: Natural
+    robust: Natural
+    vary: dict[str, Range]
+    trials: tuple[Trial, ...]
+    judged: tuple[Judged, ...]
+    best: Best | None
+    importance: dict[str, NonNegative]
+
+    def _problem(self) -> str:
+        if any(trial.values.keys() != self.vary.keys() for trial in self.trials):
+            return "a trial has other parameters than those that vary"
+        return ""
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`."""
+        if self.best is None:
+            return "incomplete"
+        return "not judged" if self.best.strict_not_judged else "complete"
+
+    @property
+    def parameters(self) -> dict[str, Finite]:
+        """The best candidate's values by FMI name; those the search began with if there is none."""
+        return self.best.trial.values if self.best is not None else self.trials[0].values
+
+    @property
+    def V(self) -> float | None:
+        """The cost it is ranked by."""
+        return None if self.best is None else self.best.cost
+
+    @property
+    def holds(self) -> bool:
+        """Whether all requirements are met."""
+        return self.best is not None and not self.best.strict_broken
+
+    @property
+    def unranked(self) -> str:
+        """Why it has no rank; empty if it has one."""
+        return "" if self.V is not None else "no candidate holds A1-A3"
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """V of the best candidate, with other seeds and on the strict list."""
+        best = self.best
+        seeds = Value(None) if best is None else Value(best.seeds.mean, best.seeds.deviation)
+        return (
+            (Column("trials"), len(self.trials)),
+            (Column("V", best="smallest"), self.V),
+            (Column("V, other seeds"), seeds),
+            (Column("V, strict list"), None if best is None else best.strict),
+            (Column("fails there"), "-" if best is None else ", ".join(best.strict_broken) or "none"),
+            (Column("values"), "-" if best is None else assignments(best.trial.values)),
+        )
+
+    def summary(self) -> Summary:
+        """The best candidate beside what the search began with, and what tells whether it is luck."""
+        parts: list[Part] = [_parameters(self)]
+        parts += [_best(self)] if self.best else [_nearest(self)]
+        return Summary(f"Tuning of {self.controller.file}", self._kicker, (*parts, *map(Note, tuning_remarks(self))))
+
+    def page(self) -> Page:
+        """The report: how the search went, which parameters matter, what V costs in stability."""
+        best, first = self.best, self.trials[0]
+        marks = (("target", self.rules.cost.target), *((("start", first.cost),) if first.cost is not None else ()))
+        sentence = "In the whole protocol. Start: in the objective, at the values the search began with."
+        if best is None:
+            sentence = "None of the candidates that were judged holds A1 to A3."
+        headline = Headline("Cost V of the best", None if best is None else best.cost, marks, sentence)
+        summary: tuple[Part, ...] = (
+            *map(Note, tuning_remarks(self)),
+            Beside(((headline,), (_best(self) if best else _nearest(self),))),
+            _parameters(self),
+            Facts("This search", tuple(_facts(self))),
+        )
+        slice_of = Widget("choice.html", {"id": "slice-of", "text": "Parameter"})
+        panels = (
+            Panel("summary", "Summary", summary),
+            Panel("history", "History", (Chart("history-chart", 480, "The objective, trial by trial"),)),
+            Panel(
+                "parameters",
+                "Parameters",
+                (
+                    Chart("importance-chart", 400, "Which parameters matter"),
+                    slice_of,
+                    Chart("slice-chart", 400, "Where the good candidates lie"),
+                ),
+            ),
+            Panel("trade", "V and stability", (Chart("trade-chart", 520, "What a lower V costs in stability"),)),
+            Panel("judged", "Judged candidates", (_judged(self), _added(self))),
+        )
+        payload = {name: plain(getattr(self, name)) for name in ("trials", "judged", "importance", "vary", "objective")}
+        payload |= {"target": self.rules.cost.target, "best": None if best is None else best.trial.number}
+        return Page(f"Tuning of {self.controller.file}", self._kicker, panels, ("tune.js",), lambda: payload)
+
+    @property
+    def _kicker(self) -> str:
+        return (
+            f"{self.benchmark}, {len(self.trials)} trials ({self.sampler}) in the protocol {self.objective}, "
+            f"{len(self.judged)} candidates in {self.protocol}"
+        )
+
+    def __repr__(self) -> str:
+        return f"Tuning({self.controller.file}, {len(self.trials)} trials: {best_words(self)})"
+
+
+def best_words(found: Tuning) -> str:
+    """The best candidate and its V."""
+    if found.best is None:
+        return "none holds A1-A3"
+    return f"V = {number(found.best.cost)} with {assignments(found.best.trial.values)}"
+
+
+def _parameters(found: Tuning) -> Table:
+    """What varies: name, value at the start, value of the best, range, and importance."""
+    best, first = found.best, found.trials[0].values
+    rows = tuple(
+        (
+            name,
+            f"{first[name]:g}",
+            "-" if best is None else f"{best.trial.values[name]:g}",
+            f"{own.low:g} to {own.high:g}{' log' if own.log else ''}",
+            found.importance.get(name),
+        )
+        for name, own in found.vary.items()
+    )
+    columns = tuple(map(Column, ("parameter", "start", "best", "range", "importance")))
+    return Table("Parameters", columns, rows, caption="In the units of the FMU. best.toml holds the best values.")
+
+
+def _best(found: Tuning) -> Table:
+    """Where V of the best candidate was measured, and what it is there."""
+    best = found.best
+    assert best is not None
+    words = [f"{', '.join(best.strict_broken)} fails"] if best.strict_broken else []
+    words += [f"{', '.join(best.strict_not_judged)} not judged"] if best.strict_not_judged else []
+    passed = False if best.strict_broken else None if best.strict_not_judged else True
+    hold = Verdict(True, "hold")
+    rows: tuple[tuple[Cell, ...], ...] = (
+        (f"{found.protocol}, seed {found.seed}", best.cost, hold),
+        (f"{found.protocol}, other seeds", Value(best.seeds.mean, best.seeds.deviation), None),
+        ("strict list", best.strict, Verdict(passed, ", ".join(words) or "hold")),
+        (f"{found.objective}, as it was tuned", best.trial.cost, hold),
+        (f"{found.objective}, other draws", Value(best.held_out.mean, best.held_out.deviation), None),
+    )
+    caption = (
+        "Mean ± standard deviation where there are several. If V as it was tuned is far below V with other draws, the "
+        "candidate fits the draws it was tuned with."
+    )
+    return Table("V of the best candidate", (Column("where"), Column("V"), Column("A1-A3")), rows, caption=caption)
+
+
+NEAREST = 3
+"""Candidates that are listed where none holds A1 to A3."""
+
+
+def _nearest(found: Tuning) -> Table:
+    """The candidates of the lowest objectives, and what failed, where none holds A1 to A3."""
+    broken = {each.trial: ", ".join(each.broken) for each in found.judged}
+    ranked = sorted((each for each in found.trials if not each.cut_short), key=lambda each: each.objective)[:NEAREST]
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (each.number, each.objective, each.cost, each.cycle, broken.get(each.number) or each.message or "A1-A3 fail")
+        for each in ranked
+    )
+    columns = tuple(map(Column, ("trial", "objective", "V", "cycle", "fails")))
+    caption = "Cycle: the largest limit cycle relative to what A3 allows; none for an unstable loop."
+    return Table("Nearest to holding A1 to A3", columns, rows, caption=caption)
+
+
+def _judged(found: Tuning) -> Table:
+    """The candidates that were tried on the whole protocol."""
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            row.trial,
+            row.after,
+            row.cost,
+            row.worst_cost,
+            Verdict(not row.broken, ", ".join(row.broken) or "none"),
+            assignments(found.trials[row.trial].values),
+        )
+        for row in found.judged
+    )
+    columns = tuple(map(Column, ("trial", "after trials", "V", "V found", "fails", "values")))
+    caption = "V found: with the largest values of a search for the worst case, where one was made."
+    return Table("Candidates in the whole protocol", columns, rows, caption=caption)
+
+
+def _added(found: Tuning) -> Part:
+    """The cases that were added to the objective, as commands."""
+    pairs = [
+        (f"after {row.after} trials, from trial {row.trial}", command)
+        for row in found.judged
+        for command in row.commands
+    ]
+    if not pairs:
+        return Note("Nothing was added to the objective: no candidate failed.", warning=False)
+    return Commands("what was added to the objective", tuple(pairs))
+
+
+def _facts(found: Tuning) -> Iterator[tuple[str, str]]:
+    """How the answer was obtained."""
+    robust = f", and a search of {found.robust} simulations" if found.robust else ""
+    yield from head_facts(found.head)
+    yield "Objective", f"protocol {found.objective}"
+    yield "Candidates judged", f"{len(found.judged)}, in the protocol {found.protocol}, seed {found.seed}{robust}"
+    yield "Trials", f"{len(found.trials)}, {sum(trial.cut_short for trial in found.trials)} of them cut short"
+    yield "Sampler", f"{found.sampler}, seed {found.search_seed}"
+
+
+def tuning_remarks(found: Tuning) -> list[str]:
+    """What a reader must know of a tuning."""
+    best, remarks = found.best, []
+    if best is None:
+        return [f"None of the {len(found.judged)} candidates that were tried on the whole protocol holds A1-A3."]
+    if best.overfitted:
+        own, others = number(best.trial.cost), mean_words(best.held_out)
+        remarks.append(f"Overfitted: V of the objective is {own}, but {others} with other draws of systems and noise.")
+    if best.strict_broken:
+        remarks.append(
+            f"On the strict list {', '.join(best.strict_broken)} fails; the candidates were "
+            f"{'tried on' if found.robust else 'not tried with'} the worst cases of a search."
+        )
+    ends = [name for name, own in found.vary.items() if not NEAR < own.place(best.trial.values[name]) < 1.0 - NEAR]
+    if ends:
+        remarks.append(f"At an end of its range: {', '.join(ends)}.")
+    return remarks
+
+
+NEAR = 1e-3
+"""Part of a range that is its end."""

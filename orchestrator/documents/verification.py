@@ -1,0 +1,228 @@
+"""The certificate of a verification, typed to the last field: what ``verification.json`` holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Literal
+
+from ..benchmark.certificate import (
+    CaseEnding,
+    CriterionFound,
+    Draw,
+    Figure,
+    Reference,
+    RequirementFound,
+    Score,
+    figure,
+    identity,
+    seeds,
+)
+from ..codec import plain
+from ..loop.trajectory import Status
+from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
+from ..views.units import SHOWN, heading
+from .commands import Setting, case_command
+from .document import Comparable, Completeness, Document, Row, completeness
+from .facts import head_facts
+from .files import VERIFICATION
+from .reasons import Reason, reason_notes, reason_text
+from .scorecard import criterion_column
+
+SHOWN_CASES = 3
+"""Failed cases that are named; the others are counted."""
+
+VERIFY_AGAIN = "to run it again, verify again"
+
+FRESH: Literal["fresh"] = "fresh"
+PUBLISHED: Literal["published"] = "published"
+
+STRICT = "strict-verification"
+"""The protocol of the list of worst cases."""
+
+RESULTS = ("complete", "cost", "criteria", "requirements", "cases", "draws", "strict", "references")
+"""Fields of a certificate that its repetition must find again to the last bit; the others say what it was made with."""
+
+WORDS = "message"
+"""Field that may differ in a result: it says what was measured, such as memory, and what FMUs have printed."""
+
+UNREPEATED = ("timing", "command", "environment", "sandbox")
+"""Fields that may well differ."""
+
+
+class Verification(Document, Comparable, kw_only=True):
+    """What a controller came to where it could reach neither judge nor draws, and everything needed to repeat it; shows
+    itself in a notebook.
+
+    The first seven fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
+    name, on the same draws. ``entropy`` is what the seeds follow from together with the controller: ``source`` says
+    whether it was fresh, or published after the controller was. ``code`` is the SHA-256 of the sources; ``sandbox``
+    tells whether there was one.
+    """
+
+    FILE: ClassVar[str] = VERIFICATION
+    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/4"
+    KIND: ClassVar[str] = "Verifications, mean ± standard deviation over the draws"
+    MISSING: ClassVar[str] = "no-file"
+
+    complete: bool
+    cost: Figure
+    criteria: dict[str, CriterionFound]
+    requirements: dict[str, RequirementFound]
+    cases: tuple[CaseEnding, ...]
+    draws: tuple[Draw, ...]
+    strict: Score | None
+    references: dict[str, Reference]
+    source: Literal["fresh", "published"]
+    entropy: str
+    code: str
+    sandbox: bool
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`: by the controller's own cases, and by whether the references are
+        judged."""
+        own = [score for score in (self, self.strict) if score is not None]
+        beside = [score for each in self.references.values() for score in (each, each.strict) if score is not None]
+        tallies = (entry.tally for score in (*own, *beside) for entry in score.requirements.values())
+        return completeness([case for score in own for case in score.cases], tallies)
+
+    @property
+    def V(self) -> float | None:
+        """The cost it is ranked by."""
+        return self.cost.mean
+
+    @property
+    def holds(self) -> bool:
+        """Whether all requirements are met."""
+        return all(entry.passed for entry in self.requirements.values())
+
+    @property
+    def unranked(self) -> str:
+        """Why it has no rank; empty if it has one."""
+        if not self.complete:
+            return "incomplete"
+        return "" if self.cost.mean is not None else "no mean of V: a draw has none"
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """Mean and standard deviation of V and the criteria, and the verdicts."""
+        found: list[tuple[Column, Cell]] = [(Column("draws"), len(self.draws))]
+        found.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.sd)))
+        for name, each in self.criteria.items():
+            found.append((criterion_column(name, each.unit), Value(each.mean, each.sd)))
+        return *found, *((Column(name), Verdict(held.passed)) for name, held in self.requirements.items())
+
+    def summary(self) -> Summary:
+        """The figures over the draws, and those on the list of worst cases, beside those of the references."""
+        where = "in a sandbox" if self.sandbox else "WITHOUT A SANDBOX"
+        kicker = (
+            f"{self.benchmark}, verification, protocol {self.protocol}, {where}, {len(self.draws)} draws from "
+            f"{self.source} entropy {self.entropy}"
+        )
+        parts: list[Part] = [Facts("This verification", tuple(head_facts(self.head)), ("SHA-256",))]
+        parts.append(_table("Mean ± standard deviation over the draws", self, self.references))
+        if self.strict is not None:
+            known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
+            parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, known))
+        listed = (*self.cases, *(self.strict.cases if self.strict else ()))
+        failed = [case for case in listed if case.status is not Status.DONE]
+        parts += [
+            Note(f"{case.id} --seed {case.seed}: {case.status.value}: {case.message}") for case in failed[:SHOWN_CASES]
+        ]
+        if len(failed) > SHOWN_CASES:
+            parts.append(Note(f"... and {len(failed) - SHOWN_CASES} more; see {self.FILE}.", warning=False))
+        parts += reason_notes(verification_reasons(self))
+        return Summary(self.controller.file, kicker, tuple(parts))
+
+    def _problem(self) -> str:
+        record, drawn = self.controller, tuple(draw.seed for draw in self.draws)
+        own = identity(record.sha256, record.parameters, record.mapping, self.sample_time.seconds)
+        tried: tuple[Verification | Reference, ...] = (self, *self.references.values())
+        if not drawn or any(tuple(draw.seed for draw in each.draws) != drawn for each in tried):
+            return "its controllers have other draws than it"
+        if seeds(self.entropy, own, len(drawn)) != drawn:
+            return "its draws do not follow from its entropy and its controller"
+        if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
+            return "a V is not that of its draws"
+        scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
+        if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
+            return "it is complete or not, other than its cases"
+        if any(entry.passed != entry.tally.passed for each in scores for entry in each.requirements.values()):
+            return "a verdict is not that of its tally"
+        return ""
+
+
+def differences(first: Verification, second: Verification) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """How the results of two certificates differ, and how what they were made with does: ``name: this, that``."""
+    one, other = _flat(first), _flat(second)
+    results = tuple(line for name in RESULTS for line in _unequal(name, one[name], other[name]))
+    rest = (name for name in one if name not in (*RESULTS, *UNREPEATED))
+    return results, tuple(line for name in rest for line in _unequal(name, one[name], other[name]))
+
+
+def _flat(certificate: Verification) -> dict[str, Any]:
+    """The fields, those of the head among them."""
+    found: dict[str, Any] = plain(certificate)
+    return {**found.pop("head"), **found}
+
+
+def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for key in (key for key in dict.fromkeys((*one, *other)) if key != WORDS):
+            yield from _unequal(f"{name}.{key}", one.get(key), other.get(key))
+    elif isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
+        for number, (own, its) in enumerate(zip(one, other, strict=True)):
+            yield from _unequal(f"{name}.{number}", own, its)
+    elif one != other:
+        yield f"{name}: {one}, {other}"
+
+
+def verification_reasons(found: Verification) -> Iterator[Reason]:
+    """The requirements of the controller over the draws and on the list of worst cases, and those of a reference that
+    are not judged."""
+    yield from _own(found, found, found.protocol, f"in {{}} of {len(found.draws)} draws")
+    if found.strict is not None:
+        yield from _own(found, found.strict, STRICT, "on the worst poses")
+    for name, reference in found.references.items():
+        for where, score in (("over the draws", reference), ("on the worst poses", reference.strict)):
+            for each, entry in score.requirements.items() if score is not None else ():
+                if entry.tally.interrupted:
+                    text = reason_text(f"{name}: {each}", entry.passed, where, entry.reason)
+                    yield Reason(text, advice=VERIFY_AGAIN)
+
+
+def _own(found: Verification, score: Verification | Score, protocol: str, where: str) -> Iterator[Reason]:
+    for name, entry in score.requirements.items():
+        if entry.passed is False and entry.worst_case is not None:
+            sample_time = found.sample_time.seconds
+            own = Setting(found.controller, found.plant, protocol, entry.worst_case.seed, sample_time)
+            text = reason_text(name, False, where.format(entry.failed_draws), entry.reason)
+            yield Reason(text, case_command(own, entry.worst_case.id))
+        elif not entry.passed:
+            place = "" if "{" in where else where
+            advice = VERIFY_AGAIN if entry.tally.interrupted else ""
+            yield Reason(reason_text(name, entry.passed, place, entry.reason), advice=advice)
+
+
+def _table(title: str, found: Score | Verification, others: Mapping[str, Score]) -> Table:
+    scores = {"controller": found, **others}
+    columns = (Column(""), *map(Column, scores), Column("target"), Column("worst case"))
+    rows: list[tuple[Cell, ...]] = []
+    for name, entry in found.criteria.items():
+        unit = SHOWN[entry.unit]
+        own = (Value(score.criteria[name].mean, score.criteria[name].sd, unit) for score in scores.values())
+        rows.append((heading(name, unit), *own, Value(entry.target, unit=unit), _worst(entry)))
+    target = sum(spec.weight for spec in found.rules.criteria.values()) if isinstance(found, Verification) else None
+    rows.append(("V", *(Value(score.cost.mean, score.cost.sd) for score in scores.values()), target, None))
+    for name, held in found.requirements.items():
+        rows.append((name, *(_verdict(score.requirements[name]) for score in scores.values()), None, _worst(held)))
+    return Table(title, columns, tuple(rows))
+
+
+def _worst(found: CriterionFound | RequirementFound) -> str:
+    worst = found.worst_case
+    return f"{worst.id} --seed {worst.seed}" if worst else "-"
+
+
+def _verdict(found: RequirementFound) -> Verdict:
+    draws = f" in {found.failed_draws}" if found.failed_draws else ""
+    return Verdict(found.passed, VERDICTS[found.passed] + draws)

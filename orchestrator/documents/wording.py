@@ -1,0 +1,167 @@
+"""How values are put into words and units, the paper's: in the terminal, in pages and in figures alike."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from plant_fmu.flexible_manipulator.parameters import TABLE_1
+
+from ..benchmark.results import Verdict
+from ..views.units import number
+from .head import ControllerRecord, Head
+from .results import LoopDelay, Results
+
+REQUIREMENTS = {
+    "A1": "loop gain × {gain:g}, axis {axis}",
+    "A2": "delay + {delay:g} ms, axis {axis}",
+    "A3": "limit cycle, all tests",
+}
+"""What a requirement asks for."""
+
+SEED_MATTERS = "V depends on the seed"
+"""What is said of protocols with few cases."""
+
+NO_UNIT = re.compile(r"(?:.*: )?(.+) declares no unit; taken as (.+)")
+
+
+@dataclass(frozen=True)
+class RequirementRow:
+    """A requirement as it is listed: its name, its axis if it is judged per axis (else empty), title and verdict."""
+
+    name: str
+    axis: str
+    title: str
+    judged: Verdict
+
+    @property
+    def label(self) -> str:
+        """Name and axis, such as ``A2 axis 1``."""
+        return f"{self.name} axis {self.axis}" if self.axis else self.name
+
+    @property
+    def amplitude(self) -> str:
+        """What the worst case did: its limit cycle, or why it has none that counts."""
+        judged = self.judged
+        if judged.worst_case is None:
+            return "-"
+        if judged.limit_cycle is None:
+            return "no value"
+        if judged.rest_error is not None:
+            return f"no rest: {number(judged.rest_error * 1e3)} mm"
+        seeds = f", {judged.seeds_failed} of {judged.seeds_tried} seeds" if judged.seeds_tried > 1 else ""
+        rings = " (ring-down)" if judged.kind == "ring-down" else ""
+        return f"{number(judged.limit_cycle * 1e6)} µm{rings}{seeds}"
+
+
+def parameter_words(name: str) -> str:
+    """What a parameter of Table 1 is: ``f_c[2]`` is the Coulomb motor friction of axis 2."""
+    symbol, _, axis = name.removesuffix("]").partition("[")
+    description = next((row.description for row in TABLE_1 if row.symbol == symbol), symbol)
+    words = re.sub(rf" {symbol}\b|, (eq\.|Section).*", "", description)
+    return f"{words}, axis {axis}" if axis else words
+
+
+def loop_delay(delay: LoopDelay) -> str:
+    """The loop delay in words."""
+    if delay.seconds is None or delay.samples is None:
+        return f"not measured: the controller {delay.convention or 'could not be probed'}"
+    text = f"{delay.seconds * 1e3:.3f} ms = {delay.samples:g} sample{'s' * (delay.samples != 1)}"
+    within = f" ({delay.controller_samples} of them in the controller)" if delay.controller_samples else ""
+    return f"{text}{within}; the controller {delay.convention}"
+
+
+def computing_time(results: Results) -> str:
+    """The controller's computing time against its sample time."""
+    found = results.timing.computing_time
+    return "not measured" if found is None else f"{found.text} of {results.sample_time.seconds * 1e6:g} µs"
+
+
+def connectors(controller: ControllerRecord) -> str:
+    """The connectors that the controller has, and the optional ones that it does not have."""
+    bound = [name for name, entry in controller.connectors.items() if entry is not None]
+    absent = [name for name, entry in controller.connectors.items() if entry is None and name != "e"]
+    return ", ".join(bound) + (f" (without {', '.join(absent)})" if absent else "")
+
+
+def requirement_rows(results: Results) -> list[RequirementRow]:
+    """The requirements, A1 and A2 per axis."""
+    rows = []
+    for name, entry in results.stability.items():
+        tests = {str(test.axis): test for test in results.rules.tests if name in test.requirements}
+        per_axis: list[tuple[str, Verdict]] = [*entry.axes.items()] if "{axis}" in REQUIREMENTS[name] else [("", entry)]
+        for axis, judged in per_axis:
+            test = tests.get(axis)
+            gain, delay = (test.gain, test.delay * 1e3) if test else (1.0, 0.0)
+            title = REQUIREMENTS[name].format(axis=axis, gain=gain, delay=delay)
+            rows.append(RequirementRow(name, axis, title, judged))
+    return rows
+
+
+def without_cost(results: Results) -> str:
+    """Why a complete run has no cost; empty if it has one."""
+    if results.cost is not None or not results.complete:
+        return ""
+    criteria = {test.name for test in results.rules.tests if test.criteria}
+    lost = sum(case.test in criteria and case.status != "done" for case in results.cases)
+    return f"{lost} of the cases that B1 to B7 are measured in are unstable"
+
+
+def incomplete(results: Results) -> str:
+    """How many cases of the protocol were not simulated, by status."""
+    ended = Counter(case.status.value for case in results.cases if not case.simulated)
+    parts = [f"{count} ended with {status}" for status, count in ended.items()]
+    if rest := results.rules.cases - len(results.cases):
+        parts.append(f"{rest} {'was' if rest == 1 else 'were'} not run")
+    return f"of the protocol's {results.rules.cases} cases, {', '.join(parts)}"
+
+
+def collapsed(notes: Iterable[str]) -> list[str]:
+    """Notes on connectors, those on variables without a unit in one line."""
+    others: list[str] = []
+    taken: dict[str, list[str]] = {}
+    for note in dict.fromkeys(notes):
+        if found := NO_UNIT.fullmatch(note):
+            taken.setdefault(found[2], []).append(found[1])
+        else:
+            others.append(note)
+    parts = (f"{', '.join(names)} (taken as {unit})" for unit, names in taken.items())
+    return [*others, *([f"no unit declared: {'; '.join(parts)}"] if taken else [])]
+
+
+def seed_words(head: Head) -> str:
+    """The seed of a document."""
+    return "several seeds" if head.seed is None else f"seed {head.seed}"
+
+
+def assignments(values: dict[str, float]) -> str:
+    """Parameters and their values in one line."""
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+
+
+def remarks(results: Results) -> list[str]:
+    """What a reader must know before comparing the figures with others."""
+    found = []
+    unsettled = sum(case.measurements.settled is False for case in results.cases)
+    if unsettled:
+        cases = f"{unsettled} case{'s' * (unsettled != 1)}"
+        found.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
+    if not results.complete:
+        found.append(f"Incomplete: {incomplete(results)}.")
+    if reason := without_cost(results):
+        found.append(f"No cost V: {reason}.")
+    if not results.sample_time.as_in_benchmark:
+        found.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
+    if results.protocol != "paper":
+        others = "not comparable to the paper nor to other protocols"
+        found.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
+    bound = (entry for entry in results.controller.connectors.values() if entry is not None)
+    notes = collapsed(note for entry in bound for note in entry.notes)
+    found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    if results.plant.path:
+        found.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
+    if changes := assignments(results.plant.parameters):
+        found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
+    return found

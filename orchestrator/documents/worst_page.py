@@ -1,0 +1,196 @@
+"""What is shown of a search for the worst case: its tables, and the tabs of its page ``report.html``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ..benchmark.results import Rules
+from ..codec import plain
+from ..loop.trajectory import Status
+from ..search.findings import CriterionFound, Margin, Radius, RequirementFound
+from ..views.table import (
+    Cell,
+    Chart,
+    Column,
+    Commands,
+    Headline,
+    Link,
+    Note,
+    Panel,
+    Part,
+    Table,
+    Value,
+    Verdict,
+    Widget,
+)
+from ..views.units import MILLISECOND, NONE, SHOWN, heading, number
+from .facts import head_facts
+from .head import Head
+from .payload import criteria, packed, packed_error
+from .recording import BESIDE, MOTION_INTERVALS, Recording
+from .wording import REQUIREMENTS
+
+SCRIPTS = ("case.js", "worst.js")
+
+PROOF = "A failure that is found is a proof, which its command repeats. That none was found proves nothing."
+VALUE = (
+    "Value: the mean over the configurations of the largest value found at each, as in Table 2 of the paper. Largest: "
+    "of all. Both are lower bounds."
+)
+
+
+def headline(cost: float | None, listed: float | None, protocol: str, target: float) -> Headline:
+    """What the search made of V."""
+    marks = [("target", target)] + ([] if listed is None else [("list", listed)])
+    sentence = (
+        f"V from the largest values found, a lower bound of the true one; {number(listed)} on the list of the protocol "
+        f"{protocol}, with which the search began."
+    )
+    if cost is None:
+        sentence = "No cost: a case that counts has no value."
+    elif listed is None:
+        sentence = "The search began without a list: V has values of few configurations."
+    return Headline("Cost V", cost, tuple(marks), sentence)
+
+
+def facts(head: Head, simulations: int, budget: int) -> Iterator[tuple[str, str]]:
+    """How the answer was obtained."""
+    yield from head_facts(head)
+    yield "Budget", f"{simulations} of {budget} simulations"
+
+
+def largest(
+    rules: Rules,
+    found: Mapping[str, CriterionFound],
+    cost: float | None,
+    listed: float | None,
+    shown: Mapping[str, int],
+) -> Table:
+    """The largest values of the criteria, beside those of the protocol's list and the targets."""
+    columns = (Column(""), Column("value"), Column("of the list"), Column("target"), Column("largest"), Column("case"))
+    rows: list[tuple[Cell, ...]] = []
+    for name, entry in found.items():
+        unit, worst = SHOWN[entry.unit], entry.worst_case
+        most: Cell = "unstable" if worst.value is None and worst.command else Value(worst.value, unit=unit)
+        words = "show" if name in shown else "command" if worst.command else "-"
+        own = (Value(each, unit=unit) for each in (entry.value, entry.protocol, rules.criteria[name].target))
+        rows.append((heading(name, unit), *own, most, Link(words, worst.command, shown.get(name))))
+    total = ("V", Value(cost), Value(listed), rules.cost.target, None, None)
+    return Table("Largest values found", columns, tuple(rows), (total,), VALUE)
+
+
+def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Mapping[str, int]) -> Table:
+    """What the requirements came to."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, entry in found.items():
+        tests = [test for test in rules.tests if name in test.requirements and not test.repeats]
+        title = REQUIREMENTS[name].format(gain=tests[0].gain, delay=tests[0].delay * 1e3, axis="1 or 2")
+        words = "fails" if entry.passed is False else "no failure found" if entry.passed else "not judged"
+        rows.append((name, title, Verdict(entry.passed, words), Link(ending(entry), entry.command, shown.get(name))))
+    columns = (Column(""), Column("requirement", minor=True), Column("found"), Column("worst case"))
+    return Table("Requirements", columns, tuple(rows), caption=PROOF)
+
+
+def ending(found: RequirementFound) -> str:
+    """What the worst case of a requirement came to."""
+    if found.passed:
+        return f"nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
+    if found.passed is None:
+        return "simulations were skipped or lost"
+    if found.status not in (Status.DONE, Status.UNSTABLE):
+        return f"a simulation ended with {found.status.value}"
+    cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
+    return f"{found.kind}{cycle}, with {found.seeds_failed} of {found.seeds_tried} seeds"
+
+
+def margin_value(name: str, margin: Margin) -> Value:
+    """A margin, or the limit that none was found up to: a factor, or a delay shown in milliseconds."""
+    unit = MILLISECOND if name.startswith("delay") else NONE
+    if margin.value is None:
+        return Value(margin.limit, unit=unit, beyond="<" if name.endswith("down") else ">")
+    return Value(margin.value, unit=unit)
+
+
+def radius_values(radius: Radius | None) -> dict[str, Value]:
+    """The two factors on the tolerances of Table 1 by name; none if there is no radius."""
+    if radius is None:
+        return {}
+    found = {"radius of V": radius.cost, "radius of A1-A3": radius.stability}
+    return {name: Value(radius.limit, beyond=">") if at is None else Value(at) for name, at in found.items()}
+
+
+def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | None) -> Table:
+    """Margins and radius, beside what A1 and A2 ask for."""
+    gain, delay = (max(getattr(test, name) for test in rules.tests) for name in ("gain", "delay"))
+    rows: list[tuple[Cell, ...]] = []
+    for name, margin in margins.items():
+        value = margin_value(name, margin)
+        asked = None if name.endswith("down") else Value(delay if name.startswith("delay") else gain, unit=value.unit)
+        seeds = "" if margin.value is None else f"{margin.seeds_failed} of {margin.seeds_tried}"
+        rows.append((heading(name, value.unit or NONE), value, asked, Link(seeds, margin.command)))
+    rows += [(name, value, 1.0, "") for name, value in radius_values(radius).items()]
+    columns = (Column(""), Column("fails at"), Column("asked for"), Column("fails with seeds"))
+    caption = (
+        "The smallest factor of the loop gain and additional delay of one axis, and the factors on the tolerances of "
+        "Table 1, that were found to make the loop fail: upper bounds of the true ones."
+    )
+    return Table("Margins and radius", columns, tuple(rows), caption=caption)
+
+
+def commands(
+    found: Mapping[str, CriterionFound], requirements: Mapping[str, RequirementFound], margins: Mapping[str, Margin]
+) -> Iterator[tuple[str, str]]:
+    """Commands by what they repeat: failures first, then margins, then the largest values."""
+    for name, requirement in requirements.items():
+        if requirement.passed is False:
+            yield f"{name} fails", requirement.command
+    for name, margin in margins.items():
+        if margin.command:
+            yield f"margin {name}", margin.command
+    for name, entry in found.items():
+        if entry.worst_case.command:
+            yield f"largest {name}", entry.worst_case.command
+
+
+def specs(rules: Rules, found: Mapping[str, CriterionFound]) -> list[dict[str, Any]]:
+    """The criteria for the charts."""
+    known = {name: spec for name, spec in rules.criteria.items() if name in found}
+    return [{**spec, **plain(found[spec["name"]])} for spec in criteria(known)]
+
+
+def packs(recordings: Sequence[Recording], repeating: Mapping[str, str]) -> list[dict[str, Any]]:
+    """The recordings of the worst cases, each with that of the nominal arm beside it."""
+    beside = {role: entry for entry in recordings for role in entry.about.roles if role.startswith(BESIDE)}
+    found = []
+    for entry in recordings:
+        if set(entry.about.roles) & set(beside):
+            continue
+        role = entry.about.roles[0]
+        nominal = beside.get(f"{BESIDE} {role}")
+        own = None if nominal is None else packed_error(nominal, MOTION_INTERVALS)
+        found.append({**packed(entry, repeating[role.split(" ")[0]]), "beside": own})
+    return found
+
+
+def panels(
+    summary: tuple[Part, ...],
+    recorded: bool,
+    margins: Mapping[str, Margin],
+    radius: Radius | None,
+    listed: tuple[tuple[str, str], ...],
+) -> tuple[Panel, ...]:
+    """The tabs of the page."""
+    choice = Widget("choice.html", {"id": "effect-of", "text": "Effect on the worst"})
+    case = Widget("case.html") if recorded else Note("This search was made without trajectories.")
+    known = Chart("margins-chart", 520, "Margins and radius")
+    none = Note("The search has not come to margins and radius.")
+    return (
+        Panel("summary", "Summary", summary),
+        Panel("search", "Search", (Chart("path-of-search", 420, "The path of the search"),)),
+        Panel("effects", "Parameters", (choice, Chart("effects-chart", 640, "Which parameters matter"))),
+        Panel("case", "Time plots", (case,)),
+        Panel("configurations", "Workspace", (Chart("configurations-chart", 640, "V_k over the workspace"),)),
+        Panel("margins", "Margins", (known if margins or radius else none,)),
+        Panel("commands", "Commands", (Commands("commands that repeat what was found", listed),)),
+    )

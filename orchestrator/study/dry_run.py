@@ -1,0 +1,105 @@
+"""A study without its simulations: what it would run, what is there already, and how long the rest would take."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..asking import answered
+from ..benchmark.case import Case
+from ..benchmark.metrics import expected, named
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import Judgement, Measurements
+from ..codec import Struct
+from ..execution import store
+from ..loop.trajectory import Status
+from ..pairing.runs import CaseRun
+from . import batch, rehearsal, stored
+from .batch import Execute
+from .requests import Batch, Entry, Instant, Now, Record, Rehearse, Request, Study
+
+ENOUGH = 100_000
+"""Simulations after which a study is not played any further."""
+
+
+class Plan(Struct):
+    """What a study would do: ``cases`` in all, those that are ``stored`` from an earlier run, and the processor time of
+    one [s], measured by the first or read from the store; ``seconds`` is the time that the others take on ``workers``
+    processes.
+
+    A study that decides by its results is played with results on target: then these are typical numbers.
+    """
+
+    cases: int
+    stored: int
+    seconds_per_case: float
+    seconds: float
+    workers: int
+
+
+def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
+    """What ``study`` would do with what is stored in ``folder``; one case is simulated to measure the time."""
+    counts, times, first = [0, 0], [0.0, 0.0], list[Entry]()
+    with ExitStack() as stack:
+        known = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
+
+        def answer(request: Request) -> Any:
+            match request:
+                case Batch(entries):
+                    first.extend(entries[: not first])
+                    return [run_all(entry) for entry in entries]
+                case Rehearse():
+                    return rehearsal.Rehearsal()
+                case Record():
+                    return ()
+                case Now():
+                    return Instant("", 0.0, workers)
+            return None
+
+        def run_all(entry: Entry) -> list[CaseRun]:
+            keys = stored.keys(entry.protocol, entry.cases, entry.pairing)
+            there = {} if known is None or entry.force else stored.load(
+                known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None
+            )
+            counts[0] += len(keys)
+            counts[1] += len(there)
+            for run in there.values():
+                times[0] += run.wall_time
+                times[1] += 1.0
+            if counts[0] > ENOUGH:
+                raise _Enough
+            return [there.get(number) or on_target(entry.protocol, case) for number, case in enumerate(entry.cases)]
+
+        try:
+            answered(study, answer)
+        except _Enough:
+            pass
+    if not times[1] and first:
+        times = [_seconds(first[0], execute), 1.0]
+    each = times[0] / (times[1] or 1.0)
+    return Plan(counts[0], counts[1], each, each * (counts[0] - counts[1]) / workers, workers)
+
+
+class _Enough(Exception):
+    """A study is not played any further."""
+
+
+def _seconds(entry: Entry, execute: Execute) -> float:
+    """The time that the first case of an entry takes [s]."""
+    with store.opened(None) as empty:
+        one = Batch((Entry(entry.protocol, entry.pairing, entry.cases[:1]),))
+        ((run,),) = batch.run(one, execute, empty)
+    return run.wall_time
+
+
+def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, share: float = 1.0) -> CaseRun:
+    """A made-up run of ``case`` that comes to rest, its criteria a ``share`` of their targets."""
+    names = expected(protocol, case) if status is Status.DONE else ()
+    targets = {name: share * spec.target for name, spec in protocol.criteria.items()}
+    figures: dict[str, Any] = {name: True if name == "settled" else targets.get(name, 0.0) for name in names}
+    judgement = Judgement(status=status, time=1.0, measurements=Measurements(**figures))
+    return CaseRun(case, named(case, judgement))
+
+

@@ -1,0 +1,51 @@
+"""The head of a study's document."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from ..benchmark.results import Rules, rules
+from ..documents.head import Head, SampleTimeRecord, Timing
+from ..loop.computing import ComputingTime
+from ..pairing import records
+from ..pairing.conditions import Conditions
+from ..pairing.controller import Controller
+from ..pairing.pairing import Pairing
+from .requests import Instant
+
+
+def head(
+    conditions: Conditions,
+    controller: Controller,
+    pairing: Pairing,
+    sample_time: Fraction,
+    begin: Instant,
+    end: Instant,
+    *,
+    several_seeds: bool = False,
+    computing_time: ComputingTime | None = None,
+    own_rules: Rules | None = None,
+) -> Head:
+    """The head of what was made from ``begin`` to ``end``; ``own_rules`` stand in place of the protocol's."""
+    protocol = conditions.rules
+    return Head(
+        benchmark=protocol.benchmark,
+        protocol=protocol.name,
+        protocol_file=str(conditions.protocol) if str(conditions.protocol) != protocol.name else "",
+        seed=None if several_seeds else conditions.seed,
+        controller=records.controller_record(pairing, controller),
+        plant=records.plant_record(conditions.manipulator, conditions.plant_parameters),
+        sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
+        rules=rules(protocol) if own_rules is None else own_rules,
+        environment=records.environment(),
+        command=conditions.command,
+        timing=Timing(
+            start=begin.start,
+            wall_time=end.seconds - begin.seconds,
+            workers=begin.processes,
+            simulations=end.simulations - begin.simulations,
+            simulated_time=end.simulated_time - begin.simulated_time,
+            simulation_time=end.simulation_time - begin.simulation_time,
+            computing_time=computing_time,
+        ),
+    )

@@ -1,0 +1,72 @@
+"""Tables as CSV: numbers with all digits, in SI units."""
+
+from __future__ import annotations
+
+import csv as writer
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from .table import Cell, Table, Value, Verdict, shown
+from .units import NONE, Unit
+
+FORMULA = ("=", "+", "-", "@", "\t")
+"""First characters by which a spreadsheet takes a text for a formula."""
+
+
+def csv(tables: Sequence[Table]) -> str:
+    """The tables with an empty line between them; a standard deviation has a column of its own."""
+    return "\n".join(_of(table) for table in tables).rstrip("\n")
+
+
+def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Rows as CSV; each number with as few digits as determine it exactly."""
+    stream = io.StringIO()
+    made = writer.writer(stream, lineterminator="\n")
+    made.writerow(map(inert, header))
+    made.writerows(map(inert, row) for row in rows)
+    return stream.getvalue()
+
+
+def inert(cell: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula: an apostrophe precedes text that it would run."""
+    if not isinstance(cell, str):
+        return cell
+    text = cell.replace("\r\n", "\n").replace("\r", "\n")  # a lone carriage return is not quoted, and ends a row
+    return f"'{text}" if text.startswith(FORMULA) else text
+
+
+def _of(table: Table) -> str:
+    rows = (*table.rows, *table.footer)
+    spread = [
+        any(isinstance(row[place], Value) and row[place].deviation is not None for row in rows)  # type: ignore[union-attr]
+        for place in range(len(table.columns))
+    ]
+    header: list[str] = []
+    for column, wide in zip(table.columns, spread, strict=True):
+        name = f"{column.name} [{column.unit.si}]" if column.unit.si else column.name
+        header += [name, f"{name} standard deviation"] if wide else [name]
+    return csv_text(header, (_row(row, spread) for row in rows))
+
+
+def _row(row: Sequence[Cell], spread: Sequence[bool]) -> Iterator[str | float | None]:
+    for cell, wide in zip(row, spread, strict=True):
+        yield _plain(cell)
+        if wide:
+            yield cell.deviation if isinstance(cell, Value) else None
+
+
+def _plain(cell: Cell) -> str | float | None:
+    match cell:
+        case Value(value=value, beyond=""):
+            return value
+        case Value(value=value, beyond=beyond):
+            return f"{beyond} {value!r}"
+        case Unit():
+            return cell.si
+        case Verdict():
+            return shown(cell, NONE)
+        case int() | float() | None:
+            return cell
+        case _:
+            return shown(cell, NONE)

@@ -1,0 +1,99 @@
+"""Tables for LaTeX with the package booktabs, none of them wider than the text of the class article."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from ..text import printable
+from .table import Cell, Table, shown
+from .units import Unit
+
+TEXT_WIDTH = 345.0
+"""Width of the text of LaTeX's class article at 10 pt [pt], into which a table must fit."""
+
+CHARACTER, GAP = 4.3, 8.0
+"""Widths at the size footnotesize [pt]: of a character, generously (a digit has 4.25), and of the space between two
+columns, 2 tabcolsep of 4 pt."""
+
+LONGEST = 40
+"""Characters of a column of words; longer ones are broken into lines."""
+
+_SPECIAL = {char: f"\\{char}" for char in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$",
+    "µ": r"$\mu$", "×": r"$\times$", "±": r"$\pm$", "°": r"$^\circ$",
+}  # fmt: skip
+
+
+def latex(tables: Sequence[Table]) -> str:
+    """The tables; one wider than the text becomes several below each other, each with the first column."""
+    parts = ["% \\usepackage{booktabs}"]
+    for table in tables:
+        parts += ["\\begin{table}", "  \\centering\\footnotesize\\setlength{\\tabcolsep}{4pt}"]
+        parts.append(f"  \\caption{{{_text(table.title)}}}")
+        for number, part in enumerate(fitting(table)):
+            parts += [*(["", "  \\medskip"] if number else []), *_tabular(part)]
+        parts.append("\\end{table}")
+    return "\n".join(parts)
+
+
+def fitting(table: Table) -> Iterator[Table]:
+    """The table in parts that fit into the width of the text, each with the first column."""
+    widths = [_width(table, place) for place in range(len(table.columns))]
+    left = list(range(1, len(table.columns)))
+    while True:
+        taken, used = [0], widths[0]
+        while left and (len(taken) == 1 or used + widths[left[0]] <= TEXT_WIDTH):
+            used += widths[left[0]]
+            taken.append(left.pop(0))
+        yield table.without([place for place in range(len(table.columns)) if place not in taken])
+        if not left:
+            return
+
+
+def _width(table: Table, place: int) -> float:
+    """The width of a column with the gap beside it [pt]."""
+    column = table.columns[place]
+    cells = (shown(row[place], column.unit) for row in (*table.rows, *table.footer))
+    longest = max(map(len, (column.name, f"[{column.unit.shown}]" if column.unit.shown else "", *cells)))
+    return min(longest, LONGEST) * CHARACTER + GAP
+
+
+def _tabular(table: Table) -> Iterator[str]:
+    kinds = (_kind(table, place) for place in range(len(table.columns)))
+    best = [table.best(place) for place in range(len(table.columns))]
+    yield f"  \\begin{{tabular}}{{{''.join(kinds)}}}"
+    yield "    \\toprule"
+    yield "    " + _line(_text(column.name) for column in table.columns)
+    if any(unit.shown for unit in table.units):
+        yield "    " + _line(_text(f"[{unit.shown}]") if unit.shown else "" for unit in table.units)
+    yield "    \\midrule"
+    for number, row in enumerate(table.rows):
+        cells = [_cell(cell, unit) for cell, unit in zip(row, table.units, strict=True)]
+        yield "    " + _line(f"\\textbf{{{c}}}" if number in best[place] else c for place, c in enumerate(cells))
+    if table.footer:
+        yield "    \\midrule"
+    for row in table.footer:
+        yield "    " + _line(_cell(cell, unit) for cell, unit in zip(row, table.units, strict=True))
+    yield "    \\bottomrule"
+    yield "  \\end{tabular}"
+
+
+def _kind(table: Table, place: int) -> str:
+    if not table.is_text(place):
+        return "r"
+    longest = max((len(shown(row[place], table.units[place])) for row in (*table.rows, *table.footer)), default=0)
+    return f"p{{{LONGEST * CHARACTER:.0f}pt}}" if longest > LONGEST else "l"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return " & ".join(cells) + r" \\"
+
+
+def _cell(cell: Cell, unit: Unit) -> str:
+    words = "-" if cell is None else shown(cell, unit)
+    return "--" if words == "-" else _text(words)
+
+
+def _text(text: str) -> str:
+    escaped = "".join(_SPECIAL.get(char, char) for char in printable(text))
+    return f"{{}}{escaped}" if escaped.startswith(("[", "*")) else escaped  # else they belong to the row's end before

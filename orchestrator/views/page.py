@@ -1,0 +1,144 @@
+"""HTML: pages of one file each, with style, scripts, plotting library and data inside; and fragments for notebooks.
+
+Templates escape all values. A page's policy lets a browser run the scripts embedded here, by their hashes, and nothing
+else: text of an FMU that slipped through would still not run.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from ..text import printable
+from .table import Beside, Headline, Page, Plot, Summary, Table, shown
+from .units import heading, number
+
+FILES = resources.files(__package__) / "templates"
+
+LIBRARY = "echarts.common.min.js"
+
+FIRST, LAST = ("page.js", "charts.js"), ("plot.js", "start.js")
+"""Scripts of every page, before and after its own."""
+
+SCALE_END = 1.15
+"""End of a scale, relative to the largest value on it."""
+
+
+def page_html(page: Page) -> str:
+    """The page as one HTML file, which needs no network."""
+    program = "\n".join(_text(name) for name in (*FIRST, *page.scripts, *LAST))
+    library = _text(LIBRARY)
+    plots = [_plot(part) for panel in page.panels for part in _flat(panel.parts) if isinstance(part, Plot)]
+    return _filled(
+        "page.html",
+        page=page,
+        style=Markup(_text("style.css")),
+        library=Markup(library),
+        program=Markup(program),
+        data=Markup(script_json({**page.payload(), "plots": plots})),
+        policy=_policy(library, program),
+    )
+
+
+def fragment(summary: Summary, image: str = "") -> str:
+    """A summary as a piece of HTML for notebooks: escaped, without scripts, and in the notebook's own style. ``image``
+    is an SVG drawing below it."""
+    # An image cannot run what a script in it says.
+    data = "data:image/svg+xml;base64," + base64.b64encode(image.encode()).decode("ascii") if image else ""
+    return _filled("fragment.html", summary=summary, image=data)
+
+
+def script_json(value: Any) -> str:
+    """JSON that may stand inside a <script> element: no character of it can end the element or begin a comment."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _filled(template: str, **context: Any) -> str:
+    return _environment().get_template(template).render(context)
+
+
+@functools.cache
+def _environment() -> Environment:
+    """Templates are escaped, without control characters but for what is marked as safe."""
+    made = Environment(
+        loader=FunctionLoader(_text),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: printable(value) if type(value) is str else value,
+    )
+    made.filters["number"] = number
+    made.globals |= {"kind": lambda part: type(part).__name__, "shown": shown, "marked": _marked, "placed": _placed}
+    made.globals["widget"] = lambda part: Markup(_filled(part.template, **part.values))
+    return made
+
+
+def _text(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")
+
+
+def _marked(table: Table, row: int) -> list[int]:
+    """The columns whose best value stands in this row."""
+    return [place for place in range(len(table.columns)) if row in table.best(place)]
+
+
+def _placed(part: Headline) -> dict[str, Any]:
+    """Places in percent of the value and of the marks on a common scale that begins at 0."""
+    end = SCALE_END * max(*(mark for _, mark in part.marks), part.value or 0.0)
+    return {
+        "place": None if part.value is None else 100 * part.value / end,
+        "marks": [{"name": name, "value": f"{mark:.4g}", "place": 100 * mark / end} for name, mark in part.marks],
+    }
+
+
+def _flat(parts: Any) -> list[Any]:
+    """Parts, those beside each other one by one."""
+    found: list[Any] = []
+    for part in parts:
+        found += [each for column in part.columns for each in _flat(column)] if isinstance(part, Beside) else [part]
+    return found
+
+
+def _plot(plot: Plot) -> Mapping[str, Any]:
+    """What the script that draws plots is given: values in the units they are shown in."""
+    right, up = plot.x.unit.factor, plot.y.unit.factor
+    return {
+        "id": plot.id,
+        "title": plot.title,
+        "x": heading(plot.x.name, plot.x.unit),
+        "y": heading(plot.y.name, plot.y.unit),
+        "levels": [[name, value * up] for name, value in plot.levels],
+        "marked": plot.marked,
+        "logarithmic": plot.logarithmic,
+        "series": [
+            {
+                "name": each.name,
+                "x": [value * right for value in each.x],
+                "y": [None if value is None else value * up for value in each.y],
+                "marked": list(each.marked or [False] * len(each.x)),
+            }
+            for each in plot.series
+        ],
+    }
+
+
+def _policy(*scripts: str) -> str:
+    """A Content-Security-Policy that admits these scripts by their hashes, and no request of any kind."""
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    allowed = " ".join(f"'sha256-{value}'" for value in hashes)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )

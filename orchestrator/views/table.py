@@ -1,0 +1,244 @@
+"""The one type of tables, and the parts of a summary and of a page. Renderers show them; documents make them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+from .units import NONE, Unit, number
+
+VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
+"""The verdict on a requirement as a word, everywhere."""
+
+
+class Value(NamedTuple):
+    """A number with what belongs to it: its standard deviation, a ``unit`` in place of the column's, ``beyond`` (``<``
+    or ``>``) if it is the limit that nothing was found up to, and whether it is ``good``."""
+
+    value: float | None
+    deviation: float | None = None
+    unit: Unit | None = None
+    beyond: Literal["", "<", ">"] = ""
+    good: bool | None = None
+
+
+class Verdict(NamedTuple):
+    """Whether something is met (None: not judged), in words of its own if it has some."""
+
+    passed: bool | None
+    words: str = ""
+
+
+class Link(NamedTuple):
+    """A text with the ``command`` that repeats what it names, and the number of its recording on a page."""
+
+    text: str
+    command: str = ""
+    recording: int | None = None
+
+
+Cell = str | int | float | Value | Verdict | Link | Unit | None
+"""Contents of a cell. A unit says what the values of its row are in: the SI unit in a file, else the one shown."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of cells in ``unit``; ``minor`` ones are left out where there is no room, and the ``best`` value is
+    marked, if it is the smallest or the largest."""
+
+    name: str
+    unit: Unit = NONE
+    minor: bool = False
+    best: Literal["", "smallest", "largest"] = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under columns; ``footer`` are rows to compare with, such as targets, and ``caption`` explains."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    footer: tuple[tuple[Cell, ...], ...] = ()
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        assert all(len(row) == len(self.columns) for row in (*self.rows, *self.footer)), self.title
+
+    @property
+    def units(self) -> tuple[Unit, ...]:
+        """The unit of each column."""
+        return tuple(column.unit for column in self.columns)
+
+    def is_text(self, column: int) -> bool:
+        """Whether a column holds words: they begin at the left."""
+        return any(isinstance(row[column], str | Verdict | Link) for row in self.rows)
+
+    def best(self, column: int) -> frozenset[int]:
+        """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
+        wanted = self.columns[column].best
+        known = {place: plain(row[column]) for place, row in enumerate(self.rows) if plain(row[column]) is not None}
+        if not wanted or len(set(known.values())) < 2:
+            return frozenset()
+        best = (min if wanted == "smallest" else max)(value for value in known.values() if value is not None)
+        return frozenset(place for place, value in known.items() if value == best)
+
+    def without(self, columns: Sequence[int]) -> Table:
+        """The table without these columns."""
+        kept = [place for place in range(len(self.columns)) if place not in columns]
+
+        def cut(rows: Sequence[tuple[Cell, ...]]) -> tuple[tuple[Cell, ...], ...]:
+            return tuple(tuple(row[place] for place in kept) for row in rows)
+
+        chosen = tuple(self.columns[place] for place in kept)
+        return Table(self.title, chosen, cut(self.rows), cut(self.footer), self.caption)
+
+
+def plain(cell: Cell) -> float | None:
+    """The number in a cell, in its SI unit; None if there is none, or only a limit of it."""
+    if isinstance(cell, Value):
+        return None if cell.beyond else cell.value
+    return float(cell) if isinstance(cell, int | float) else None
+
+
+def shown(cell: Cell, unit: Unit, plus_minus: str = " ± ") -> str:
+    """A cell in words, its numbers in the unit they are shown in."""
+    match cell:
+        case Value():
+            own = cell.unit or unit
+            deviation = "" if cell.deviation is None else plus_minus + number(cell.deviation, own.factor)
+            return (f"{cell.beyond} " if cell.beyond else "") + number(cell.value, own.factor) + deviation
+        case Verdict():
+            return cell.words or VERDICTS[cell.passed]
+        case Link():
+            return cell.text
+        case Unit():
+            return cell.shown
+        case str():
+            return cell
+        case int():
+            return str(cell)
+        case _:
+            return number(cell, unit.factor)
+
+
+@dataclass(frozen=True)
+class Note:
+    """A sentence that a reader must know, or, if it is no ``warning``, may want to know."""
+
+    text: str
+    warning: bool = True
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Commands that repeat what was found, each with its name."""
+
+    title: str
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """How something was obtained, as pairs of a name and a text; a terminal shows those of ``brief`` alone."""
+
+    title: str
+    pairs: tuple[tuple[str, str], ...]
+    brief: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The one number, on a scale with named marks, and what it comes to. Only pages show it."""
+
+    title: str
+    value: float | None
+    marks: tuple[tuple[str, float], ...]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The place of a chart that a script of the page draws, by its id; its height in pixels."""
+
+    id: str
+    height: int
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Widget:
+    """A piece of a page made of a template of its own, with what it shows."""
+
+    template: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points of a plot, joined by a line; ``marked`` are those that stand out."""
+
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float | None, ...]
+    marked: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot of one quantity over another, with named horizontal levels; numbers in SI units."""
+
+    id: str
+    title: str
+    x: Column
+    y: Column
+    series: tuple[Series, ...]
+    levels: tuple[tuple[str, float], ...] = ()
+    marked: str = ""
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Parts of a page in columns beside each other, where there is room."""
+
+    columns: tuple[tuple[Part, ...], ...]
+
+
+Part = Table | Note | Commands | Facts | Headline | Chart | Widget | Plot | Beside
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What every renderer shows of a document, in this order, under its title; the ``kicker`` says of what kind it is
+    and under which conditions it was made."""
+
+    title: str
+    kicker: str
+    parts: tuple[Part, ...]
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """The tables alone."""
+        return tuple(part for part in self.parts if isinstance(part, Table))
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A tab of a page."""
+
+    id: str
+    title: str
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of tabs, with the names of the scripts that draw its charts and the data that these are given."""
+
+    title: str
+    kicker: str
+    panels: tuple[Panel, ...]
+    scripts: tuple[str, ...] = ()
+    payload: Callable[[], Mapping[str, Any]] = dict

@@ -1,0 +1,34 @@
+"""Units: values are in SI units everywhere, and are shown in the units of the paper."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Unit(NamedTuple):
+    """An SI unit, and the name and factor of the unit that its values are shown in."""
+
+    si: str
+    shown: str
+    factor: float = 1.0
+
+
+NONE = Unit("", "")
+MILLIMETRE, MICROMETRE = Unit("m", "mm", 1e3), Unit("m", "µm", 1e6)
+SECOND, MILLISECOND = Unit("s", "s"), Unit("s", "ms", 1e3)
+TORQUE, HERTZ, RADIAN = Unit("N.m", "Nm"), Unit("Hz", "Hz"), Unit("rad", "rad")
+
+SHOWN = {"": NONE, "m": MILLIMETRE, "N.m": TORQUE, "s": SECOND, "Hz": HERTZ, "rad": RADIAN}
+"""How values are shown, by SI unit, where nothing else is said."""
+
+
+def number(value: float | None, factor: float = 1.0) -> str:
+    """``value`` times ``factor`` with three significant figures, four from 100 on; a dash if there is no value."""
+    if value is None:
+        return "-"
+    return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
+
+
+def heading(name: str, unit: Unit) -> str:
+    """A name with the unit that its values are shown in, such as ``B5 [mm]``."""
+    return f"{name} [{unit.shown}]" if unit.shown else name
