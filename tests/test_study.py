@@ -190,22 +190,26 @@ class Rehearsed(Engine):
 
 
 def simulated(task):
-    """A judgement that follows from the scenario and the parameters of a task, and from nothing else. One in fifty is
-    unstable; candidates whose first parameter is above 70 are refused by the FMU."""
+    """A judgement that follows from the scenario and the parameters of a task, and from nothing else.
+
+    A controller whose first parameter is above 60 is refused by its FMU; one with at most 50 holds A1 to A3; others
+    hold them by chance.
+    """
     wanted = unpack(task, CaseTask)
-    parameters, names = sorted(wanted.setup.parameters.items()), expected(wanted.protocol, wanted.case)
-    if parameters and parameters[0][1] > 70.0:
+    parameters, protocol = sorted(wanted.setup.parameters.items()), wanted.protocol
+    first = parameters[0][1] if parameters else 55.0
+    if first > 60.0:
         return Judgement(status=Status.ERROR, time=0.0, message="it is refused")
     chance = random.Random(repr((wanted.case.scenario, parameters)))
-    if chance.random() < 0.02:
+    if first > 50.0 and not wanted.case.test.criteria and chance.random() < 0.05:
         return Judgement(status=Status.UNSTABLE, time=0.1)
-    scale = {"limit_cycle_x": 11e-6, "limit_cycle_z": 11e-6, "rest_error": 5e-5}
-    figures = {name: chance.random() * scale.get(name, 1.0) for name in sorted(names)}
-    return Judgement(
-        status=Status.DONE,
-        time=0.1,
-        measurements=Measurements(**figures | ({"settled": True} if "settled" in names else {})),
-    )
+    limits, largest = protocol.stability, 0.9 if first <= 50.0 else 1.1
+    scale = {name: entry.target for name, entry in protocol.criteria.items()}
+    scale |= dict.fromkeys(("limit_cycle_x", "limit_cycle_z"), largest * limits.limit_cycle)
+    scale["rest_error"] = limits.rest_error
+    names = sorted(expected(protocol, wanted.case))
+    figures = {name: True if name == "settled" else chance.random() * scale.get(name, 1.0) for name in names}
+    return Judgement(status=Status.DONE, time=0.1, measurements=Measurements(**figures))
 
 
 class Workers:
@@ -244,7 +248,7 @@ def interruptible(folder):
         "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
         "search": lambda own: worst_case(bench, pid, 150, protocol=tiny, recordings=True),
         "sweep": lambda own: sweep(short_bench, pid, values),
-        "tuning": lambda own: tune(bench, pid, vary, short, tiny, 30, 60, "cmaes", 1, own / "study.log"),
+        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own / "study.log"),
     }
 
 
