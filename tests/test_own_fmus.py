@@ -71,7 +71,7 @@ def test_default_and_python_give_the_published_cases_in_every_combination(plant,
     assert evaluation.results.plant.build == ("native" if plant == "auto" and in_c else "python")
     written = (evaluation.save(tmp_path) / "cases.csv").read_text(encoding="utf-8")
     assert written == (GOLDEN / "DiagonalPID.quick.csv").read_text(encoding="utf-8")
-    assert evaluation.cost == COSTS["DiagonalPID"][0]
+    assert evaluation.cost == COSTS["DiagonalPID", "quick"]
 
 
 def test_a_step_of_another_length_than_the_sample_time_is_an_error_of_the_pid(pid_file: Path) -> None:

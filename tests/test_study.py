@@ -1,20 +1,27 @@
 """Studies are played without simulating anything: a function answers what they ask for."""
 
+import math
+import random
 from fractions import Fraction
 
 import pytest
 from support.refusals import refusal
+from test_search import TINY
+from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
 from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.results import Judgement, Measurements
+from orchestrator.codec import unpack
 from orchestrator.errors import Crash
 from orchestrator.execution import store
 from orchestrator.execution.job import Done
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.runs import CaseRun
+from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
+from orchestrator.study.engine import Engine
 from orchestrator.study.evaluate import evaluate, spread
 from orchestrator.study.rehearsal import Rehearsal
 from orchestrator.study.requests import (
@@ -28,6 +35,7 @@ from orchestrator.study.requests import (
     SeedDone,
     StageDone,
     Tell,
+    TimeSteps,
     TrialDone,
 )
 from orchestrator.study.sweep import sweep
@@ -159,3 +167,119 @@ def test_entries_side_by_side_stop_each_for_itself(own):
     statuses = [[run.result.status for run in each] for each in runs]
     done = [Status.DONE] * 3
     assert statuses == [done, [Status.ERROR, Status.SKIPPED, Status.SKIPPED], done]
+
+
+# Interrupted, and started again
+
+
+class Rehearsed(Engine):
+    """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
+    still: what is left of the time is that of the cases, which is stored with them."""
+
+    def _answer(self, request, known):
+        match request:
+            case Rehearse():
+                return Rehearsal()
+            case TimeSteps():
+                return None
+            case Record():
+                return ()
+            case Now():
+                return Instant("2026-01-01", 0.0, self.processes)
+        return super()._answer(request, known)
+
+
+def simulated(task):
+    """A judgement that follows from the scenario and the parameters of a task, and from nothing else.
+
+    A controller whose first parameter is above 60 is refused by its FMU; one with at most 50 holds A1 to A3; others
+    hold them by chance.
+    """
+    wanted = unpack(task, CaseTask)
+    parameters, protocol = sorted(wanted.setup.parameters.items()), wanted.protocol
+    first = parameters[0][1] if parameters else 55.0
+    if first > 60.0:
+        return Judgement(status=Status.ERROR, time=0.0, message="it is refused")
+    chance = random.Random(repr((wanted.case.scenario, parameters)))
+    if first > 50.0 and not wanted.case.test.criteria and chance.random() < 0.05:
+        return Judgement(status=Status.UNSTABLE, time=0.1)
+    limits, largest = protocol.stability, 0.9 if first <= 50.0 else 1.1
+    scale = {name: entry.target for name, entry in protocol.criteria.items()}
+    scale |= dict.fromkeys(("limit_cycle_x", "limit_cycle_z"), largest * limits.limit_cycle)
+    scale["rest_error"] = limits.rest_error
+    names = sorted(expected(protocol, wanted.case))
+    figures = {name: True if name == "settled" else chance.random() * scale.get(name, 1.0) for name in names}
+    return Judgement(status=Status.DONE, time=0.1, measurements=Measurements(**figures))
+
+
+class Workers:
+    """Runs jobs side by side in an order that ``seed`` tells, the cases of each in theirs, until ``stop`` are done in
+    all; ``done`` counts."""
+
+    def __init__(self, seed, stop=math.inf):
+        self.chance, self.stop, self.done = random.Random(seed), stop, 0
+
+    def __call__(self, jobs):
+        waiting = {number: list(enumerate(job.tasks)) for number, job in enumerate(jobs)}
+        while waiting:
+            number = self.chance.choice(sorted(waiting))
+            if self.done == self.stop:
+                raise KeyboardInterrupt
+            (index, task), *rest = waiting.pop(number)
+            self.done += 1
+            found = simulated(task)
+            if rest and not (jobs[number].give_up and found.status is Status.ERROR):
+                waiting[number] = rest
+            yield number, Done(index, found, float(len(task)))
+
+
+def interruptible(folder):
+    """The studies that are stored, each as a function that begins it in a folder."""
+    files = {"tiny": TINY, "whole": FEW.format(name="whole", system="nominal")}
+    files["short"] = FEW.format(name="short", system="compliant")
+    tiny, whole, short = (folder / f"{name}.toml" for name in files)
+    for file, text in zip((tiny, whole, short), files.values(), strict=True):
+        file.write_text(text, encoding="utf-8")
+    bench, pid = Benchmark(whole, workers=2), Controller()
+    vary, values = {"K_p[1]": (20.0, 80.0), "z_p[2]": (0.6, 0.99)}, {"K_p[1]": (30.0, 60.0, 90.0), "z_p[2]": (0.8, 0.9)}
+    short_bench = Benchmark(short, workers=2)
+    return {
+        "evaluation": lambda own: evaluate(bench, pid),
+        "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
+        "search": lambda own: worst_case(bench, pid, 150, protocol=tiny, recordings=True),
+        "sweep": lambda own: sweep(short_bench, pid, values),
+        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own / "study.log"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "document"),
+    [
+        ("evaluation", "results.json"),
+        ("spread", "spread.json"),
+        ("search", "robustness.json"),
+        ("sweep", "sweep.json"),
+        pytest.param("tuning", "tuning.json", marks=pytest.mark.needs("optuna", "cmaes")),
+    ],
+)
+def test_a_study_that_was_interrupted_writes_the_bytes_of_one_that_was_not(name, document, tmp_path):
+    """All its files, those of the evaluations that are part of it as well; and no simulation is run twice."""
+    begin = interruptible(tmp_path)[name]
+
+    def played(workers, folder):
+        Rehearsed(workers, 2, folder).run(begin(folder))
+
+    def files(folder):
+        texts = (file for file in folder.rglob("*") if file.suffix in (".json", ".csv", ".toml"))
+        return {str(file.relative_to(folder)): file.read_bytes() for file in texts}
+
+    whole, resumed = tmp_path / "whole", tmp_path / "resumed"
+    undisturbed, last = Workers(0), Workers(9)
+    played(undisturbed, whole)
+    stops = [1, undisturbed.done // 3, undisturbed.done // 4]
+    for seed, stop in enumerate(stops, start=1):
+        with pytest.raises(KeyboardInterrupt):
+            played(Workers(seed, stop), resumed)
+    played(last, resumed)
+    assert document in files(whole) and files(resumed) == files(whole)
+    assert last.done == undisturbed.done - sum(stops)
