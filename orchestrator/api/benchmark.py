@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..documents.verification import Verification
     from ..pairing.runs import CaseRun
     from ..search.candidates import Range, Trial
-    from ..study.engine import Engine
+    from ..study.engine import Engine, OnEvent
     from ..study.evaluate import Options
     from ..study.requests import Event, OnResult
     from .linear_model import LinearModel
@@ -141,7 +141,7 @@ class Benchmark(Conditions):
         from ..study.evaluate import evaluate
 
         study = evaluate(self, controller, only=only, recordings=recordings, keep_going=keep_going, force=force)
-        return self._engine(folder, on_result).run(study)
+        return self.engine(folder, on_result).run(study)
 
     def spread(
         self,
@@ -184,7 +184,7 @@ class Benchmark(Conditions):
         from ..study.evaluate import spread
         from ..study.requests import SeedDone
 
-        return self._engine(folder, on_result, SeedDone, on_seed).run(spread(self, controller, seeds, **options))
+        return self.engine(folder, on_result, _told(SeedDone, on_seed)).run(spread(self, controller, seeds, **options))
 
     def robustness(
         self,
@@ -243,11 +243,11 @@ class Benchmark(Conditions):
             If this machine or the cluster fails; what is finished is kept in ``folder``.
         """
         from ..study.requests import StageDone
-        from ..study.worst_case import worst_case
+        from ..study.worst_case import answer_of, worst_case
 
         own = recordings and folder is not None
-        study = worst_case(self, controller, budget, minutes, protocol, only, from_list, own)
-        return self._engine(folder, None, StageDone, on_progress).run(study)[0]
+        study = answer_of(worst_case(self, controller, budget, minutes, protocol, only, from_list, own))
+        return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
 
     def tune(
         self,
@@ -323,7 +323,7 @@ class Benchmark(Conditions):
             search_seed,
             None if folder is None else Path(folder) / STUDY,
         )
-        return self._engine(folder, None, TrialDone, on_trial).run(study)
+        return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
 
     def sweep(
         self,
@@ -366,7 +366,7 @@ class Benchmark(Conditions):
         from ..study.sweep import sweep
 
         study = sweep(replace(self, protocol=objective), controller or Controller(), values or {})
-        return self._engine(folder, None, TrialDone, on_trial).run(study)
+        return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
 
     def verify(
         self,
@@ -422,7 +422,7 @@ class Benchmark(Conditions):
 
         same, sandboxed = replace(self, protocol=protocol), self.sandbox or can_fence()
         study = verify(same, controller or Controller(), draws, count, strict, tuple(beside), sandboxed)
-        return self._engine(None, on_result, here=True).run(study)
+        return self.engine(None, on_result, here=True).run(study)
 
     def repeat(
         self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
@@ -436,7 +436,7 @@ class Benchmark(Conditions):
         from ..study.verify import repeat
 
         file, sandboxed = None if controller is None else Path(controller), self.sandbox or can_fence()
-        return self._engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
+        return self.engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
 
     def simulate(
         self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
@@ -507,25 +507,30 @@ class Benchmark(Conditions):
 
         return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)
 
-    def _engine(
+    def engine(
         self,
-        folder: str | Path | None,
-        on_result: OnResult | None,
-        event: type | None = None,
-        on_event: Callable[..., None] | None = None,
+        folder: str | Path | None = None,
+        on_result: OnResult | None = None,
+        on_event: OnEvent | None = None,
         here: bool = False,
     ) -> Engine:
-        """What runs a study, ``here`` on this machine or where it was asked for; ``on_event`` is called with the fields
-        of each ``event`` of that type."""
+        """What runs any study under these conditions, ``here`` on this machine or where it was asked for, with its
+        files in ``folder``; results and events are told as they come."""
         from ..study import engine
 
         def on_run(run: CaseRun, done: int, total: int) -> None:
             if on_result is not None:
                 on_result(run.result, done, total)
 
-        def told(happened: Event) -> None:
-            if on_event is not None and event is not None and isinstance(happened, event):
-                on_event(*vars(happened).values())
-
         execute = engine.here(self) if here else engine.where_asked(self)
-        return engine.Engine(execute, self.processes, None if folder is None else Path(folder), on_run, told)
+        return engine.Engine(execute, self.processes, None if folder is None else Path(folder), on_run, on_event)
+
+
+def _told(kind: type, call: Callable[..., None] | None) -> OnEvent:
+    """Calls ``call`` with the fields of each event of this kind."""
+
+    def told(event: Event) -> None:
+        if call is not None and isinstance(event, kind):
+            call(*vars(event).values())
+
+    return told

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..api.benchmark import Benchmark
-from . import options
+from . import options, output
 from .guard import EXIT_OK
 from .values import Parser, number
 
@@ -33,14 +33,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         delay=not given.no_delay,
         friction=given.friction,
     )
-    if given.output is not None:
+    if given.output is not None and not given.dry_run:
         print(f"written to {model.save(given.output)}", file=sys.stderr)
-    print(model.title)
-    for (name, (first, second)), unit in zip(model.at._asdict().items(), ("rad", "rad", "N.m", "m"), strict=True):
-        print(f"{name:4}= {first:.6g}, {second:.6g} {unit}")
-    print(f"{len(model.states)} states: {', '.join(model.states)}")
-    for mode in model.modes:
-        print(f"{mode.frequency:10.4g} Hz, damping {mode.damping:.4g}")
+    document = {name: getattr(model, name).tolist() for name in "ABCD"} | {
+        "T_s": model.sample_time,
+        "states": model.states,
+        "inputs": model.inputs,
+        "outputs": model.outputs,
+        "at": model.at._asdict(),
+        "modes": [mode._asdict() for mode in model.modes],
+    }
+    output.put(model, given, document)
     return EXIT_OK
 
 
@@ -70,5 +73,7 @@ def _parser() -> Parser:
         default="sticking",
         help="slope of the friction at zero speed (default), or the viscous part alone",
     )
+    output.add_options(parser, "the matrices, states and modes")
+    output.add_dry_run(parser, "the model")
     parser.add_argument("--output", type=Path, metavar="FILE", help="write the model to a .mat or .npz file")
     return parser

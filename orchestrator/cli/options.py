@@ -157,6 +157,14 @@ def varied(given: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     return dict(given)
 
 
+def refuse_idle(given: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for an option that would have no effect."""
+    if getattr(given, "wait", WAIT) != WAIT and given.scheduler is None:
+        raise InputError("--wait is for a cluster: give --scheduler, too.", "contradiction", "--wait")
+    if getattr(given, "no_report", False) and given.dry_run:
+        raise InputError("--dry-run writes nothing: leave out --no-report.", "contradiction", "--no-report")
+
+
 def benchmark(options: argparse.Namespace) -> Benchmark:
     """The benchmark that the options describe; those that a command does not have keep their defaults."""
     return Benchmark(

@@ -24,11 +24,12 @@ FORMS = {"latex": ("LaTeX (booktabs)", latex), "markdown": ("Markdown", markdown
 EXITS: dict[Completeness, int] = {"complete": EXIT_OK, "incomplete": EXIT_INCOMPLETE, "not judged": EXIT_NOT_JUDGED}
 
 
-def add_options(parser: Parser, json: str) -> None:
-    """Options of what is printed; ``json`` says what that form is."""
+def add_options(parser: Parser, json: str, forms: bool = True) -> None:
+    """Options of what is printed: ``json`` says what that form is, the others are ``forms`` for a paper."""
+    parser.set_defaults(form=None)
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument("--json", action="store_true", help=f"print {json} instead of tables")
-    for form, (words, _) in FORMS.items():
+    for form, (words, _) in FORMS.items() if forms else ():
         shown.add_argument(f"--{form}", action="store_const", const=form, dest="form", help=f"print tables in {words}")
 
 

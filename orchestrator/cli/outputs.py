@@ -8,8 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..documents.evaluation import Evaluation
-from ..documents.files import FIGURES, MAT, PARQUET, REPORT, write_bytes
-from ..documents.run import Run
+from ..documents.files import FIGURES, MAT, PARQUET, write_bytes
 from ..errors import InputError
 
 NO_TRAJECTORIES = (
@@ -19,8 +18,7 @@ NO_TRAJECTORIES = (
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of what is written beside ``results.json`` and ``cases.csv``."""
-    group = parser.add_argument_group("report")
-    group.add_argument("--no-report", action="store_true", help="write no report.html")
+    group = parser.add_argument_group("files of an evaluation")
     group.add_argument("--figures", action="store_true", help="write the paper's figures as PDF, SVG and PNG")
     group.add_argument("--parquet", action="store_true", help="write cases.parquet (needs pyarrow)")
     group.add_argument("--mat", action="store_true", help="write trajectories.mat, the recorded cases for MATLAB")
@@ -45,7 +43,7 @@ def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespac
     written: list[str] = []
     left_out: list[str] = []
     if given.parquet:
-        from ..documents.tables import parquet_bytes
+        from ..documents.case_table import parquet_bytes
 
         write_bytes(folder / PARQUET, parquet_bytes(evaluation.results))
         written.append(PARQUET)
@@ -53,25 +51,13 @@ def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespac
         if evaluation.recordings:
             from ..documents.mat import mat_bytes
 
-            write_bytes(folder / MAT, mat_bytes(Run(evaluation.results, evaluation.recordings)))
+            write_bytes(folder / MAT, mat_bytes(evaluation))
         (written if evaluation.recordings else left_out).append(MAT)
     if given.figures:
         drawn, empty = evaluation.figures(folder / FIGURES)
         written += [f"{FIGURES}/{name}" for name in drawn]
         left_out += [f"{FIGURES}/{name}" for name in empty]
-    if not given.no_report:
-        evaluation.report(folder / REPORT)
-        written.append(REPORT)
     if left_out:
         print(f"not written, as {folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
         print(NO_TRAJECTORIES, file=sys.stderr)
     return written
-
-
-def free(folder: Path) -> Path:
-    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
-    number = 2
-    found = folder
-    while found.exists():
-        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
-    return found

@@ -11,7 +11,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
 from ..study.requests import OnResult
-from .tables import terminal
+from ..views.terminal import terminal
 
 EVERY = 8
 """Cases between two estimates of the cost; an estimate takes some milliseconds."""

@@ -12,18 +12,18 @@ from pathlib import Path
 from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation
 from ..benchmark.case import Case
-from ..benchmark.results import Results
 from ..benchmark.variation import Variation
 from ..documents import trajectory_files
 from ..documents.files import prepare_folder
-from ..documents.run import load_run
+from ..documents.results import Results
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
-from ..text import file_name, printable
-from . import options, outputs
+from ..text import file_name
+from . import options, output
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
+from .study import free
 from .values import Parser, number
 from .variation import add_options, variation
 
@@ -43,46 +43,28 @@ CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
-    run = load_run(given.run).results if given.run is not None else None
+    run = Results.load(given.run) if given.run is not None else None
+    _refuse_idle(given)
     bench = options.benchmark(given) if run is None else _benchmark_of(run, given)
     controller = options.controller(given) if run is None else _controller_of(run, given)
     wanted = variation(given)
     case = _case(bench, given)
     case = bench.varied(case, wanted) if wanted != Variation() else case
     options.announce(bench, controller)
+    if given.dry_run:
+        print(f"1 case to simulate: {case.id}, {float(case.scenario.duration):g} s")
+        return EXIT_OK
     if given.export_ssp is not None:
         print(f"written: {bench.export_ssp(controller, case, given.export_ssp)}", file=sys.stderr)
     simulation = bench.simulate(controller, case)
     folder = given.output_dir or Path("runs") / _folder_name(controller, bench, simulation)
     if given.output_dir is None:
-        folder = outputs.free(folder)
+        folder = free(folder)
     prepare_folder(folder)
     written = _write(simulation, folder, given)
-    _show(simulation, {name: criterion.unit for name, criterion in bench.rules.criteria.items()})
-    print(f"written to {folder}: {', '.join(written)}", file=sys.stderr)
+    output.put(simulation, given, simulation.result)
+    output.tell_written(folder, written)
     return EXIT_OK if simulation.ending.status in (Status.DONE, Status.UNSTABLE) else EXIT_INCOMPLETE
-
-
-def _show(simulation: Simulation, units: dict[str, str]) -> None:
-    result = simulation.result
-    print(printable(simulation.title))
-    message = f": {printable(result.message)}" if result.message else ""
-    print(f"{result.status.value} at {simulation.ending.time:g} s{message}")
-    print(f"largest TCP error {simulation.tcp_error.max() * 1e3:.4g} mm")
-    for name, unit in units.items():
-        value = getattr(result.measurements, name)
-        if value is not None:
-            print(f"{name} = {value:.6g} {unit}")
-    figures = result.measurements
-    if figures.limit_cycle is not None:
-        print(
-            f"limit cycle {figures.limit_cycle * 1e6:.3g} µm at {figures.limit_cycle_frequency:.3g} Hz, "
-            f"{figures.limit_cycle_ratio:.3g} times that of the window before"
-        )
-    if figures.recovery is not None:
-        print(f"the TCP error stays small {figures.recovery:.4g} s after the force")
-    if simulation.case.test.requirements:
-        print(f"verdict: {simulation.kind}")
 
 
 def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
@@ -114,8 +96,8 @@ def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:
     asked = options.benchmark(given)
     bench = replace(
         asked,
-        protocol=run.protocol_file or run.protocol,
-        seed=run.seed,
+        protocol=run.head.protocol_file or run.protocol,
+        seed=run.seed or 0,
         plant_parameters=run.plant.parameters,
         plant=asked.plant if asked.plant != "auto" else run.plant.path or run.plant.build,
     )
@@ -133,6 +115,23 @@ def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
     if file is not None and open_archive(Path(file)).sha256 != record.sha256:
         raise InputError(f"{file} is not the controller of that run: its contents differ.", "other-controller", file)
     return controller
+
+
+def _refuse_idle(given: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for what ``--from`` says already."""
+    values = {
+        "--protocol": given.protocol != "paper",
+        "--seed": given.seed is not None,
+        "--plant-set": given.plant_parameters,
+        "--set": given.controller_parameters,
+        "--parameters": given.parameter_files,
+        "--map": given.connections,
+        "--mapping": given.mapping_files,
+    }
+    beside = [name for name, value in values.items() if value]
+    if given.run is not None and beside:
+        message = f"--from already says what {' and '.join(beside)} would. Give the one or the others."
+        raise InputError(message, "contradiction")
 
 
 def _case(bench: Benchmark, given: argparse.Namespace) -> Case:
@@ -176,6 +175,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
     parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
     parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
+    output.add_options(parser, "the result of the case", forms=False)
+    output.add_dry_run(parser, "which case would be simulated")
     parser.add_argument(
         "--export-ssp", type=Path, metavar="FILE", help="write the closed loop as an SSP package too, for other tools"
     )

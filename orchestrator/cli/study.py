@@ -103,13 +103,13 @@ class StudyCommand:
         written = [*self.files(found, folder, given), *self._report(found, folder, given)]
         name = found.results.FILE if isinstance(found, Evaluation) else found.FILE
         output.tell_written(folder, [name, *written])
-        output.put(found, given, found.results if isinstance(found, Evaluation) else None)  # last: its reader may go away
+        output.put(found, given, found.results if isinstance(found, Evaluation) else None)
         return output.EXITS[found.completeness]
 
     def _report(self, found: Comparable, folder: Path, given: argparse.Namespace) -> list[str]:
         if not self.report or given.no_report:
             return []
-        found.report(folder / REPORT)
+        found.report(folder / REPORT, folder)
         return [REPORT]
 
 
@@ -150,5 +150,3 @@ def free(folder: Path) -> Path:
     while found.exists():
         found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
     return found
-
-

@@ -84,7 +84,7 @@ class Group:
             values = {"V": getattr(rules.cost, which)}
             values |= {name: getattr(spec, which) for name, spec in rules.criteria.items()}
             footer.append(("", words, *(values.get(column.name) for column in columns)))
-        return Table(self.title, (Column("rank"), Column("controller"), *columns), tuple(rows), tuple(footer))
+        return Table(self.title, (Column("rank"), Column("controller"), *columns), tuple(rows), tuple(footer), keys=2)
 
 
 @dataclass(frozen=True)

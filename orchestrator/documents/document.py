@@ -62,8 +62,9 @@ class Shown:
         own = self.summary()
         return Page(own.title, own.kicker, (Panel("summary", "Summary", own.parts),))
 
-    def report(self, file: str | Path) -> Path:
-        """Write the report, one HTML page that needs no network; returns ``file``."""
+    def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
+        """Write the report, one HTML page that needs no network; returns ``file``. ``folder`` is where recordings of a
+        search are; the report of all else has what it shows."""
         from ..views.page import page_html  # the templates' package takes time to load, which simulations need not
 
         write_text(Path(file), page_html(self.page()))

@@ -23,7 +23,7 @@ BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
 
 CRITERIA = (
     "Value: worst case over the systems of a configuration, averaged over the workspace, as in Table 2 of the paper. "
-    "The paper's systems and directions of the force are not known: its figures compare approximately."
+    "Paper: its PID. The paper's systems and directions of the force are not known: its figures compare approximately."
 )
 
 
@@ -52,16 +52,14 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         Column("criterion"),
         Column("value"),
         Column("target"),
-        Column("paper's PID", minor=True),
-        Column("value / target", minor=True),
-        Column("share of V", minor=True),
+        Column("paper", minor=True),
+        Column("of V", minor=True),
         Column("worst", minor=True),
         Column("where"),
     )
     rows: list[tuple[Cell, ...]] = []
     for name, each in results.criteria.items():
         unit, worst = SHOWN[each.unit], each.worst_case
-        ratio = None if each.value is None else each.value / each.target
         where = "-"
         if worst is not None:
             where = f"c{worst.configuration:02d}.{worst.system}"
@@ -71,16 +69,15 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
             (
                 name,
                 heading(each.title, unit),
-                Value(each.value, unit=unit, good=None if ratio is None else ratio <= 1),
+                Value(each.value, unit=unit, good=None if each.value is None else each.value <= each.target),
                 Value(each.target, unit=unit),
                 Value(each.paper, unit=unit),
-                ratio,
                 each.share,
                 Value(worst.value if worst else None, unit=unit),
                 Link(where, simulate_command(results.head, worst.id), recorded.get(worst.id)) if worst else where,
             )
         )
-    cost, rest = results.rules.cost, (None,) * 4
+    cost, rest = results.rules.cost, (None,) * 3
     total = ("V", "Cost, eq. (15)", Value(results.cost), cost.target, cost.paper, *rest)
     return Table("Worst case, averaged over the workspace", columns, tuple(rows), (total,), CRITERIA)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +59,10 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
 
         def run_all(entry: Entry) -> list[CaseRun]:
             keys = stored.keys(entry.protocol, entry.cases, entry.pairing)
-            there = {} if known is None or entry.force else stored.load(
-                known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None
+            there = (
+                {}
+                if known is None or entry.force
+                else stored.load(known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None)
             )
             counts[0] += len(keys)
             counts[1] += len(there)
@@ -72,10 +73,8 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
                 raise _Enough
             return [there.get(number) or on_target(entry.protocol, case) for number, case in enumerate(entry.cases)]
 
-        try:
+        with suppress(_Enough):
             answered(study, answer)
-        except _Enough:
-            pass
     if not times[1] and first:
         times = [_seconds(first[0], execute), 1.0]
     each = times[0] / (times[1] or 1.0)
@@ -101,5 +100,3 @@ def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, shar
     figures: dict[str, Any] = {name: True if name == "settled" else targets.get(name, 0.0) for name in names}
     judgement = Judgement(status=status, time=1.0, measurements=Measurements(**figures))
     return CaseRun(case, named(case, judgement))
-
-

@@ -24,6 +24,7 @@ from ..pairing.conditions import Conditions
 from ..pairing.runs import CaseRun
 from . import batch, rehearsal
 from .batch import Execute, OnRun
+from .dry_run import Plan, plan
 from .recorder import record_shown
 from .requests import (
     Batch,
@@ -75,6 +76,10 @@ class Engine:
     folder: Path | None = None
     on_run: OnRun | None = None
     on_event: OnEvent | None = None
+
+    def plan(self, study: Study[Any]) -> Plan:
+        """What ``study`` would run, without running it; nothing is written."""
+        return plan(study, self.execute, self.processes, self.folder)
 
     def run(self, study: Study[T]) -> T:
         """The document of ``study``. The folder is first touched when the study, which has checked its input by then,

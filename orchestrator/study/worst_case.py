@@ -57,6 +57,12 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
     return wanted
 
 
+def answer_of(search: Study[tuple[Robustness, list[Shown]]]) -> Study[Robustness]:
+    """The document alone of :func:`worst_case`."""
+    found, _ = yield from search
+    return found
+
+
 def worst_case(
     conditions: Conditions,
     controller: Controller | None,

@@ -25,29 +25,16 @@ _SPECIAL = {char: f"\\{char}" for char in "&%$#_{}"} | {
 
 
 def latex(tables: Sequence[Table]) -> str:
-    """The tables; one wider than the text becomes several below each other, each with the first column."""
+    """The tables; one wider than the text becomes several below each other, each with its keys."""
     parts = ["% \\usepackage{booktabs}"]
     for table in tables:
         parts += ["\\begin{table}", "  \\centering\\footnotesize\\setlength{\\tabcolsep}{4pt}"]
         parts.append(f"  \\caption{{{_text(table.title)}}}")
-        for number, part in enumerate(fitting(table)):
+        widths = [_width(table, place) for place in range(len(table.columns))]
+        for number, part in enumerate(table.fitting(widths, TEXT_WIDTH)):
             parts += [*(["", "  \\medskip"] if number else []), *_tabular(part)]
         parts.append("\\end{table}")
     return "\n".join(parts)
-
-
-def fitting(table: Table) -> Iterator[Table]:
-    """The table in parts that fit into the width of the text, each with the first column."""
-    widths = [_width(table, place) for place in range(len(table.columns))]
-    left = list(range(1, len(table.columns)))
-    while True:
-        taken, used = [0], widths[0]
-        while left and (len(taken) == 1 or used + widths[left[0]] <= TEXT_WIDTH):
-            used += widths[left[0]]
-            taken.append(left.pop(0))
-        yield table.without([place for place in range(len(table.columns)) if place not in taken])
-        if not left:
-            return
 
 
 def _width(table: Table, place: int) -> float:

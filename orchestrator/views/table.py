@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 from .units import NONE, Unit, number
@@ -55,13 +55,15 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under columns; ``footer`` are rows to compare with, such as targets, and ``caption`` explains."""
+    """Rows of cells under columns, of which the first ``keys`` name the row; ``footer`` are rows to compare with, such
+    as targets, and ``caption`` explains."""
 
     title: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     footer: tuple[tuple[Cell, ...], ...] = ()
     caption: str = ""
+    keys: int = 1
 
     def __post_init__(self) -> None:
         assert all(len(row) == len(self.columns) for row in (*self.rows, *self.footer)), self.title
@@ -92,7 +94,24 @@ class Table:
             return tuple(tuple(row[place] for place in kept) for row in rows)
 
         chosen = tuple(self.columns[place] for place in kept)
-        return Table(self.title, chosen, cut(self.rows), cut(self.footer), self.caption)
+        keys = sum(place < self.keys for place in kept)
+        return Table(self.title, chosen, cut(self.rows), cut(self.footer), self.caption, keys)
+
+    def fitting(self, widths: Sequence[float], room: float) -> Iterator[Table]:
+        """The table in parts that fit into ``room``, if its columns have these ``widths``, each with the keys."""
+        keys = list(range(self.keys))
+        left = list(range(self.keys, len(self.columns)))
+        while True:
+            taken, used = [*keys], sum(widths[place] for place in keys)
+            while left and (len(taken) == len(keys) or used + widths[left[0]] <= room):
+                used += widths[left[0]]
+                taken.append(left.pop(0))
+            part = self.without([place for place in range(len(self.columns)) if place not in taken])
+            yield replace(
+                part, footer=tuple(row for row in part.footer if any(c is not None for c in row[self.keys :]))
+            )
+            if not left:
+                return
 
 
 def plain(cell: Cell) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import io
 import sys
+from collections.abc import Iterator
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -20,6 +21,9 @@ NARROW = 72
 
 TINY = 50
 """Characters per line, below which any column may be folded."""
+
+LEAST = 12
+"""Characters that a column of words has at the least where there is room."""
 
 COLOURS = {True: "green", False: "red", None: "yellow"}
 
@@ -42,7 +46,7 @@ def show(summary: Summary, console: Console) -> None:
     for part in summary.parts:
         match part:
             case Table():
-                console.print(grid(part, console.width))
+                console.print(*grids(part, console.width))
             case Note(text, warning):
                 console.print(safe(text), style="yellow" if warning else None, soft_wrap=not warning, highlight=False)
             case Facts(_, pairs, brief):
@@ -56,27 +60,43 @@ def show(summary: Summary, console: Console) -> None:
                     console.print(f"{lead}{safe(command)}", soft_wrap=True, highlight=False)
 
 
-def grid(table: Table, width: int) -> Grid:
-    """A table for ``width`` characters per line: without its minor columns if there is no room for them."""
+def grids(table: Table, width: int) -> Iterator[Grid]:
+    """A table for ``width`` characters per line: in several parts if it is wider than that."""
     if width < NARROW:
         table = table.without([place for place, column in enumerate(table.columns) if column.minor])
-    made = Grid(title=safe(table.title), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for place, column in enumerate(table.columns):
-        words = table.is_text(place)
-        heading = safe(column.name) + (f"\n\\[{column.unit.shown}]" if column.unit.shown else "")
-        folded = words and (place > 0 or width < TINY)
-        made.add_column(
-            heading, justify="left" if words else "right", no_wrap=not folded, overflow="fold" if folded else "ellipsis"
-        )
     best = [table.best(place) for place in range(len(table.columns))]
-    for number, row in enumerate(table.rows):
-        cells = [_cell(cell, unit) for cell, unit in zip(row, table.units, strict=True)]
-        made.add_row(*(f"[bold]{c}[/bold]" if number in best[place] else c for place, c in enumerate(cells)))
-    if table.footer:
-        made.add_section()
-    for row in table.footer:
-        made.add_row(*(_cell(cell, unit) for cell, unit in zip(row, table.units, strict=True)))
-    return made
+    marked = {table.columns[place]: rows for place, rows in enumerate(best)}
+    widths = [_width(table, place) + 2 for place in range(len(table.columns))]
+    for number, part in enumerate(table.fitting(widths, width)):
+        title = "" if number else safe(table.title)
+        made = Grid(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+        for place, column in enumerate(part.columns):
+            words = part.is_text(place)
+            heading = safe(column.name) + (f"\n\\[{column.unit.shown}]" if column.unit.shown else "")
+            least = None if width < TINY else min(_width(part, place), LEAST)
+            made.add_column(
+                heading, justify="left" if words else "right", no_wrap=not words, overflow="fold", min_width=least
+            )
+        for row_number, row in enumerate(part.rows):
+            cells = zip(part.columns, row, strict=True)
+            made.add_row(*(_marked(_cell(cell, own.unit), row_number in marked[own]) for own, cell in cells))
+        if part.footer:
+            made.add_section()
+        for row in part.footer:
+            made.add_row(*(_cell(cell, unit) for cell, unit in zip(row, part.units, strict=True)))
+        yield made
+
+
+def _width(table: Table, place: int) -> int:
+    """The characters that a column needs; words can be folded."""
+    column = table.columns[place]
+    cells = [shown(row[place], column.unit) for row in (*table.rows, *table.footer) if row[place] is not None]
+    longest = max(map(len, (*column.name.split("\n"), *cells)), default=0)
+    return min(longest, LEAST) if table.is_text(place) else longest
+
+
+def _marked(words: str, best: bool) -> str:
+    return f"[bold]{words}[/bold]" if best else words
 
 
 def safe(text: str) -> str:

@@ -7,26 +7,18 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from orchestrator.benchmark.results import (
-    SCHEMA,
-    BoundRecord,
-    CaseResult,
-    ControllerRecord,
-    LoopDelay,
-    PlantRecord,
-    Results,
-    RunTiming,
-    SampleTimeRecord,
-)
+from orchestrator.benchmark.results import CaseResult
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
-from orchestrator.loop.computing import ComputingTime
-from orchestrator.loop.trajectory import Status
+from orchestrator.documents.evaluation import Evaluation
+from orchestrator.documents.head import BoundRecord, ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
 from orchestrator.documents.recording import About, Recording
+from orchestrator.documents.results import LoopDelay, Results
 from orchestrator.documents.robustness import Robustness
-from orchestrator.documents.run import Run, load_run, save_run
 from orchestrator.documents.spread import Spread, spread_of
 from orchestrator.documents.tuning import Best, Judged, Tuning
+from orchestrator.loop.computing import ComputingTime
+from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import Range, Trial
 from orchestrator.search.findings import (
     ConfigurationFound,
@@ -54,33 +46,49 @@ CONTROLLER = ControllerRecord(
 PLANT = PlantRecord("Plant.fmu", "a1" * 32, "2.0", None, {}, dict(NOMINAL), "python", "a1" * 32)
 
 
+HEAD = Head(
+    benchmark=PAPER.benchmark,
+    protocol="paper",
+    seed=0,
+    controller=CONTROLLER,
+    plant=PLANT,
+    sample_time=SampleTimeRecord(0.25e-3, True),
+    rules=RULES,
+    environment={"python": "3.11"},
+    timing=Timing(
+        start="2026-01-02T00:00:00+00:00",
+        wall_time=100.0,
+        workers=2,
+        simulations=324,
+        simulated_time=8000.0,
+        simulation_time=50.0,
+        computing_time=ComputingTime(2000, 0.3e-6, 0.4e-6, 12e-6),
+    ),
+)
+
+
+def head_of(**changes: Any) -> Head:
+    """The head of results made by hand; ``controller`` and ``plant`` are changed field by field."""
+    parts = {name: replace(getattr(HEAD, name), **changes.pop(name, {})) for name in ("controller", "plant")}
+    return replace(HEAD, **parts, **changes)
+
+
 def results_of(cases: Iterable[CaseResult] | None = None, **changes: Any) -> Results:
-    """Results with the paper's figures in all cases, or with ``cases``; ``changes`` are fields.
+    """Results with the paper's figures in all cases, or with ``cases``; ``changes`` are fields, also of the head.
 
     Changes of ``controller`` and ``plant`` are given as mappings.
     """
     found = tuple(everything(TABLE_2) if cases is None else cases)
-    parts = {
-        name: replace(part, **changes.pop(name, {})) for name, part in (("controller", CONTROLLER), ("plant", PLANT))
-    }
+    own = {name: changes.pop(name) for name in tuple(changes) if name not in Results.__struct_fields__}
+    head = head_of(**own)
     values = {
-        "schema": SCHEMA,
-        "benchmark": PAPER.benchmark,
-        "protocol": "paper",
-        "protocol_file": "",
+        "schema": Results.SCHEMA,
+        "head": head,
         "cases": found,
-        "seed": 0,
-        "rules": RULES,
-        "sample_time": SampleTimeRecord(0.25e-3, True),
         "loop_delay": LoopDelay(5e-4, 2.0, 2.5e-4, 1, "samples twice in the first step"),
-        "environment": {"python": "3.11"},
-        "timing": RunTiming(
-            "2026-01-02T00:00:00+00:00", 100.0, 2, 8000.0, 50.0, ComputingTime(2000, 0.3e-6, 0.4e-6, 12e-6)
-        ),
-        **parts,
         **changes,
     }
-    card = score(values["rules"], found)
+    card = score(head.rules, found)
     return Results(**{**{name: getattr(card, name) for name in card.__struct_fields__}, **values})
 
 
@@ -94,17 +102,15 @@ def scaled(factor: float, **changes: Any) -> Results:
 def seeded(factor: float, seeds: Iterable[int], **controller: Any) -> Spread:
     """The spread of a controller whose figures are ``factor`` times the paper's, 1 % more per seed."""
     runs = [scaled(factor * (1 + seed / 100), seed=seed) for seed in seeds]
-    record = replace(CONTROLLER, parameters={"K": factor}, **controller)
-    return spread_of([run.seed for run in runs], [replace(run, controller=record) for run in runs])
+    head = head_of(controller={"parameters": {"K": factor}, **controller}, seed=None)
+    return spread_of([run.seed or 0 for run in runs], runs, head)
 
 
 def searched(factor: float = 1.0, **controller: Any) -> Robustness:
     """What a search found of the controller of :func:`scaled`: A2 fails."""
     return Robustness(
         schema=Robustness.SCHEMA,
-        benchmark=PAPER.benchmark,
-        protocol="strict",
-        seed=0,
+        head=head_of(protocol="strict", controller={"parameters": {"K": factor}, **controller}),
         budget=2000,
         simulations=1990,
         failures=0,
@@ -121,10 +127,6 @@ def searched(factor: float = 1.0, **controller: Any) -> Robustness:
         configurations=(),
         effects=(),
         path=(),
-        rules=RULES,
-        controller=replace(CONTROLLER, parameters={"K": factor}, **controller),
-        plant=PLANT,
-        wall_time=1.0,
     )  # fmt: skip
 
 
@@ -171,10 +173,9 @@ RECORDINGS = (
 )
 
 
-def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = RECORDINGS) -> Run:
-    """The run of an evaluation, written to ``folder`` and read back."""
-    save_run(results, recordings, folder)
-    return load_run(folder)
+def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = RECORDINGS) -> Evaluation:
+    """An evaluation, written to ``folder`` and read back."""
+    return Evaluation.load(Evaluation(results, recordings).save(folder))
 
 
 def hunted(**controller: Any) -> tuple[Robustness, tuple[Recording, ...]]:
@@ -241,10 +242,8 @@ def tuned(**controller: Any) -> Tuning:
     mean = Statistic(99.0, 1.5, 97.0, 102.0)
     return Tuning(
         schema=Tuning.SCHEMA,
-        benchmark=PAPER.benchmark,
-        protocol="paper",
+        head=head_of(controller=controller),
         objective="tuning",
-        seed=0,
         sampler="cmaes",
         search_seed=1,
         robust=0,
@@ -253,8 +252,4 @@ def tuned(**controller: Any) -> Tuning:
         judged=judged,
         best=Best(trials[20], 99.0, mean, mean, 150.0, ("A2",)),
         importance={"K_p[1]": 0.8, "T<b>": 0.2},
-        rules=RULES,
-        controller=replace(CONTROLLER, **controller),
-        plant=PLANT,
-        wall_time=60.0,
     )
