@@ -10,15 +10,15 @@ from orchestrator.cli import main
 
 ROOT = Path(build_fmus.__file__).parent
 
-VERSION = "__init__"
-"""The package itself is imported everywhere, for its version alone."""
+PACKAGE = "__init__"
+"""The package itself, which lists the public names."""
 
 COMMANDS = ("__main__", *(command for command in main.COMMANDS if command not in ("new", "build")))
 """Modules that are run with ``python -m``."""
 
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
-    ("errors", "text", "exact_time", "cache", "codec", "jit", "asking"),
+    ("errors", "text", "exact_time", "cache", "codec", "jit", "asking", "version"),
     ("fmi",),
     ("loop",),
     ("benchmark", "conformance"),
@@ -28,7 +28,7 @@ FLOORS = (
     ("study",),
     ("api",),
     ("cli", "gym"),
-    (VERSION, *COMMANDS),
+    (PACKAGE, *COMMANDS),
     ("tuning",),
 )
 """Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the
@@ -68,7 +68,7 @@ def room(name: str) -> str | None:
     if top == "controller_fmu" and {"tuning", "tune"} & set(rest):
         return "tuning"
     if top == "orchestrator":
-        return rest[0] if rest and rest[0] in FLOOR else VERSION
+        return rest[0] if rest and rest[0] in FLOOR else PACKAGE
     return top if top in FLOOR else None
 
 
@@ -89,9 +89,7 @@ ARROWS = arrows()
 def allowed(here: str, there: str) -> bool:
     """Whether a room may import another one."""
     if here == "tuning":
-        return there == VERSION
-    if there == VERSION:  # a module's own name in the package, or the version
-        return all(line.endswith("__version__") or FLOOR[here] == FLOOR[VERSION] for line in ARROWS[here, there])
+        return there == PACKAGE
     if here in GROUND and there in GROUND:
         return True
     return FLOOR[there] < FLOOR[here] or (here, there) in EXCEPTIONS

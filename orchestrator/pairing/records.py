@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from importlib import metadata
 
-from .. import __version__
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import (
     SCHEMA,
@@ -25,6 +24,7 @@ from ..benchmark.scorecard import score
 from ..fmi.archive import Archive
 from ..fmi.connectors import CONTROLLER
 from ..loop.setup import controller_binding
+from ..version import __version__
 from .controller import Controller
 from .pairing import Pairing
 from .plant import FILE, Plant
