@@ -29,10 +29,8 @@ FLOORS = (
     ("api",),
     ("cli", "gym"),
     (PACKAGE, *COMMANDS),
-    ("tuning",),
 )
-"""Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the
-controllers lives in their folders, above the house: a user like any other."""
+"""Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``."""
 
 GROUND = FLOORS[1]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
@@ -65,8 +63,6 @@ def imported(module: str, source: str) -> Iterator[str]:
 def room(name: str) -> str | None:
     """The room of a module, None for other packages: ``orchestrator.fmi.slaves.base`` is in ``fmi``."""
     top, *rest = name.split(".")
-    if top == "controller_fmu" and {"tuning", "tune"} & set(rest):
-        return "tuning"
     if top == "orchestrator":
         return rest[0] if rest and rest[0] in FLOOR else PACKAGE
     return top if top in FLOOR else None
@@ -88,8 +84,6 @@ ARROWS = arrows()
 
 def allowed(here: str, there: str) -> bool:
     """Whether a room may import another one."""
-    if here == "tuning":
-        return there == PACKAGE
     if here in GROUND and there in GROUND:
         return True
     return FLOOR[there] < FLOOR[here] or (here, there) in EXCEPTIONS
