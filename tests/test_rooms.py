@@ -13,7 +13,7 @@ ROOT = Path(build_fmus.__file__).parent
 PACKAGE = "__init__"
 """The package itself, which lists the public names."""
 
-COMMANDS = ("__main__", *(command for command in main.COMMANDS if command not in ("new", "build")))
+COMMANDS = ("__main__", *main.COMMANDS)
 """Modules that are run with ``python -m``."""
 
 FLOORS = (

@@ -32,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     if given.kind in (STATE_SPACE, MLP):
-        return _built(given.kind, given.folder, given.out or given.folder.with_suffix(".fmu"), vars(given))
+        beside = given.folder.parent / f"{given.folder.stem}.fmu"
+        return _built(given.kind, given.folder, given.out or beside, vars(given))
     if given.out is not None:
         parser.error(f"--out is for {STATE_SPACE} and {MLP}")
     try:
