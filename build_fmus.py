@@ -36,8 +36,9 @@ from controller_fmu.lqg.flexible_manipulator_lqg.interface import (
 from controller_fmu.robust_c.interface import ROWS
 from plant_fmu.native import interface
 
-__all__ = ["NAMES", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect", "NoCompilerError"]
-__all__ += ["UnknownFmuError", "build", "c_fmu", "find_compiler", "main", "python_fmu"]
+__all__ = ["KNOWN", "NAMES", "NAMES_HELP", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect"]
+__all__ += ["NoCompilerError", "UnknownFmuError", "build", "build_all", "c_fmu", "find_compiler", "main", "near"]
+__all__ += ["platform_names", "python_fmu"]
 
 HERE = Path(__file__).resolve().parent
 DEFAULT_OUTPUT_DIR = Path("build", "fmus")
@@ -178,61 +179,10 @@ NAMES = tuple(_RECIPES)
 PLANT_VARIANTS, VARIANTS = tuple(_PLANT_VARIANTS), tuple(_VARIANTS)
 """The native manipulator and the default controller for other kinds of FMI; they are built on demand."""
 
+KNOWN = NAMES + PLANT_VARIANTS + VARIANTS
+"""All of them."""
 
-def build(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> Path:
-    """Build the FMU ``name``, one of NAMES or the variants, and return its path, ``output_dir/name.fmu``.
-
-    Processes that build the same FMU at once do not disturb each other: the file is replaced in one go, and
-    equal sources give equal bytes. ``output_dir`` must exist, unless it is the default. An FMU in C gets binaries for
-    ``platforms``, names in PLATFORMS, by the compiler in the package ``ziglang``; if empty, one for this machine by its
-    own compiler.
-
-    Raises:
-        UnknownFmuError: no FMU has this name.
-        TargetError: there is no folder ``output_dir``.
-        PlatformError: there is no such platform.
-        NoCompilerError: the FMU is written in C and this machine has no compiler.
-        BuildError: anything else that went wrong.
-    """
-    recipes = {**_RECIPES, **_PLANT_VARIANTS, **_VARIANTS}
-    if name not in recipes:
-        near = difflib.get_close_matches(name, recipes, cutoff=0.4) or NAMES
-        raise UnknownFmuError(f"no FMU is named {name!r}", value=name, nearest=tuple(near))
-    if Path(output_dir) == DEFAULT_OUTPUT_DIR:
-        DEFAULT_OUTPUT_DIR.mkdir(parents=True, exist_ok=True)
-    return recipes[name](Path(output_dir) / f"{name}.fmu", platforms)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code: 0 built, 1 a build failed, 2 bad input."""
-    options = _parser().parse_args(arguments)
-    known = NAMES + PLANT_VARIANTS + VARIANTS
-    everything = known if options.all else NAMES
-    unknown = [name for name in options.names if name not in known]
-    platforms = tuple(PLATFORMS) if options.platforms == "all" else tuple(filter(None, options.platforms.split(",")))
-    code = EXIT_OK
-    for name in unknown or options.names or everything:
-        try:
-            print(build(name, options.output_dir, platforms), flush=True)
-        except NoCompilerError as error:
-            print(f"skipped {error}", file=sys.stderr)
-            code = max(code, EXIT_FAILED if name in options.names else EXIT_OK)
-        except (UnknownFmuError, TargetError, PlatformError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            code = EXIT_BAD_INPUT
-        except (BuildError, OSError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            code = max(code, EXIT_FAILED)
-        if code == EXIT_BAD_INPUT and not unknown:
-            break
-    return code
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="build_fmus.py",
-        description="Build the FMUs of the benchmark.",
-        epilog=f"""names:
+NAMES_HELP = f"""names:
   FlexibleManipulator          the manipulator, Python (FMI 2.0 co-simulation)
   FlexibleManipulatorNative    the same in C, equal to the last bit and faster (FMI 2.0 co-simulation)
   DiagonalPID                  the default controller, Python (FMI 2.0 co-simulation)
@@ -256,7 +206,76 @@ and the controller in C for
   DiagonalPID_C_me3            FMI 3.0 Model Exchange, sampled by time events, variables are arrays
 What is written in C is skipped where there is no C compiler (cc, gcc, clang, the environment's CC, or the package
 ziglang, which also compiles for the other platforms of --platforms:
-{", ".join(PLATFORMS)}).
+{", ".join(PLATFORMS)})."""
+"""The names, as the commands' help lists them."""
+
+
+def build(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> Path:
+    """Build the FMU ``name``, one of NAMES or the variants, and return its path, ``output_dir/name.fmu``.
+
+    Processes that build the same FMU at once do not disturb each other: the file is replaced in one go, and
+    equal sources give equal bytes. ``output_dir`` must exist, unless it is the default. An FMU in C gets binaries for
+    ``platforms``, names in PLATFORMS, by the compiler in the package ``ziglang``; if empty, one for this machine by its
+    own compiler.
+
+    Raises:
+        UnknownFmuError: no FMU has this name.
+        TargetError: there is no folder ``output_dir``.
+        PlatformError: there is no such platform.
+        NoCompilerError: the FMU is written in C and this machine has no compiler.
+        BuildError: anything else that went wrong.
+    """
+    recipes = {**_RECIPES, **_PLANT_VARIANTS, **_VARIANTS}
+    if name not in recipes:
+        raise UnknownFmuError(f"no FMU is named {name!r}", value=name, nearest=near(name))
+    if Path(output_dir) == DEFAULT_OUTPUT_DIR:
+        DEFAULT_OUTPUT_DIR.mkdir(parents=True, exist_ok=True)
+    return recipes[name](Path(output_dir) / f"{name}.fmu", platforms)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0 built, 1 a build failed, 2 bad input."""
+    options = _parser().parse_args(arguments)
+    return build_all(options.names, options.output_dir, platform_names(options.platforms), options.all)
+
+
+def near(name: str) -> tuple[str, ...]:
+    """The names that may have been meant by ``name``, the likeliest first."""
+    return tuple(difflib.get_close_matches(name, KNOWN, cutoff=0.4)) or NAMES
+
+
+def platform_names(text: str) -> tuple[str, ...]:
+    """Names in PLATFORMS from a command line: separated by commas, or ``all``."""
+    return tuple(PLATFORMS) if text == "all" else tuple(filter(None, text.split(",")))
+
+
+def build_all(names: Sequence[str], output_dir: Path, platforms: Platforms = (), variants: bool = False) -> int:
+    """Build ``names``, or NAMES if there are none, or KNOWN with ``variants``; print what is built, and return the exit
+    code of :func:`main`."""
+    unknown = [name for name in names if name not in KNOWN]
+    code = EXIT_OK
+    for name in unknown or names or (KNOWN if variants else NAMES):
+        try:
+            print(build(name, output_dir, platforms), flush=True)
+        except NoCompilerError as error:
+            print(f"skipped {error}", file=sys.stderr)
+            code = max(code, EXIT_FAILED if name in names else EXIT_OK)
+        except (UnknownFmuError, TargetError, PlatformError) as error:
+            print(f"error: {error}", file=sys.stderr)
+            code = EXIT_BAD_INPUT
+        except (BuildError, OSError) as error:
+            print(f"error: {error}", file=sys.stderr)
+            code = max(code, EXIT_FAILED)
+        if code == EXIT_BAD_INPUT and not unknown:
+            break
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="build_fmus.py",
+        description="Build the FMUs of the benchmark.",
+        epilog=f"""{NAMES_HELP}
 
 examples:
   python build_fmus.py                            build the first eleven into build/fmus

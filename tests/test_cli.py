@@ -10,6 +10,7 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hostile.commands import finished, started
 from msgspec.structs import replace
@@ -17,7 +18,9 @@ from support.command_lines import call
 from support.edited_fmus import with_broken_sources, without
 from support.python_controllers import python_controller
 from support.reports import ABOUT, results_of
+from support.tools import PRESENT
 
+import orchestrator
 from orchestrator.benchmark.results import SampleTimeRecord
 from orchestrator.cli import simulate
 from orchestrator.cli.main import COMMANDS, main
@@ -131,6 +134,58 @@ def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_a_module(name: str) -> None:
+    source = Path(orchestrator.__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
+    assert f'run("{name}")' in source and f"orchestrator.cli.{name}`" in source
+
+
+def test_a_folder_is_built_as_the_options_say(tmp_path: Path) -> None:
+    assert call("new", "python", "my_arm", folder=tmp_path).code == 0
+    (tmp_path / "out").mkdir()
+    built = call("build", "my_arm", "--output-dir", "out", folder=tmp_path)
+    assert (built.code, built.out, built.err) == (0, "out/MyArm.fmu\n", "")
+    assert not (tmp_path / "my_arm" / "MyArm.fmu").exists()
+    for words in (("--all",), ("--platforms", "x86_64-windows"), ("--output-dir", "absent"), ("--output-dir", "/proc")):
+        refusal(tmp_path, "build", "my_arm", *words)
+    assert not (tmp_path / "my_arm" / "MyArm.fmu").exists()
+
+
+@pytest.mark.needs("compiler")
+def test_a_folder_in_c_is_built_for_the_platforms_that_exist(tmp_path: Path) -> None:
+    assert call("new", "c", "my_arm", folder=tmp_path).code == 0
+    assert "amiga" in refusal(tmp_path, "build", "my_arm", "--platforms", "x86_64-linux,amiga")
+    assert call("build", "my_arm", folder=tmp_path).out == "my_arm/MyArm.fmu\n"
+
+
+@pytest.mark.parametrize(
+    ("broken", "where", "what"),
+    [
+        (b"import math\ndef law(:\n", "helper.py:2", "SyntaxError"),
+        (b"if True:\npass\n", "helper.py:2", "IndentationError"),
+        (b"x = '\xff'\n", "helper.py", "SyntaxError"),
+        (b"return 1\n", "helper.py:1", "SyntaxError"),
+        (b"x = 1\0\n", "helper.py", ""),
+    ],
+)
+def test_a_syntax_error_is_told_with_its_file_and_line(broken: bytes, where: str, what: str, tmp_path: Path) -> None:
+    assert call("new", "python", "my_arm", folder=tmp_path).code == 0
+    (tmp_path / "my_arm" / "helper.py").write_bytes(broken)
+    told = refusal(tmp_path, "build", "my_arm")
+    assert told.startswith(f"error: my_arm/{where}") and what in told and len(told.splitlines()) == 1
+    assert not list(tmp_path.rglob("*.fmu"))
+
+
+def test_an_fmu_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    np.savez(tmp_path / "net.npz", W1=np.ones((2, 8)), b1=np.ones(2), activation="tanh")
+    np.savez(tmp_path / "law.npz", A=np.eye(2) / 2, B=np.eye(2), C=np.eye(2), D=np.eye(2), T_s=0.25e-3)
+    targets = ["absent/x.fmu", "law.npz/x.fmu", *(["/proc/x.fmu"] if PRESENT["compiler"] else [])]
+    for target in targets:
+        for words in (("statespace", "law.npz"), ("mlp", "net.npz")):
+            told = refusal(tmp_path, "new", *words, "--out", target)
+            assert target in told and len(told.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS)
 def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     finished = call(name, "--help", folder=tmp_path)
@@ -172,7 +227,10 @@ REFUSED = {
     "sweep": "--vary K_p[1]=1:2 | --vary K_q=1,2",
     "report": "nowhere",
     "compare": "nowhere elsewhere",
-    "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat | mlp absent.npz",
+    "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat | mlp absent.npz | statespace . | "
+    "python /proc/nowhere | python /dev/null/x",
+    "build": "my_controller | DiagonalPDI | . --all | . DiagonalPID | . --nonsense | . | "
+    "DiagonalPID --output-dir absent | DiagonalPID_C --platforms amiga",
 }
 
 

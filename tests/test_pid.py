@@ -20,17 +20,16 @@ from support.pid_fmus import GAINS, OUTPUTS, T_S, Signals, built, in_child, law,
 from support.tools import require
 
 import build_fmus
+from benchmarks.tuning import friction, pid_tuned
+from benchmarks.tuning import lqg as plain
 from controller_fmu.friction import flexible_manipulator_dither as shaking
-from controller_fmu.friction import tune as friction
-from controller_fmu.lqg import tune as plain
 from controller_fmu.lqg.flexible_manipulator_lqg import design as lqg
 from controller_fmu.lqg.flexible_manipulator_lqg.interface import Weights, chosen
-from controller_fmu.pid_tuned import tune as pid
 
 CONTROLLERS = Path(build_fmus.__file__).parent / "controller_fmu"
 STARTS = {
     task.shipped: json.loads(task.file.read_text(encoding="utf-8"))["parameters"]
-    for task in (pid.TASK, plain.TASK, friction.TASK)
+    for task in (pid_tuned.TASK, plain.TASK, friction.TASK)
 }
 """Start values of the parameters in the data files."""
 TUNED = {name: (STARTS["TunedPID"][f"{name}[1]"], STARTS["TunedPID"][f"{name}[2]"]) for name in GAINS}

@@ -148,7 +148,7 @@ def test_without_the_package_the_reason_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(platforms, "find_spec", lambda name: None)
     with pytest.raises(errors.NoCompilerError) as refused:
         build_fmus.build("FlexibleManipulatorNative", tmp_path, ["x86_64-windows"])
-    assert (refused.value.value, refused.value.remedy) == ("ziglang", "pip install ziglang")
+    assert (refused.value.value, refused.value.remedy) == ("ziglang", platforms.REMEDY)
     assert list(tmp_path.iterdir()) == []
 
 

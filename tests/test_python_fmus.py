@@ -7,26 +7,10 @@ from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from support.pid_fmus import T_S, built, in_child, slave
 
-from controller_fmu import controller_from_state_space
-
-PLANT, STATE_SPACE = "FlexibleManipulator", "state_space"
-NAMES = (PLANT, "DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG", STATE_SPACE)
+PLANT = "FlexibleManipulator"
+NAMES = (PLANT, "DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG")
 BAD_STEPS = (math.nan, math.inf, -T_S)
 TOO_LONG = 9.0
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory, fmu_folder):
-    """A function that gives the FMU of a name."""
-
-    def of(name):
-        if name != STATE_SPACE:
-            return built(name, fmu_folder)
-        out = tmp_path_factory.mktemp("state_space") / "StateSpace.fmu"
-        one = [[0.5, 0.0], [0.0, 0.5]]
-        return controller_from_state_space(one, one, one, one, T_S, out=out, language="python")
-
-    return of
 
 
 def _refusals(path, inputs, outputs, steps):
@@ -60,8 +44,8 @@ def _refusals(path, inputs, outputs, steps):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_values_and_steps_are_refused_with_a_reason(name, file):
-    path = file(name)
+def test_values_and_steps_are_refused_with_a_reason(name, fmu_folder):
+    path = built(name, fmu_folder)
     variables = read_model_description(str(path)).modelVariables
     inputs = [(v.name, math.nan if i % 2 else math.inf) for i, v in enumerate(variables) if v.causality == "input"]
     outputs = [v.name for v in variables if v.causality == "output"]
@@ -103,6 +87,6 @@ def _parameters(path, systems):
         ("DitheredLQG", {"q_m_ref[1]": math.inf}, "q_m_ref[1] = inf"),
     ],
 )
-def test_parameters_are_refused_with_a_reason(name, parameters, words, file):
-    (message,) = in_child(_parameters, file(name), [parameters])
+def test_parameters_are_refused_with_a_reason(name, parameters, words, fmu_folder):
+    (message,) = in_child(_parameters, built(name, fmu_folder), [parameters])
     assert words in message

@@ -10,15 +10,15 @@ from orchestrator.cli import main
 
 ROOT = Path(build_fmus.__file__).parent
 
-VERSION = "__init__"
-"""The package itself is imported everywhere, for its version alone."""
+PACKAGE = "__init__"
+"""The package itself, which lists the public names."""
 
-COMMANDS = ("__main__", *(command for command in main.COMMANDS if command not in ("new", "build")))
+COMMANDS = ("__main__", *main.COMMANDS)
 """Modules that are run with ``python -m``."""
 
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
-    ("errors", "text", "exact_time", "cache", "codec", "jit", "asking"),
+    ("errors", "text", "exact_time", "cache", "codec", "jit", "asking", "version"),
     ("fmi",),
     ("loop",),
     ("benchmark", "conformance"),
@@ -28,11 +28,9 @@ FLOORS = (
     ("study",),
     ("api",),
     ("cli", "gym"),
-    (VERSION, *COMMANDS),
-    ("tuning",),
+    (PACKAGE, *COMMANDS),
 )
-"""Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``. What tunes the
-controllers lives in their folders, above the house: a user like any other."""
+"""Rooms of the house, bottom up; those without a package of their own belong to ``orchestrator``."""
 
 GROUND = FLOORS[1]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
@@ -65,10 +63,8 @@ def imported(module: str, source: str) -> Iterator[str]:
 def room(name: str) -> str | None:
     """The room of a module, None for other packages: ``orchestrator.fmi.slaves.base`` is in ``fmi``."""
     top, *rest = name.split(".")
-    if top == "controller_fmu" and {"tuning", "tune"} & set(rest):
-        return "tuning"
     if top == "orchestrator":
-        return rest[0] if rest and rest[0] in FLOOR else VERSION
+        return rest[0] if rest and rest[0] in FLOOR else PACKAGE
     return top if top in FLOOR else None
 
 
@@ -88,10 +84,6 @@ ARROWS = arrows()
 
 def allowed(here: str, there: str) -> bool:
     """Whether a room may import another one."""
-    if here == "tuning":
-        return there == VERSION
-    if there == VERSION:  # a module's own name in the package, or the version
-        return all(line.endswith("__version__") or FLOOR[here] == FLOOR[VERSION] for line in ARROWS[here, there])
     if here in GROUND and there in GROUND:
         return True
     return FLOOR[there] < FLOOR[here] or (here, there) in EXCEPTIONS

@@ -18,10 +18,8 @@ from support.reports import tuned
 from support.tools import PRESENT
 from test_pid import GAINS, STARTS
 
-from controller_fmu import tuning as scripts
-from controller_fmu.friction import tune as friction
-from controller_fmu.lqg import tune as lqg
-from controller_fmu.pid_tuned import tune as pid
+from benchmarks.tuning import friction, lqg, pid_tuned
+from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
 from orchestrator.asking import answered
 from orchestrator.cli import report, values
@@ -33,7 +31,7 @@ from orchestrator.study.tuner import Verdict
 
 pytestmark = pytest.mark.needs("optuna", "cmaes")
 
-TASKS = {task.shipped: task for task in (pid.TASK, lqg.TASK, friction.TASK)}
+TASKS = {task.shipped: task for task in (pid_tuned.TASK, lqg.TASK, friction.TASK)}
 
 FEW = """
 extends = "paper"

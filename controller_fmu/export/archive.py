@@ -58,11 +58,17 @@ def unpack(archive: Path) -> dict[str, bytes]:
 
 
 def write_atomically(data: bytes, target: Path) -> Path:
-    """Write ``data`` to ``target``, of which others see the old state or the whole new one; return it."""
+    """Write ``data`` to ``target``, of which others see the old state or the whole new one; return it.
+
+    Raises :class:`TargetError` if that cannot be done.
+    """
     draft = target.with_name(f".{target.name}.{uuid.uuid4().hex}")
     try:
-        draft.write_bytes(data)
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
+        try:
+            draft.write_bytes(data)
+            os.replace(draft, target)
+        finally:
+            draft.unlink(missing_ok=True)
+    except OSError as problem:
+        raise TargetError(f"cannot be written: {problem.strerror or problem}", str(target), value=str(target)) from None
     return target

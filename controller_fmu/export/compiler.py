@@ -17,7 +17,7 @@ from pathlib import Path
 import fmpy
 
 from controller_fmu.errors import CompilerError, NoCompilerError, PlatformError
-from controller_fmu.export.platforms import cross_compilers
+from controller_fmu.export.platforms import REMEDY, cross_compilers
 
 COMPILERS = ("cc", "gcc", "clang")
 
@@ -75,7 +75,7 @@ def require_compiler() -> list[str]:
     """Return what :func:`find_compiler` finds; raises :class:`NoCompilerError` if there is none."""
     compiler = find_compiler()
     if compiler is None:
-        remedy = f"install one ({', '.join(COMPILERS)}, or pip install ziglang), or set the environment variable CC"
+        remedy = f"install one ({', '.join(COMPILERS)}, or {REMEDY}), or set the environment variable CC"
         raise NoCompilerError("no C compiler found", value=os.environ.get("CC", ""), remedy=remedy)
     return compiler
 

@@ -10,6 +10,9 @@ from importlib.util import find_spec
 
 from controller_fmu.errors import NoCompilerError, PlatformError
 
+REMEDY = "pip install 'flexible-manipulator-benchmark[native]'"
+"""Installs the package ``ziglang``."""
+
 
 @dataclass(frozen=True)
 class Platform:
@@ -42,7 +45,7 @@ def cross_compilers(platforms: Sequence[str]) -> dict[str, list[str]]:
             raise PlatformError(f"no platform is named {platform!r}", value=platform, nearest=tuple(PLATFORMS))
     if platforms and find_spec("ziglang") is None:
         what = "binaries for other platforms need the package ziglang"
-        raise NoCompilerError(what, value="ziglang", remedy="pip install ziglang")
+        raise NoCompilerError(what, value="ziglang", remedy=REMEDY)
     # With a target given, the code is for any processor of the platform, not for this machine's own.
     command = [sys.executable, "-m", "ziglang", "cc", "-target"]
     return {platform: [*command, PLATFORMS[platform].target] for platform in platforms}

@@ -7,7 +7,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from controller_fmu.errors import SourceError, located
@@ -42,19 +43,43 @@ def python_fmu(script: Path, packages: Sequence[Path], units_module: str, target
 
     Raises:
         TargetError: there is no folder for ``target``.
-        SourceError: a source is missing, or pythonfmu fails with it.
+        SourceError: a source is missing or has a syntax error, or pythonfmu fails with it.
         UnitError: a variable has no unit, or one that is neither known nor defined.
     """
     check_target(target)
     for source in (script, *packages):
         if not source.exists():
             raise SourceError("the file does not exist", str(source), value=source.name)
+    for file in _modules((script, *packages)):
+        _check_syntax(file)
     contents, units, base_units = _export(script, packages, units_module)
     with located(script):
         root = complete(parse(contents.pop("modelDescription.xml")), units, base_units)
     root.set("guid", "")
     root.set("guid", content_guid({**contents, "modelDescription.xml": to_bytes(root)}))
     return write_atomically(pack({**contents, "modelDescription.xml": to_bytes(root)}), target)
+
+
+def _modules(sources: Sequence[Path]) -> Iterator[Path]:
+    for source in sources:
+        if source.is_dir():
+            yield from sorted(source.rglob("*.py"))
+        elif source.suffix == ".py":
+            yield source
+
+
+def _check_syntax(file: Path) -> None:
+    """Compile ``file`` without running it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            compile(file.read_bytes(), str(file), "exec", dont_inherit=True)
+    except SyntaxError as problem:
+        where = f"{file}:{problem.lineno}" if problem.lineno else str(file)
+        raise SourceError(f"{type(problem).__name__}: {problem.msg}", where, value=file.name) from None
+    except (ValueError, RecursionError, MemoryError) as problem:  # a null byte, nested too deeply
+        what = f"cannot be compiled: {problem or type(problem).__name__}"
+        raise SourceError(what, str(file), value=file.name) from None
 
 
 def _export(

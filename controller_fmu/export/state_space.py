@@ -1,9 +1,7 @@
-"""A controller FMU of matrices: compiled, or in Python where there is no compiler."""
+"""A controller FMU of matrices, compiled."""
 
 from __future__ import annotations
 
-import json
-import logging
 import math
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -12,18 +10,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from controller_fmu.errors import LinearSystemError, ScheduleError, ShapeError, located
+from controller_fmu.errors import ScheduleError, ShapeError, located
 from controller_fmu.export.archive import check_target
 from controller_fmu.export.c_fmu import c_fmu
-from controller_fmu.export.compiler import find_compiler
 from controller_fmu.export.description import parse, to_bytes
-from controller_fmu.export.python_fmu import python_fmu
 from controller_fmu.export.systems import contents, real, stacked
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "state_space"
 INTERPOLATIONS = ("nearest", "linear")
-
-logger = logging.getLogger(__name__)
 
 
 def controller_from_state_space(
@@ -39,7 +33,6 @@ def controller_from_state_space(
     interpolation: Literal["nearest", "linear"] = "nearest",
     anti_windup: Any = None,
     torque_limit: tuple[float, float] = (35.0, 20.0),
-    language: Literal["c", "python"] | None = None,
 ) -> Path:
     """Build the FMU of a linear controller, or of a schedule of them, and return its path ``out``.
 
@@ -77,9 +70,6 @@ def controller_from_state_space(
         out. With B of the plant, an observer sees the torque that the motors get.
     torque_limit : tuple of float
         The drive's limits [N.m].
-    language : str, optional
-        ``"c"`` or ``"python"``; by default C where there is a compiler, or else Python, and the log says so. Both
-        give the same torques up to rounding.
 
     Raises
     ------
@@ -93,13 +83,13 @@ def controller_from_state_space(
         If the points are missing, or cannot be interpolated between.
     SystemFileError
         If a file cannot be read.
+    NoCompilerError
+        If this machine has no C compiler.
     BuildError
-        Whatever else is wrong with ``out``, the compiler or pythonfmu.
+        Whatever else is wrong with ``out`` or the compiler.
     """
     target, system = Path(out), A
     check_target(target)
-    if language not in (None, *BUILDERS):
-        raise LinearSystemError(f"there is no builder {language!r}", value=str(language), nearest=tuple(BUILDERS))
     if isinstance(A, str | Path):
         system = contents(Path(A))
         points = system.get("points") if points is None else points
@@ -118,12 +108,13 @@ def controller_from_state_space(
             "laws": np.block([[law.A, law.B], [law.C, law.D]]).tolist(),
             "backs": backs.tolist(),
         }
-    if language is None:
-        language = "c" if find_compiler() is not None else "python"
-        if language == "python":
-            logger.warning("No C compiler found: the controller runs in Python, which is slower.")
+    root = parse((TEMPLATES / "modelDescription.xml").read_bytes())
+    root.find("DefaultExperiment").set("stepSize", repr(law.T_s))  # type: ignore[union-attr]  # it is there
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as name:
-        return BUILDERS[language](data, Path(name), target)
+        folder = Path(name)
+        (folder / "modelDescription.xml").write_bytes(to_bytes(root))
+        (folder / "gains.h").write_text(_header(data), encoding="utf-8")
+        return c_fmu([TEMPLATES / "model.c", folder / "gains.h"], folder / "modelDescription.xml", target)
 
 
 def _shaped(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
@@ -169,20 +160,6 @@ def _cells(points: np.ndarray) -> list[dict[str, Any]]:
     return cells
 
 
-def _in_c(data: dict[str, Any], folder: Path, target: Path) -> Path:
-    root = parse((TEMPLATES / "modelDescription.xml").read_bytes())
-    root.find("DefaultExperiment").set("stepSize", repr(data["T_s"]))  # type: ignore[union-attr]  # it is there
-    (folder / "modelDescription.xml").write_bytes(to_bytes(root))
-    (folder / "gains.h").write_text(_header(data), encoding="utf-8")
-    return c_fmu([TEMPLATES / "model.c", folder / "gains.h"], folder / "modelDescription.xml", target)
-
-
-def _in_python(data: dict[str, Any], folder: Path, target: Path) -> Path:
-    (folder / "state_space.json").write_text(json.dumps(data), encoding="utf-8")
-    script = TEMPLATES / "manipulator_state_space_fmu.py"
-    return python_fmu(script, [folder / "state_space.json"], script.stem, target)
-
-
 def _header(data: dict[str, Any]) -> str:
     """The data as C, the matrices by columns."""
     laws, backs = (np.swapaxes(np.array(data[name]), 1, 2).tolist() for name in ("laws", "backs"))
@@ -217,6 +194,3 @@ def _braced(value: Iterable[Any] | float) -> str:
         return "INFINITY" if value == math.inf else repr(value)
     inner = [_braced(item) for item in value]
     return "{" + (",\n" if any(isinstance(item, Sequence) for item in value) else ", ").join(inner) + "}"
-
-
-BUILDERS = {"c": _in_c, "python": _in_python}

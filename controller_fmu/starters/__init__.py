@@ -9,7 +9,7 @@ import re
 import shutil
 from pathlib import Path
 
-from controller_fmu.errors import FolderTakenError, ModelNameError, UnknownKitError
+from controller_fmu.errors import FolderTakenError, ModelNameError, StarterError, UnknownKitError
 from controller_fmu.export import C_INTERFACE
 from controller_fmu.export.folder import model_name
 
@@ -35,17 +35,21 @@ def copy(kind: str, folder: Path) -> Path:
         UnknownKitError: there is no such kit.
         ModelNameError: the folder's name cannot be given to a module and a class, or has another meaning there.
         FolderTakenError: the folder is not empty, is a file, or has no parent folder.
+        StarterError: the folder cannot be written.
     """
     texts = renamed(kit(kind), folder.resolve().name)
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise FolderTakenError("the folder is not empty" if folder.is_dir() else "is not a folder", str(folder))
     if not folder.parent.is_dir():
         raise FolderTakenError("the folder to create it in does not exist", str(folder), value=str(folder.parent))
-    folder.mkdir(exist_ok=True)
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
-    for path in _files(kind, DATA):
-        shutil.copyfile(path, folder / path.name)
+    try:
+        folder.mkdir(exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        for path in _files(kind, DATA):
+            shutil.copyfile(path, folder / path.name)
+    except OSError as problem:
+        raise StarterError(f"cannot be written: {problem.strerror or problem}", str(folder)) from None
     return folder
 
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from controller_fmu import controller_from_mlp, controller_from_state_space, starters
-from controller_fmu.errors import ControllerFmuError
+from controller_fmu.errors import ControllerFmuError, NoCompilerError
 from controller_fmu.export.state_space import INTERPOLATIONS
 from controller_fmu.export.systems import METHODS
 
-from ..errors import InputError
+from ..errors import EnvironmentFault, InputError
 from .guard import EXIT_OK
 from .values import Parser, number
 
@@ -32,7 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     if given.kind in (STATE_SPACE, MLP):
-        return _built(given.kind, given.folder, given.out or given.folder.with_suffix(".fmu"), vars(given))
+        beside = given.folder.parent / f"{given.folder.stem}.fmu"
+        return _built(given.kind, given.folder, given.out or beside, vars(given))
     if given.out is not None:
         parser.error(f"--out is for {STATE_SPACE} and {MLP}")
     try:
@@ -52,6 +53,8 @@ def _built(kind: str, file: Path, out: Path, given: dict[str, object]) -> int:
             print(controller_from_mlp(file, out=out))
         else:
             print(controller_from_state_space(file, out=out, **how))  # type: ignore[arg-type]  # as the parser says
+    except NoCompilerError as problem:
+        raise EnvironmentFault(str(problem), "cannot-build") from None
     except ControllerFmuError as problem:
         raise InputError(str(problem), "bad-system", problem.where or file, problem.value, problem.nearest) from None
     return EXIT_OK

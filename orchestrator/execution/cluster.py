@@ -20,13 +20,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from .. import __version__
 from ..cache import cache_folder, code_hash, plant_hash
 from ..codec import Malformed, NonNegative, Struct, pack, plain, unpack
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from ..fmi.trace import Place
 from ..text import printable
+from ..version import __version__
 from .job import Died, Done, Job, Limits, Outcome
 from .messages import ErrorRecord, Failed, Finished, FmuFiles, Order, error_of, error_record
 from .supervision import run_isolated

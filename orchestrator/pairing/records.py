@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from fractions import Fraction
 from importlib import metadata
 
-from .. import __version__
 from ..benchmark.protocol import Protocol
 from ..documents.head import BoundRecord, ControllerRecord, PlantRecord
 from ..documents.results import LoopDelay
 from ..fmi.archive import Archive
 from ..fmi.connectors import CONTROLLER
 from ..loop.setup import controller_binding
+from ..version import __version__
 from .controller import Controller
 from .pairing import Pairing
 from .plant import FILE, Plant

@@ -22,7 +22,7 @@ def _state_space(folder: Path) -> Path:
     points = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]
     out = folder / "LinearSchedule.fmu"
     schedule = {"points": points, "interpolation": "linear", "anti_windup": B}
-    return controller_from_state_space(A, B, C, D, 0.25e-3, out=out, language="c", **schedule)
+    return controller_from_state_space(A, B, C, D, 0.25e-3, out=out, **schedule)
 
 
 def _mlp(folder: Path, activation: str) -> Path:

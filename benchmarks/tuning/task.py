@@ -1,4 +1,4 @@
-"""What the tuning scripts of the controllers have in common: a task, and a data file that says what made it."""
+"""What the tuning scripts have in common: a task, and a data file that says what made it."""
 
 from __future__ import annotations
 

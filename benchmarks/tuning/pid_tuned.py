@@ -1,13 +1,17 @@
-"""Find gains of the PID, eq. (13): tuned_pid_gains.json.
+"""Find gains of the PID, eq. (13): controller_fmu/pid_tuned/tuned_pid_gains.json.
 
-python -m controller_fmu.pid_tuned.tune    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
+python benchmarks/tuning/pid_tuned.py    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-from controller_fmu.tuning import Task, main
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.tuning.task import Task, main  # noqa: E402
 
 START = {
     "K_p[1]": 45.0,
@@ -23,7 +27,7 @@ START = {
 
 TASK = Task(
     script=Path(__file__),
-    file=Path(__file__).with_name("tuned_pid_gains.json"),
+    file=ROOT / "controller_fmu" / "pid_tuned" / "tuned_pid_gains.json",
     shipped="TunedPID",
     fast="DiagonalPID_C",
     start=START,

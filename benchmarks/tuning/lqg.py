@@ -1,13 +1,17 @@
-"""Find the weights of the LQG design: lqg_weights.json.
+"""Find the weights of the LQG design: controller_fmu/lqg/lqg_weights.json.
 
-python -m controller_fmu.lqg.tune    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
+python benchmarks/tuning/lqg.py    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-from controller_fmu.tuning import Task, main
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.tuning.task import Task, main  # noqa: E402
 
 START = {
     "stiffness[1]": 7.3,
@@ -33,7 +37,7 @@ from earlier searches."""
 
 TASK = Task(
     script=Path(__file__),
-    file=Path(__file__).with_name("lqg_weights.json"),
+    file=ROOT / "controller_fmu" / "lqg" / "lqg_weights.json",
     shipped="ManipulatorLQG",
     fast="DitheredLQG_C",
     start=START,

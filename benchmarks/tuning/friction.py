@@ -1,13 +1,17 @@
-"""Find the weights of the LQG design together with its dither: friction_weights.json.
+"""Find the weights of the LQG design together with its dither: controller_fmu/friction/friction_weights.json.
 
-python -m controller_fmu.friction.tune    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
+python benchmarks/tuning/friction.py    (needs a C compiler and the extra ``tuning``; about 20 minutes on two cores)
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
-from controller_fmu.tuning import Task, main
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.tuning.task import Task, main  # noqa: E402
 
 START = {
     "stiffness[1]": 4.4,
@@ -40,7 +44,7 @@ UPPER = {"amplitude[1]": 25.0, "amplitude[2]": 15.0}
 
 TASK = Task(
     script=Path(__file__),
-    file=Path(__file__).with_name("friction_weights.json"),
+    file=ROOT / "controller_fmu" / "friction" / "friction_weights.json",
     shipped="DitheredLQG",
     fast="DitheredLQG_C",
     start=START,

@@ -1,0 +1,6 @@
+"""``python -m orchestrator.build``: see :mod:`orchestrator.cli.build`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("build"))

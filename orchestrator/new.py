@@ -1,0 +1,6 @@
+"""``python -m orchestrator.new``: see :mod:`orchestrator.cli.new`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("new"))
