@@ -26,6 +26,8 @@ from .errors import FmuError
 from .exact_time import seconds
 from .loop.trajectory import Status, Trajectory
 
+# Imports inside functions: the loop's compiler is loaded when the first episode begins.
+
 if TYPE_CHECKING:
     from .loop.stepwise import Stepwise
 

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import build_fmus
@@ -19,7 +20,7 @@ COMMANDS = ("__main__", *main.COMMANDS)
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
     ("errors", "text", "exact_time", "cache", "codec", "jit", "asking", "version"),
-    ("fmi",),
+    ("fmi", "views"),
     ("loop",),
     ("benchmark", "conformance"),
     ("execution", "search"),
@@ -94,6 +95,35 @@ def test_no_arrow_goes_up_or_sideways():
     assert not wrong
 
 
+def test_no_circle_of_modules():
+    """Not even within a room, in functions or for type checkers."""
+    files = {module.removesuffix(".__init__"): file for module, file in modules()}
+    graph = {
+        module: {
+            there
+            for name in imported(module if file.stem != "__init__" else f"{module}.__init__", file.read_text("utf-8"))
+            if (there := name if name in files else name.rpartition(".")[0]) in files and there != module
+        }
+        for module, file in files.items()
+    }
+    assert sum(map(len, graph.values())) > 600, "there is a graph to look at"
+    TopologicalSorter(graph).prepare()  # raises CycleError, which names the modules
+
+
+def test_imports_inside_functions_say_why():
+    """They are there for the sake of the start, or for an optional package; beside them, or for the whole module."""
+    for module, file in modules():
+        lines = file.read_text(encoding="utf-8").splitlines()
+        if any(line.startswith("# Imports inside functions: ") for line in lines):
+            continue
+        for function in ast.walk(ast.parse("\n".join(lines))):
+            if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+                for node in ast.walk(function):
+                    if isinstance(node, ast.Import | ast.ImportFrom):
+                        near = lines[max(node.lineno - 2, 0) : node.lineno]
+                        assert any("#" in line for line in near), f"{module}:{node.lineno}"
+
+
 def test_every_module_is_in_a_room():
     entries = (ROOT / "orchestrator").iterdir()
     rooms = {entry.stem for entry in entries if entry.suffix == ".py" or (entry / "__init__.py").is_file()}
@@ -119,6 +149,6 @@ def test_options_stand_in_the_commands_alone():
 
 OPTION = re.compile(r"(^|[\s`'\"(])--[a-z]")
 WITH_OPTIONS = {
-    "orchestrator.documents.repeat": "the command that repeats a case, held against the parser in test_cli.py",
+    "orchestrator.documents.commands": "the command that repeats a case, held against the parser in test_cli.py",
     "orchestrator.execution.sandbox": "the words of bubblewrap's own command",
 }

@@ -16,6 +16,8 @@ from controller_fmu.export.c_fmu import c_fmu
 from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.export.systems import contents, real, stacked
 
+# Imports inside functions: SciPy is loaded by those who need it.
+
 TEMPLATES = Path(__file__).resolve().parents[1] / "state_space"
 INTERPOLATIONS = ("nearest", "linear")
 

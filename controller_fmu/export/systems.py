@@ -13,6 +13,8 @@ import numpy as np
 
 from controller_fmu.errors import SampleTimeError, ShapeError, SystemFileError, UnstableError
 
+# Imports inside functions: SciPy is loaded by those who need it.
+
 MATRICES = ("A", "B", "C", "D")
 METHODS = {"zoh": "zoh", "tustin": "bilinear"}
 """Ways to sample a continuous system, by their names in SciPy."""

@@ -14,6 +14,8 @@ from ..pairing.controller import Controller
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.reference import USUAL
 
+# Imports inside functions: each use case is loaded when it is first used. All of them take longer than a simulation.
+
 if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them take longer than a simulation
     from typing_extensions import Unpack
 

@@ -12,10 +12,13 @@ import numpy as np
 from ..benchmark.case import Case
 from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, linearized, modes, rest, sampled
 from ..documents.document import Shown
+from ..documents.files import streamed, write_bytes
 from ..errors import InputError
 from ..loop.scenario import NO_DELAY
 from ..views.table import Cell, Column, Note, Summary, Table, Value
 from ..views.units import HERTZ, MILLIMETRE, RADIAN, TORQUE, heading
+
+# Imports inside functions: SciPy's files and the optional package control are loaded by those who need them.
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +80,6 @@ class LinearModel(Shown):
     def save(self, file: str | Path) -> Path:
         """Write A, B, C, D, T_s (0 if continuous), the names and the steady state into a ``.mat`` or ``.npz`` file."""
         from scipy.io import savemat
-
-        from ..documents.files import streamed, write_bytes
 
         file = Path(file)
         contents = {name: getattr(self, name) for name in "ABCD"} | {"T_s": self.sample_time or 0.0}

@@ -20,6 +20,8 @@ from ..pairing.pairing import simulate as simulated
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from .simulation import Simulation
 
+# Imports inside functions: lxml and Numba are loaded by those who need them.
+
 
 def simulate(conditions: Conditions, controller: Controller, case: Case | str) -> Simulation:
     """See :meth:`.Benchmark.simulate`."""

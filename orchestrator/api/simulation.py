@@ -16,10 +16,13 @@ from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, Kind
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Shown
+from ..documents.files import write_bytes
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
 from ..views.table import Column, Note, Part, Summary, Table, Value
 from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, heading
+
+# Imports inside functions: Matplotlib and pandas are loaded by those who need them.
 
 if TYPE_CHECKING:
     import pandas
@@ -134,8 +137,6 @@ class Simulation(Shown):
 
     def save(self, file: str | Path) -> Path:
         """Write the simulation into ``file``; :meth:`load` reads it. The signals alone: see :meth:`columns`."""
-        from ..documents.files import write_bytes
-
         write_bytes(Path(file), pack(_Saved(**vars(self))))
         return Path(file)
 

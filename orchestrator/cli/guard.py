@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from ..errors import BenchmarkError, Crash, FmuError, InputError
 from ..text import printable
 
+# Imports inside functions: the command's own, in which a Ctrl-C is no traceback either.
+
 EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_NOT_JUDGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 
 EXIT_CODES = """exit codes: 0 all cases ended with done or unstable, 1 some ended with crashed, timeout or error, or the

@@ -11,6 +11,8 @@ from ..documents.evaluation import Evaluation
 from ..documents.files import FIGURES, MAT, PARQUET, write_bytes
 from ..errors import InputError
 
+# Imports inside functions: pyarrow and SciPy are loaded by those who need them.
+
 NO_TRAJECTORIES = (
     "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
 )

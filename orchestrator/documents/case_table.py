@@ -7,6 +7,8 @@ from typing import Any
 from ..views.csv import csv_text
 from .results import Results
 
+# Imports inside functions: pyarrow is optional.
+
 
 def case_table(results: Results) -> dict[str, list[Any]]:
     """One list per column, one element per case; names carry the SI unit. None if a case has no such figure."""

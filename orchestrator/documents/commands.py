@@ -47,6 +47,11 @@ def case_command(setting: Setting, id: str) -> str:
     return _command(setting, "--case", id)
 
 
+def in_draw(id: str, seed: int) -> str:
+    """The name of a case in the draw of this seed, as a command has it."""
+    return f"{id} --seed {seed}"
+
+
 def recording_command(head: Head, about: About) -> str:
     """The same for a case that was recorded, which need not be one of the protocol's poses."""
     if about.configuration >= 0:

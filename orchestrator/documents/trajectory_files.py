@@ -16,6 +16,8 @@ from ..loop.trajectory import Trajectory
 from ..views.csv import csv_text
 from .files import streamed, write_bytes, write_text
 
+# Imports inside functions: Matplotlib and SciPy are loaded by those who need them.
+
 if TYPE_CHECKING:  # loaded by those who draw
     from matplotlib.figure import Figure
 

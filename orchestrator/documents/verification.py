@@ -21,7 +21,7 @@ from ..codec import plain
 from ..loop.trajectory import Status
 from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
 from ..views.units import SHOWN, heading
-from .commands import Setting, case_command
+from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Row, completeness
 from .facts import head_facts
 from .files import VERIFICATION
@@ -126,7 +126,7 @@ class Verification(Document, Comparable, kw_only=True):
         listed = (*self.cases, *(self.strict.cases if self.strict else ()))
         failed = [case for case in listed if case.status is not Status.DONE]
         parts += [
-            Note(f"{case.id} --seed {case.seed}: {case.status.value}: {case.message}") for case in failed[:SHOWN_CASES]
+            Note(f"{in_draw(case.id, case.seed)}: {case.status.value}: {case.message}") for case in failed[:SHOWN_CASES]
         ]
         if len(failed) > SHOWN_CASES:
             parts.append(Note(f"... and {len(failed) - SHOWN_CASES} more; see {self.FILE}.", warning=False))
@@ -220,7 +220,7 @@ def _table(title: str, found: Score | Verification, others: Mapping[str, Score])
 
 def _worst(found: CriterionFound | RequirementFound) -> str:
     worst = found.worst_case
-    return f"{worst.id} --seed {worst.seed}" if worst else "-"
+    return in_draw(worst.id, worst.seed) if worst else "-"
 
 
 def _verdict(found: RequirementFound) -> Verdict:

@@ -31,6 +31,8 @@ from .job import Died, Done, Job, Limits, Outcome
 from .messages import ErrorRecord, Failed, Finished, FmuFiles, Order, error_of, error_record
 from .supervision import run_isolated
 
+# Imports inside functions: Dask is optional.
+
 WAIT = 60.0
 """Seconds to wait for the scheduler's and the workers' first words, and for the first worker."""
 

@@ -10,6 +10,8 @@ from contextlib import suppress
 from .lean import lean_imports
 from .sandboxed import fill_cache
 
+# Imports inside functions: the process binds itself to its parent before it loads anything.
+
 
 def main() -> None:
     """Run the controller that is asked for through standard input, and answer through standard output."""

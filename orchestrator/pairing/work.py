@@ -21,6 +21,8 @@ from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Status, Trajectory
 
+# Imports inside functions: a worker loads Numba and SciPy for the tasks that need them only.
+
 if TYPE_CHECKING:  # it loads the compiler, which only workers need
     from ..fmi.slaves import Slave
 

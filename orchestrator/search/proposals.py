@@ -10,6 +10,8 @@ from typing import Any
 from ..errors import EnvironmentFault, InputError
 from .candidates import Range
 
+# Imports inside functions: Optuna is optional.
+
 SAMPLERS = ("cmaes", "tpe", "random")
 """CMA-ES, the tree-structured Parzen estimator, and points at random."""
 
