@@ -42,6 +42,9 @@ from orchestrator.benchmark.metrics import expected  # noqa: E402
 from orchestrator.benchmark.results import Judgement, Measurements  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.codec import Malformed, pack, plain  # noqa: E402
+from orchestrator.documents.evaluation import Evaluation  # noqa: E402
+from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
+from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
 from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
 from orchestrator.execution.apart import Apart, Over, Ready  # noqa: E402
 from orchestrator.execution.messages import (  # noqa: E402
@@ -58,10 +61,6 @@ from orchestrator.fmi.port import LOST, WARNING, exchange  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.pairing import work  # noqa: E402
 from orchestrator.pairing.built_in import built_in  # noqa: E402
-from orchestrator.documents.evaluation import Evaluation  # noqa: E402
-from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
-from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
-from orchestrator.documents.run import load_run, save_run  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
 PROTOCOL = protocols.load("quick")
@@ -262,15 +261,14 @@ def read_answer(data: bytes, due: type[Ready | Over] | None) -> str:
 
 def read_run(folder: Path) -> str:
     """Load a run, report and compare it; what is accepted must be consistent."""
-    found = load_run(folder)
+    found = Evaluation.load(folder)
     check_sense(plain(found.results))
     assert score(found.results.rules, found.results.cases) == found.results.scorecard
     for recording in found.recordings:
         check_recording(recording)
-    loaded = Evaluation.load(folder)
-    loaded.report(folder / "report.html")
-    json.dumps(plain(loaded.results), allow_nan=False)
-    compare([loaded])
+    found.report(folder / "report.html")
+    json.dumps(plain(found.results), allow_nan=False)
+    compare([found])
     return "accepted"
 
 
@@ -333,7 +331,7 @@ def fuzz(
         outcomes["answers"][attempt(partial(read_answer, data, due), f"answer {number}", problems)] += 1
     with tempfile.TemporaryDirectory() as place:
         pristine = Path(place, "pristine")
-        save_run(results_of(), RECORDINGS, pristine)
+        Evaluation(results_of(), RECORDINGS).save(pristine)
         files = {name: (pristine / name).read_bytes() for name in (RESULTS, TRAJECTORIES)}
         folder = Path(place, "run")
         folder.mkdir()

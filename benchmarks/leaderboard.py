@@ -31,13 +31,13 @@ sys.path.insert(0, str(ROOT))
 import build_fmus  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.benchmark.certificate import Figure  # noqa: E402
-from orchestrator.benchmark.results import Results  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
+from orchestrator.documents.results import Results  # noqa: E402
+from orchestrator.documents.verification import Verification  # noqa: E402
 from orchestrator.errors import InputError  # noqa: E402
 from orchestrator.pairing.reference import IN_C, in_c  # noqa: E402
-from orchestrator.documents.certificates import Verification  # noqa: E402
-from orchestrator.documents.wording import SHOWN, number  # noqa: E402
+from orchestrator.views.units import SHOWN, number  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
 README = ROOT / "README.md"
@@ -210,7 +210,7 @@ def worst_row(figures: Figures, name: str) -> str:
 
 
 def _shown(entry: Mapping[str, Any]) -> str:
-    return number(entry["value"] * SHOWN[entry["unit"]][0])
+    return number(entry["value"] * SHOWN[entry["unit"]].factor)
 
 
 def _verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
@@ -274,7 +274,7 @@ def broken(found: Mapping[str, Any]) -> str:
 def largest(found: Mapping[str, Any]) -> str:
     """The worst cases found, and those that the margins are of, with their commands."""
     lines = [
-        f"# {name} {_shown(entry)} {SHOWN[entry['unit']][1]}\n{entry['command']}"
+        f"# {name} {_shown(entry)} {SHOWN[entry['unit']].shown}\n{entry['command']}"
         for name, entry in found["worst_case"].items()
     ]
     for name, entry in found["margins"].items():
@@ -316,7 +316,7 @@ def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
     for name, known in found:
         verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
         values = " | ".join(
-            spread(known.criteria[key], SHOWN[known.criteria[key].unit][0]) for key in ("B5", "B6", "B7")
+            spread(known.criteria[key], SHOWN[known.criteria[key].unit].factor) for key in ("B5", "B6", "B7")
         )
         compared = (known, known.references[BASELINE])
         cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))

@@ -21,10 +21,10 @@ from support.reports import ABOUT, results_of
 from support.tools import PRESENT
 
 import orchestrator
-from orchestrator.benchmark.results import SampleTimeRecord
 from orchestrator.cli import simulate
 from orchestrator.cli.main import COMMANDS, main
-from orchestrator.documents.repeat import recording_command, simulate_command
+from orchestrator.documents.commands import recording_command, simulate_command
+from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.run import load_run
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")

@@ -13,9 +13,10 @@ from msgspec import inspect
 
 from orchestrator.benchmark import protocol
 from orchestrator.benchmark.case import Test as Experiment
-from orchestrator.benchmark.results import Measurements, Results
+from orchestrator.benchmark.results import Measurements
 from orchestrator.codec import Malformed, Struct, convert, from_json, pack, plain, to_json, unpack
 from orchestrator.conformance import dynamic
+from orchestrator.documents.results import Results
 from orchestrator.exact_time import seconds
 from orchestrator.execution import messages
 from orchestrator.pairing import work

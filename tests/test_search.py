@@ -22,9 +22,9 @@ from orchestrator.benchmark.results import Judgement, Measurements, rules
 from orchestrator.cli import report, simulate
 from orchestrator.cli.variation import variation
 from orchestrator.codec import to_json
+from orchestrator.documents import recording
 from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
-from orchestrator.documents import recording
 from orchestrator.search.archive import Archive, Ask
 from orchestrator.search.ascent import climb, explore
 from orchestrator.search.hunt import Hunt, costs, effects, requirements, search, spread
@@ -265,7 +265,7 @@ def members(draw):
 def test_the_command_of_a_member_makes_its_very_case(member):
     from support.reports import CONTROLLER, PLANT
 
-    from orchestrator.documents.repeat import Setting, member_command
+    from orchestrator.documents.commands import Setting, member_command
 
     setting = Setting(CONTROLLER, PLANT, "strict", 0, None)
     words = shlex.split(member_command(setting, member, parameters(member, STRICT, NOMINAL)))

@@ -25,12 +25,12 @@ from orchestrator.cache import cache_folder
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from orchestrator.codec import from_json, to_json
+from orchestrator.documents.verification import Verification, differences
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.built_in import built_in
 from orchestrator.pairing.reference import USUAL
-from orchestrator.documents.certificates import Verification, differences
-from orchestrator.documents.wording import VERDICTS
 from orchestrator.study import verify as verification
+from orchestrator.views.table import VERDICTS
 
 pytestmark = [
     pytest.mark.needs("linux"),

@@ -39,7 +39,8 @@ class StudyCommand:
     ``options`` adds the options that are its own; ``study`` makes the study of what was given, ``check`` looks for what
     contradicts itself before. Its results stand in a folder named after controller and protocol, with a ``suffix``.
     ``protocol`` is the default. ``tell`` puts events into words; without it there is a progress bar. ``files`` writes
-    what belongs to the document beside it and the report, and gives the names.
+    what belongs to the document beside it and the report, and gives the names. ``program`` is how it is started, if not
+    by ``python -m``.
     """
 
     name: str
@@ -56,10 +57,11 @@ class StudyCommand:
     on_event: Callable[[argparse.Namespace, Path, Event], None] = lambda given, folder, event: None
     files: Callable[[Any, Path, argparse.Namespace], Sequence[str]] = lambda found, folder, given: ()
     report: bool = True
+    program: str = ""
 
     def parser(self) -> Parser:
         """The parser of its options."""
-        parser = Parser(self.name, self.help, f"{self.examples}\n{EXIT_CODES}")
+        parser = Parser(self.name, self.help, f"{self.examples}\n{EXIT_CODES}", self.program)
         options.add_controller(parser)
         options.add_protocol(parser, self.several_seeds, self.protocol)
         self.options(parser)
@@ -80,7 +82,7 @@ class StudyCommand:
         given = self.parser().parse_args(words)
         options.refuse_idle(given)
         self.check(given)
-        command = shlex.join(["python", "-m", f"orchestrator.{self.name}", *words])
+        command = f"{self.parser().prog} {shlex.join(words)}".strip()
         bench, controller = replace(options.benchmark(given), command=command), options.controller(given)
         folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given)}{self.suffix(given)}"
         return self.run(bench, controller, given, folder)

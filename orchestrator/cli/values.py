@@ -25,9 +25,9 @@ MOST_VALUES = 10_000
 class Parser(argparse.ArgumentParser):
     """A parser whose errors take two lines and not a page."""
 
-    def __init__(self, command: str, description: str, epilog: str = "") -> None:
+    def __init__(self, command: str, description: str, epilog: str = "", program: str = "") -> None:
         super().__init__(
-            prog=f"python -m orchestrator.{command}",
+            prog=program or f"python -m orchestrator.{command}",
             description=description,
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -33,7 +33,7 @@ class Entry:
     @property
     def cost(self) -> float | None:
         """V, if it counts, that is if every case of the protocol was simulated."""
-        return None if self.document.unranked else self.document.V
+        return None if self.document.rank.reason else self.document.V
 
 
 @dataclass(frozen=True)
@@ -149,9 +149,10 @@ def compare(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
     for kind, of_kind in groups.items():
         of_kind.sort(key=lambda group: len(group[1]), reverse=True)
         for own, entries in of_kind:
-            ranked = sorted((e for e in entries if not e.document.unranked), key=lambda entry: entry.document.standing)
-            unranked = tuple((entry, entry.document.unranked) for entry in entries if entry.document.unranked)
-            found.append(Group(kind, own, tuple(ranked), unranked, own.difference(of_kind[0][0])))
+            ranks = [(entry, entry.document.rank) for entry in entries]
+            ranked = sorted((each for each in ranks if not each[1].reason), key=lambda each: each[1].key)
+            unranked = tuple((entry, rank.reason) for entry, rank in ranks if rank.reason)
+            found.append(Group(kind, own, tuple(e for e, _ in ranked), unranked, own.difference(of_kind[0][0])))
     return Comparison(tuple(found))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
@@ -80,6 +80,20 @@ Row = tuple[tuple[Column, Cell], ...]
 """What a comparison shows of a document: its cells, each with its column."""
 
 
+class Rank(NamedTuple):
+    """How results stand in a comparison: by whether all requirements are met (``holds``), then by ``V``; and why they
+    have no rank, if there is a ``reason``."""
+
+    V: float | None = None
+    holds: bool = True
+    reason: str = ""
+
+    @property
+    def key(self) -> tuple[bool, float]:
+        """The sort key."""
+        return not self.holds, math.inf if self.V is None else self.V
+
+
 class Comparable(Shown):
     """What a comparison lists: results of one ``KIND``, with their head, their V, and how they stand."""
 
@@ -98,29 +112,19 @@ class Comparable(Shown):
         raise NotImplementedError
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by; None if there is none."""
-        raise NotImplementedError
+    def rank(self) -> Rank:
+        """How it stands."""
+        return Rank()
 
     @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        raise NotImplementedError
+    def V(self) -> float | None:
+        """The cost it is ranked by; None if there is none."""
+        return self.rank.V
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """What is shown of it beside the ``first`` one of its group (None if that is itself) and all ``others`` that
         are compared, with their names."""
         raise NotImplementedError
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        return "no cost" if self.V is None else ""
-
-    @property
-    def standing(self) -> tuple[bool, float]:
-        """The sort key: those that meet all requirements first, then V."""
-        return not self.holds, math.inf if self.V is None else self.V
 
 
 class Document(Struct, kw_only=True):

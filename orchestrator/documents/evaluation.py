@@ -12,7 +12,7 @@ from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, 
 from ..views.table import VERDICTS, Page, Summary
 from . import report_page, scorecard
 from .case_table import case_table
-from .document import Comparable, Completeness, Row
+from .document import Comparable, Completeness, Rank, Row
 from .files import prepare_folder
 from .head import Head
 from .run import Run, load_run, save_run
@@ -100,17 +100,12 @@ class Evaluation(Run, Comparable):
         return self.results.completeness
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return self.cost
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        return Rank(self.cost, all(entry.passed for entry in self.requirements.values()), self._reason)
 
     @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return all(entry.passed for entry in self.requirements.values())
-
-    @property
-    def unranked(self) -> str:
+    def _reason(self) -> str:
         """Why it has no rank; empty if it has one."""
         if self.complete and self.cost is not None:
             return ""

@@ -20,7 +20,7 @@ from ..views.table import Beside, Cell, Column, Commands, Facts, Note, Page, Par
 from ..views.units import NONE, SHOWN, number
 from . import worst_page
 from .comparability import same_controller
-from .document import Comparable, Completeness, Document, Row, unit_problem
+from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
 from .recording import Recording
@@ -75,19 +75,10 @@ class Robustness(Document, Comparable, kw_only=True):
         return "complete" if self.complete and not self.failures else "incomplete"
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return self.cost
-
-    @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return all(entry.passed for entry in self.requirements.values())
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        return "" if self.cost is not None else "no V was found: a case that counts has no value"
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        reason = "" if self.cost is not None else "no V was found: a case that counts has no value"
+        return Rank(self.cost, all(entry.passed for entry in self.requirements.values()), reason)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """What was found, beside V of the scorecards of the same controller."""

@@ -13,7 +13,7 @@ from ..codec import Natural
 from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
 from ..views.units import NONE, SHOWN, Unit, heading, number
 from .commands import again, case_command, setting
-from .document import Comparable, Completeness, Document, Row
+from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import SPREAD
 from .head import Head
@@ -69,19 +69,10 @@ class Spread(Document, Comparable, kw_only=True):
         return "" if same else "its statistics are not those of its seeds"
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return self.cost.mean
-
-    @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return all(self.passed(name) for name in self.requirements)
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        return "" if self.cost.mean is not None else "no mean of V: an evaluation is unstable or incomplete"
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        reason = "" if self.cost.mean is not None else "no mean of V: an evaluation is unstable or incomplete"
+        return Rank(self.cost.mean, all(self.passed(name) for name in self.requirements), reason)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """Mean and standard deviation of V and the criteria, with how many seeds the requirements are met, and V minus

@@ -13,7 +13,7 @@ from ..views.csv import csv_text
 from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Verdict
 from ..views.units import number
 from . import files
-from .document import Comparable, Completeness, Document, Row
+from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .wording import assignments
 
@@ -97,19 +97,10 @@ class Sweep(Document, Comparable, kw_only=True):
         return tuple(name for name, each in self.values.items() if len(each) > 1) or tuple(self.values)[:1]
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return None if self.best is None else self.best.cost
-
-    @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return self.best is not None
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        return "" if self.best is not None else "no combination has a V and holds A1-A3"
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        reason = "" if self.best is not None else "no combination has a V and holds A1-A3"
+        return Rank(None if self.best is None else self.best.cost, self.best is not None, reason)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """The best combination."""

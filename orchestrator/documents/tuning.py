@@ -27,7 +27,7 @@ from ..views.table import (
     Widget,
 )
 from ..views.units import number
-from .document import Comparable, Completeness, Document, Row
+from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import REPORT, TUNING
 from .spread import mean_words
@@ -119,19 +119,11 @@ class Tuning(Document, Comparable, kw_only=True):
         return self.best.trial.values if self.best is not None else self.trials[0].values
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return None if self.best is None else self.best.cost
-
-    @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return self.best is not None and not self.best.strict_broken
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        return "" if self.V is not None else "no candidate holds A1-A3"
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        if self.best is None or self.best.cost is None:
+            return Rank(reason="no candidate holds A1-A3")
+        return Rank(self.best.cost, not self.best.strict_broken)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """V of the best candidate, with other seeds and on the strict list."""

@@ -22,7 +22,7 @@ from ..loop.trajectory import Status
 from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
 from ..views.units import SHOWN, heading
 from .commands import Setting, case_command, in_draw
-from .document import Comparable, Completeness, Document, Row, completeness
+from .document import Comparable, Completeness, Document, Rank, Row, completeness
 from .facts import head_facts
 from .files import VERIFICATION
 from .reasons import Reason, reason_notes, reason_text
@@ -87,21 +87,11 @@ class Verification(Document, Comparable, kw_only=True):
         return completeness([case for score in own for case in score.cases], tallies)
 
     @property
-    def V(self) -> float | None:
-        """The cost it is ranked by."""
-        return self.cost.mean
-
-    @property
-    def holds(self) -> bool:
-        """Whether all requirements are met."""
-        return all(entry.passed for entry in self.requirements.values())
-
-    @property
-    def unranked(self) -> str:
-        """Why it has no rank; empty if it has one."""
-        if not self.complete:
-            return "incomplete"
-        return "" if self.cost.mean is not None else "no mean of V: a draw has none"
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        reason = "" if self.cost.mean is not None else "no mean of V: a draw has none"
+        held = all(entry.passed for entry in self.requirements.values())
+        return Rank(self.cost.mean, held, reason if self.complete else "incomplete")
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """Mean and standard deviation of V and the criteria, and the verdicts."""

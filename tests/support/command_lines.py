@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,12 +21,17 @@ class Finished:
 
 def call(module: str, *arguments: object, folder: Path) -> Finished:
     """Run a command in this process, in ``folder``."""
+    return called(lambda words: guard.run(module, words), *arguments, folder=folder)
+
+
+def called(main: Callable[[Sequence[str]], int], *arguments: object, folder: Path) -> Finished:
+    """The same with any function that takes the words of a command line."""
     out, err, before = io.StringIO(), io.StringIO(), os.getcwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             try:
-                code = guard.run(module, [str(argument) for argument in arguments])
+                code = main([str(argument) for argument in arguments])
             except SystemExit as end:  # argparse
                 code = int(end.code or 0)
     finally:

@@ -1,0 +1,80 @@
+"""B5 against the controller's sample time: a study in one file, as CONTRIBUTING.md explains it.
+
+python examples/sample_time.py my_controller.fmu --protocol quick --times 0.00025,0.0005,0.001
+"""
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import ClassVar
+
+from orchestrator.benchmark.scorecard import score
+from orchestrator.cli.study import StudyCommand
+from orchestrator.documents.document import Comparable, Document, Row
+from orchestrator.documents.facts import head_facts
+from orchestrator.pairing.conditions import Conditions
+from orchestrator.pairing.controller import Controller
+from orchestrator.study.heads import head
+from orchestrator.study.requests import Batch, Entry, Now, Save, Study, rehearsed
+from orchestrator.views.table import Column, Facts, Plot, Series, Summary, Table
+from orchestrator.views.units import MILLIMETRE, MILLISECOND
+
+
+class SampleTimes(Document, Comparable, kw_only=True):
+    """B5 [m] by sample time [s]; None where a loop that counts is unstable."""
+
+    FILE: ClassVar[str] = "sample-times.json"
+    SCHEMA: ClassVar[str] = "example-sample-times/1"
+    KIND: ClassVar[str] = "B5 by sample time"
+
+    times: tuple[float, ...]
+    B5: tuple[float | None, ...]
+
+    def summary(self) -> Summary:
+        """A table and a plot."""
+        x, y = Column("sample time", MILLISECOND), Column("B5", MILLIMETRE, best="smallest")
+        table = Table("Force error", (x, y), tuple(zip(self.times, self.B5, strict=True)))
+        target = (("target", self.rules.criteria["B5"].target),)
+        plot = Plot("sample-times", "B5 over the sample time", x, y, (Series("B5", self.times, self.B5),), target)
+        parts = (table, plot, Facts("This study", tuple(head_facts(self.head))))
+        return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}", parts)
+
+    def row(self, first, others) -> Row:
+        """B5 at each sample time."""
+        return tuple(
+            (Column(f"B5 at {1e3 * time:g} ms", MILLIMETRE, best="smallest"), value)
+            for time, value in zip(self.times, self.B5, strict=True)
+        )
+
+
+def sample_times(conditions: Conditions, controller: Controller, times: list[Fraction]) -> Study[SampleTimes]:
+    """The cases that B5 is measured in, at each of ``times`` [s]."""
+    begin, found = (yield Now()), []
+    for time in times:
+        controller, pairing, T_s, cases = conditions.prepared(replace(controller, sample_time=time))
+        measured = tuple(case for case in cases if "B5" in case.test.criteria)
+        yield from rehearsed(pairing, measured[0])
+        (runs,) = yield Batch((Entry(conditions.rules, pairing, measured),))
+        own = head(conditions, controller, pairing, T_s, begin, (yield Now()))
+        found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
+    document = SampleTimes(schema=SampleTimes.SCHEMA, head=own, times=tuple(map(float, times)), B5=tuple(found))
+    yield Save(document)
+    return document
+
+
+def times_option(parser) -> None:
+    """The option that is the study's own."""
+    parser.add_argument("--times", type=lambda text: [Fraction(time) for time in text.split(",")], required=True)
+
+
+main = StudyCommand(
+    name="sample_time",
+    help="B5 against the controller's sample time.",
+    examples=__doc__ or "",
+    study=lambda bench, controller, given, folder: sample_times(bench, controller, given.times),
+    options=times_option,
+    suffix=lambda given: "-sample-times",
+    program="python examples/sample_time.py",
+).main
+
+if __name__ == "__main__":
+    raise SystemExit(main())
