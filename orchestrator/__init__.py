@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .documents.spread import Spread
     from .documents.sweep import Sweep
     from .documents.tuning import Tuning
+    from .documents.verification import Verification
     from .errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
     from .pairing.controller import Controller
 
@@ -44,6 +45,7 @@ __all__ = [
     "Sweep",
     "Tuning",
     "Variation",
+    "Verification",
     "__version__",
     "compare",
     "controller_from_mlp",
@@ -61,6 +63,7 @@ _HOMES = {
     "Sweep": ".documents.sweep",
     "Tuning": ".documents.tuning",
     "Variation": ".benchmark.variation",
+    "Verification": ".documents.verification",
     "compare": ".api.comparing",
     "controller_from_mlp": "controller_fmu",
     "controller_from_state_space": "controller_fmu",
