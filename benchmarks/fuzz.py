@@ -1,5 +1,5 @@
-"""Mutated messages of workers, answers of controllers apart, results.json and trajectories.npz: each is refused in one
-clear error, or makes sense.
+"""Mutated messages of workers, answers of isolated controllers, results.json and trajectories.npz: each is refused in
+one clear error, or makes sense.
 
     python benchmarks/fuzz.py                    10,000 messages, 10,000 answers, 300 results.json, 100 trajectories.npz
     python benchmarks/fuzz.py --seed 7 --messages 100000
@@ -46,7 +46,7 @@ from orchestrator.documents.evaluation import Evaluation  # noqa: E402
 from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
 from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
 from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
-from orchestrator.execution.apart import Apart, Over, Ready  # noqa: E402
+from orchestrator.execution.isolated import Isolated, Over, Ready  # noqa: E402
 from orchestrator.execution.messages import (  # noqa: E402
     Failed,
     Finished,
@@ -174,7 +174,7 @@ VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
 """What workers send: a sample, how it is decoded, and what must be true of it."""
 
 REPLIES = (Ready(), Over(("a line",)), Over(error=error_record(FmuError("it failed", "fmi2DoStep", ("why",)))))
-"""What a controller apart sends beside the answers of its steps."""
+"""What an isolated controller sends beside the answers of its steps."""
 
 ENVELOPES = (Loaded(), Failed(0, error_record(FmuError("it failed", "fmi2DoStep", ("why",))), 0.1))
 
@@ -223,8 +223,8 @@ def read_message(data: bytes, kind: str) -> str:
 
 
 def answer(chance: random.Random) -> tuple[bytes, type[Ready | Over] | None]:
-    """What a controller apart might send, mutated, and the type of message that is due; None for the answer of a step,
-    which is four numbers."""
+    """What an isolated controller might send, mutated, and the type of message that is due; None for the answer of a
+    step, which is four numbers."""
     if chance.random() < 0.5:
         data = np.array(chance.choices([0.0, 1.0, 2.0, 5.0, -1.0, 1e300, math.nan, math.inf], k=4)).tobytes()
         return (damaged(data, chance) if chance.random() < 0.5 else data), None
@@ -234,10 +234,10 @@ def answer(chance: random.Random) -> tuple[bytes, type[Ready | Over] | None]:
 
 
 @functools.cache
-def apart() -> Apart:
+def isolated() -> Isolated:
     """The other side of the channel, without a process."""
     archive = open_archive(built_in("DiagonalPID"))
-    own = Apart(FmuFiles(archive.name, archive.sha256, str(archive.folder)), (sys.executable,))
+    own = Isolated(FmuFiles(archive.name, archive.sha256, str(archive.folder)), (sys.executable,))
     own._process = SimpleNamespace(pid=0, returncode=0, wait=lambda _seconds: 0)
     return own
 
@@ -248,7 +248,7 @@ def read_answer(data: bytes, due: type[Ready | Over] | None) -> str:
     with open(near, "rb", 0) as source, open(os.devnull, "wb", 0) as nowhere:
         os.write(far, data)
         os.close(far)
-        own = apart()
+        own = isolated()
         own._requests, own._answers = nowhere.fileno(), source.fileno()
         if due is not None:
             check_sense(own._ask(lambda: None, due).lines)

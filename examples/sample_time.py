@@ -11,8 +11,8 @@ from orchestrator.benchmark.scorecard import score
 from orchestrator.cli.study import StudyCommand
 from orchestrator.documents.document import Comparable, Document, Row
 from orchestrator.documents.facts import head_facts
-from orchestrator.pairing.conditions import Conditions
 from orchestrator.pairing.controller import Controller
+from orchestrator.pairing.testbed import Testbed
 from orchestrator.study.heads import head
 from orchestrator.study.requests import Batch, Entry, Now, Save, Study, rehearsed
 from orchestrator.views.table import Column, Facts, Plot, Series, Summary, Table
@@ -46,15 +46,15 @@ class SampleTimes(Document, Comparable, kw_only=True):
         )
 
 
-def sample_times(conditions: Conditions, controller: Controller, times: list[Fraction]) -> Study[SampleTimes]:
+def sample_times(testbed: Testbed, controller: Controller, times: list[Fraction]) -> Study[SampleTimes]:
     """The cases that B5 is measured in, at each of ``times`` [s]."""
     begin, found = (yield Now()), []
     for time in times:
-        controller, pairing, T_s, cases = conditions.prepared(replace(controller, sample_time=time))
+        controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=time))
         measured = tuple(case for case in cases if "B5" in case.test.criteria)
         yield from rehearsed(pairing, measured[0])
-        (runs,) = yield Batch((Entry(conditions.rules, pairing, measured),))
-        own = head(conditions, controller, pairing, T_s, begin, (yield Now()))
+        (runs,) = yield Batch((Entry(testbed.rules, pairing, measured),))
+        own = head(testbed, controller, pairing, T_s, begin, (yield Now()))
         found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
     document = SampleTimes(schema=SampleTimes.SCHEMA, head=own, times=tuple(map(float, times)), B5=tuple(found))
     yield Save(document)

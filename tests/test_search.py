@@ -25,13 +25,13 @@ from orchestrator.codec import to_json
 from orchestrator.documents import recording
 from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
-from orchestrator.search.archive import Archive, Ask
 from orchestrator.search.ascent import climb, explore
+from orchestrator.search.history import Ask, History
 from orchestrator.search.hunt import Hunt, costs, effects, requirements, search, spread
 from orchestrator.search.margins import margins, radius
 from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
 from orchestrator.search.race import race
-from orchestrator.search.target import FAILED, height, targets
+from orchestrator.search.target import FAILED, severity, targets
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 STRICT = load("strict")
@@ -77,10 +77,10 @@ def hidden(member):
 
 
 def test_a_hidden_corner_is_found_from_the_nominal_system():
-    archive = Archive(STRICT)
-    run(explore(archive, B6, replace(START, test=B6.test)), hidden)
-    run(climb(archive, [B6], 300 - len(archive.found), 0, goes_on), hidden)
-    assert archive.height(B6) == len(CORNER) and len(archive.found) <= 300
+    history = History(STRICT)
+    run(explore(history, B6, replace(START, test=B6.test)), hidden)
+    run(climb(history, [B6], 300 - len(history.found), 0, goes_on), hidden)
+    assert history.severity(B6) == len(CORNER) and len(history.found) <= 300
 
 
 @pytest.mark.parametrize(
@@ -99,17 +99,19 @@ def test_a_controller_that_fails_only_there_is_found(planted):
         figures = {"recovery": max(0.0, near)}
         return figures | ({"limit_cycle_x": 1e-4, "limit_cycle_ratio": 1.0} if planted(member) else {})
 
-    archive = Archive(STRICT)
-    run(archive.results([loose(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT)]), of)
-    run(climb(archive, [DELAY], 600, 0, goes_on), of)
-    found = archive.worst(DELAY)
-    assert found is not None and planted(found) and height(DELAY, archive.found[found], STRICT.stability) > 0.5 * FAILED
+    history = History(STRICT)
+    run(history.results([loose(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT)]), of)
+    run(climb(history, [DELAY], 600, 0, goes_on), of)
+    found = history.worst(DELAY)
+    assert (
+        found is not None and planted(found) and severity(DELAY, history.found[found], STRICT.stability) > 0.5 * FAILED
+    )
 
 
 def hunt_of(budget):
     """A search from the list of ``strict``."""
     listed = [of_case(case) for case in LIST]
-    return Hunt(Archive(STRICT), rules(STRICT), listed, targets(STRICT), lambda member: "", budget)
+    return Hunt(History(STRICT), rules(STRICT), listed, targets(STRICT), lambda member: "", budget)
 
 
 def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
@@ -120,7 +122,7 @@ def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
     run(search(hunt, 0), of)
     run(spread(hunt), of)
     found, listed = costs(hunt)
-    assert found == listed > 0.0 and set(hunt.archive.found) == set(hunt.listed)
+    assert found == listed > 0.0 and set(hunt.history.found) == set(hunt.listed)
 
 
 @pytest.mark.parametrize("budget", [924, 1000, 1300, 2000, 6000])
@@ -142,12 +144,12 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
         return (yield from margins(hunt)), (yield from radius(hunt))
 
     found, reach = run(whole(), of, lambda stage, simulations, worst: stages.append((stage, simulations)) or True)
-    assert len(hunt.archive.found) <= budget and [count for _, count in stages] == sorted(c for _, c in stages)
+    assert len(hunt.history.found) <= budget and [count for _, count in stages] == sorted(c for _, c in stages)
     assert set(hunt.cut_short) <= {stage for stage, _ in stages}
     if budget == 924:
         assert hunt.cut_short and not found and reach is None
     if budget == 6000:
-        assert hunt.cut_short == [] and len(hunt.archive.found) > 2000
+        assert hunt.cut_short == [] and len(hunt.history.found) > 2000
         assert {name: margin.value for name, margin in found.items()} == {
             "gain_1": 3.0312, "gain_1_down": None, "delay_1": 1.8125e-3,
             "gain_2": 3.0312, "gain_2_down": None, "delay_2": 1.8125e-3,
@@ -176,7 +178,7 @@ def test_v_passes_its_target_within_the_tolerances_just_if_v_found_does(cost):
 
 def searched(of):
     hunt = hunt_of(2000)
-    run(hunt.archive.results(hunt.listed), of)
+    run(hunt.history.results(hunt.listed), of)
     return hunt
 
 
@@ -196,10 +198,10 @@ def test_a_simulation_that_crashed_fails_and_one_that_was_lost_is_not_judged(sta
     hunt = searched(lambda member: {})
     struck = next(member for member in hunt.listed if member.test == DELAY.test)
     ended = {"status": status} | ({} if status is Status.DONE else {"measurements": Measurements()})
-    hunt.archive.found[struck] = changed(hunt.archive.found[struck], **ended)
+    hunt.history.found[struck] = changed(hunt.history.found[struck], **ended)
     found = run(requirements(hunt), lambda member: {})
     assert {name: entry.passed for name, entry in found.items()} == {"A1": True, "A2": passed, "A3": passed}
-    assert len(hunt.archive.found) == len(hunt.listed) and (struck in hunt.shown) <= (status is Status.DONE)
+    assert len(hunt.history.found) == len(hunt.listed) and (struck in hunt.shown) <= (status is Status.DONE)
     assert (found["A2"].status is status) is (passed is not None)
 
 
@@ -208,11 +210,11 @@ def test_the_same_members_are_tried_again_and_in_another_order_of_targets():
         def of(member):
             return {"B6": float(matches(member))} if "dist" in member.test else {}
 
-        archive = Archive(STRICT)
+        history = History(STRICT)
         for target in wanted:
-            run(explore(archive, target, replace(START, test=target.test)), of)
-        run(climb(archive, wanted, 200, seed, goes_on), of)
-        return list(archive.found)
+            run(explore(history, target, replace(START, test=target.test)), of)
+        run(climb(history, wanted, 200, seed, goes_on), of)
+        return list(history.found)
 
     assert tried(0, [B6, DELAY]) == tried(0, [B6, DELAY]) != tried(1, [B6, DELAY])
     assert set(tried(0, [B6, DELAY])) == set(tried(0, [DELAY, B6]))

@@ -132,7 +132,7 @@ def test_a_verification_draws_for_the_controller_and_its_references(quick):
     found = answered(verify(quick, Controller(), "a beacon", 2, False, ("TunedPID",), False), player)
     assert [draw.seed for draw in found.draws] == [draw.seed for draw in found.references["TunedPID"].draws]
     own, reference = player.of(Batch)
-    assert own.entries[0].pairing.apart and not reference.entries[0].pairing.apart
+    assert own.entries[0].pairing.isolated and not reference.entries[0].pairing.isolated
     assert (reference.before, reference.total) == (len(own.entries[0].cases), 2 * len(own.entries[0].cases))
 
 

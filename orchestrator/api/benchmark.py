@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.reference import USUAL
+from ..pairing.testbed import Testbed
 
 # Imports inside functions: each use case is loaded when it is first used. All of them take longer than a simulation.
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
 
 
 @dataclass(frozen=True)
-class Benchmark(Conditions):
+class Benchmark(Testbed):
     """The benchmark under fixed conditions; every method may be called from any thread, script or notebook.
 
     Parameters

@@ -14,37 +14,37 @@ from ..documents.files import write_bytes
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..pairing.built_in import built_in
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.pairing import simulate as simulated
 from ..pairing.plant import AUTO, NATIVE, PYTHON
+from ..pairing.testbed import Testbed
 from .simulation import Simulation
 
 # Imports inside functions: lxml and Numba are loaded by those who need them.
 
 
-def simulate(conditions: Conditions, controller: Controller, case: Case | str) -> Simulation:
+def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simulation:
     """See :meth:`.Benchmark.simulate`."""
-    pairing, wanted = conditions.sampled(controller, case)
+    pairing, wanted = testbed.sampled(controller, case)
     scenario = wanted.scenario
     trajectory = simulated(pairing, scenario)
-    result = named(wanted, judge(conditions.rules, wanted, trajectory))
-    plain = case_list.case(conditions.rules, wanted.configuration, wanted.system, wanted.test, conditions.seed).scenario
+    result = named(wanted, judge(testbed.rules, wanted, trajectory))
+    plain = case_list.case(testbed.rules, wanted.configuration, wanted.system, wanted.test, testbed.seed).scenario
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
     return Simulation(
-        wanted, pairing.controller.name, trajectory, result, varied, kind(result, conditions.rules.stability)
+        wanted, pairing.controller.name, trajectory, result, varied, kind(result, testbed.rules.stability)
     )
 
 
-def export_ssp(conditions: Conditions, controller: Controller, case: Case | str, file: Path) -> None:
+def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file: Path) -> None:
     """See :meth:`.Benchmark.export_ssp`."""
     from ..documents.ssp import package
     from ..loop.controller import Steady  # loads Numba
 
-    if conditions.plant not in (AUTO, PYTHON, NATIVE):
-        message = f"The package holds the benchmark's manipulator, in the place of {conditions.plant}: leave that out."
-        raise InputError(message, "no-ssp", conditions.plant)
-    pairing, wanted = conditions.sampled(controller, case)
+    if testbed.plant not in (AUTO, PYTHON, NATIVE):
+        message = f"The package holds the benchmark's manipulator, in the place of {testbed.plant}: leave that out."
+        raise InputError(message, "no-ssp", testbed.plant)
+    pairing, wanted = testbed.sampled(controller, case)
     scenario, pose = wanted.scenario, wanted.configuration
     at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
     plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))

@@ -14,9 +14,9 @@ from ..errors import InputError
 from ..execution.cluster import WAIT
 from ..fmi.controller_files import read_mapping, read_parameters
 from ..pairing.built_in import DEFAULT_CONTROLLER
-from ..pairing.conditions import available_cores
 from ..pairing.controller import Controller
 from ..pairing.plant import FILE
+from ..pairing.testbed import available_cores
 from ..pairing.twin import DEFAULT_IN_C, PLANT, PLANT_IN_C
 from ..text import printable
 from .values import MOST, assignment, connection, natural, number, seeds, time

@@ -18,7 +18,7 @@ from plant_fmu.flexible_manipulator.coefficients import Joint
 from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
 
 from .files import prepare_folder, streamed, write_bytes
-from .recording import EXAMPLE, SPREAD, Recording
+from .recording import EXAMPLE, SYSTEMS, Recording
 from .run import Run
 from .trajectory_files import interpreted
 
@@ -126,7 +126,7 @@ def example_error(run: Run, due_to_force: bool) -> Figure | None:
 
 def spread_error(run: Run, due_to_force: bool) -> Figure | None:
     """Figures 11 and 12: the same for the uncertain systems; those assumed and the worst of all stand out."""
-    shown = run.recorded(SPREAD)
+    shown = run.recorded(SYSTEMS)
     worst = max(shown, key=lambda entry: _peak(entry, due_to_force), default=None)
     others = [entry for entry in shown if _is_random(entry) and entry is not worst]
     looks = [(entry, MUTED, f"{len(others)} others", 2) for entry in others]

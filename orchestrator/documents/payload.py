@@ -15,7 +15,7 @@ from ..benchmark.tally import tally
 from ..codec import plain
 from ..views.units import SHOWN
 from .commands import recording_command
-from .recording import SPREAD, Recording, thin
+from .recording import SYSTEMS, Recording, thin
 from .results import Results
 from .run import Run
 
@@ -34,7 +34,7 @@ def report_payload(run: Run) -> dict[str, Any]:
         "rules": plain(run.results.rules),
         "stability": _stability(run.results),
         "recordings": [packed(entry, recording_command(run.results.head, entry.about)) for entry in affordable(run)],
-        "spread": [packed_error(entry, SPREAD_INTERVALS) for entry in run.recorded(SPREAD)],
+        "spread": [packed_error(entry, SPREAD_INTERVALS) for entry in run.recorded(SYSTEMS)],
     }
 
 
@@ -85,7 +85,7 @@ def _packed(column: np.ndarray) -> str:
 def affordable(run: Run) -> list[Recording]:
     """The recordings but the spread; if they are too many or too lively for a page, thinned out further, by the same
     signals as in :func:`.recording.record`."""
-    kept = [entry for entry in run.recordings if SPREAD not in entry.about.roles]
+    kept = [entry for entry in run.recordings if SYSTEMS not in entry.about.roles]
     tcp = [np.column_stack([entry.motion[:, 1:3], entry.error]) for entry in kept]
     motions = _thinned([entry.motion for entry in kept], tcp)
     torques = _thinned([entry.torque for entry in kept], [entry.torque[:, 1:] for entry in kept])

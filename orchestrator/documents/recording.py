@@ -29,7 +29,7 @@ OBSERVED = ("q_a[1]", "q_a[2]")
 MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
 """Intervals that the signals are thinned out to."""
 
-EXAMPLE, SPREAD = "example", "spread"
+EXAMPLE, SYSTEMS = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
 
 BESIDE = "beside"

@@ -31,7 +31,7 @@ from . import scorecard
 from .commands import recording_command, simulate_command
 from .payload import affordable, report_payload, stability
 from .reasons import reason_notes
-from .recording import SPREAD
+from .recording import SYSTEMS
 from .results import Results
 from .run import Run, contradictions
 from .wording import remarks
@@ -86,7 +86,7 @@ def _summary(run: Run, shown: Mapping[str, int]) -> tuple[Part, ...]:
 
 def _spread(run: Run) -> tuple[Part, ...]:
     """Figures 11 and 12."""
-    recorded = run.recorded(SPREAD)
+    recorded = run.recorded(SYSTEMS)
     if not recorded:
         return (WITHOUT,)
     commands = ((entry.about.id, recording_command(run.results.head, entry.about)) for entry in recorded)

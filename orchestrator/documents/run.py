@@ -15,7 +15,7 @@ from ..loop.trajectory import Status
 from . import recording
 from .case_table import cases_csv
 from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
-from .recording import SPREAD, Recording
+from .recording import SYSTEMS, Recording
 from .results import Results
 
 SINGLE = 1e-5
@@ -47,7 +47,7 @@ def contradictions(run: Run) -> list[str]:
     found = []
     for entry in run.recordings:
         case = cases.get(entry.about.id)
-        if case is None or case.status is not Status.DONE or SPREAD in entry.about.roles:
+        if case is None or case.status is not Status.DONE or SYSTEMS in entry.about.roles:
             continue
         torques = np.max(np.abs(entry.torque[:, 1:]), axis=0, initial=0.0)
         shown = {"B3": float(torques[0]), "B4": float(torques[1])}

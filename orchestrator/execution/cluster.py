@@ -63,7 +63,7 @@ class RemoteJob(Struct, frozen=True):
     limits: Limits
     largest: int
     sandbox: bool
-    apart: bool
+    isolated: bool
 
 
 class RemoteAnswer(Struct, frozen=True):
@@ -212,7 +212,7 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(identity(), job.order(), job.time_limits, job.limits, job.largest, job.sandbox, job.apart))
+    return pack(RemoteJob(identity(), job.order(), job.time_limits, job.limits, job.largest, job.sandbox, job.isolated))
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
@@ -230,7 +230,7 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.largest,
             remote.limits,
             remote.sandbox,
-            remote.apart,
+            remote.isolated,
         )
         sent = (
             Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found

@@ -1,4 +1,4 @@
-"""The process of a controller apart: one simulation long, with nothing of plant, noise, judge and results in it."""
+"""The process of an isolated controller: one simulation long, with nothing of plant, noise, judge and results in it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def main() -> None:
         from ..fmi.slaves import load, log
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
-        from .apart import Begin, Over, Ready
+        from .isolation import Begin, Over, Ready
         from .messages import error_record, frame, read_frame, write_all
         from .process_tree import bind_to_parent
         from .worker import Surroundings

@@ -41,7 +41,7 @@ class Job:
         One per task [s]; see :mod:`~orchestrator.execution.time_limit` for what they limit.
     sandbox : bool
         Whether the process that loads the controller runs in a :mod:`~orchestrator.execution.sandbox`.
-    apart : bool
+    isolated : bool
         Whether that is another one than the worker, a new one for each simulation.
     core : int
         The processor for both, -1 for any.
@@ -58,7 +58,7 @@ class Job:
     largest: int = 1 << 16
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
-    apart: bool = False
+    isolated: bool = False
     core: int = -1
     give_up: bool = False
 
@@ -71,13 +71,13 @@ class Job:
             decode=lambda index, value: self.decode(first + index, value),
         )
 
-    def order(self, apart: tuple[str, ...] = ()) -> Order:
-        """What is sent to a worker; ``apart`` is the command that starts a process for the controller."""
+    def order(self, isolated: tuple[str, ...] = ()) -> Order:
+        """What is sent to a worker; ``isolated`` is the command that starts a process for the controller."""
         plant, controller = (
             FmuFiles(archive.name, archive.sha256, str(archive.folder), digests)
             for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
-        return Order(plant, controller, self.work, self.tasks, apart, self.core)
+        return Order(plant, controller, self.work, self.tasks, isolated, self.core)
 
 
 class Done(msgspec.Struct, frozen=True):

@@ -81,8 +81,8 @@ def started(job: Job, stop: threading.Event) -> Iterator[Child]:
             output, output_end = map(stack.enter_context, map(FileIO, os.pipe(), "rw"))
             trace = stack.enter_context(closing(SharedTrace()))
             ends = far.fileno(), output_end.fileno(), trace.file
-            apart = (*_fence(job), *boot("controller_host")) if job.apart else ()
-            inside = job.sandbox and not job.apart
+            isolated = (*_fence(job), *boot("controller_host")) if job.isolated else ()
+            inside = job.sandbox and not job.isolated
             process = _SandboxedProcess(job, ends) if inside else _ForkedProcess(job, ends, stop)
             stack.callback(process.kill)
             far.close()
@@ -90,7 +90,7 @@ def started(job: Job, stop: threading.Event) -> Iterator[Child]:
         except OSError as problem:
             raise _cannot_start(problem.strerror or str(problem)) from problem
         with suppress(ConnectionError):  # it has ended already; its output tells why
-            _send(near, frame(job.order(apart)), stop)
+            _send(near, frame(job.order(isolated)), stop)
         yield Child(process, near.fileno(), output.fileno(), trace)
 
 
@@ -99,7 +99,7 @@ def _fence(job: Job) -> list[str]:
     if not job.sandbox:
         return []
     # Of a plant that somebody else steps nothing is shown.
-    return sandbox.command((job.controller.folder,) if job.apart else (job.plant.folder, job.controller.folder))
+    return sandbox.command((job.controller.folder,) if job.isolated else (job.plant.folder, job.controller.folder))
 
 
 def _send(channel: socket.socket, data: bytes, stop: threading.Event) -> None:

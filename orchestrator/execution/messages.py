@@ -46,7 +46,7 @@ class FmuFiles(Struct, frozen=True):
 class Order(Struct, frozen=True):
     """What a worker is to do: call the function ``work`` ("module:function") for each task.
 
-    If ``apart`` has words, the controller is loaded by a process that they start, a new one for each simulation, and
+    If ``isolated`` has words, the controller is loaded by a process that they start, a new one for each simulation, and
     never by the worker. ``core`` is the processor for both, -1 for any.
     """
 
@@ -54,7 +54,7 @@ class Order(Struct, frozen=True):
     controller: FmuFiles
     work: str
     tasks: tuple[bytes, ...]
-    apart: tuple[str, ...] = ()
+    isolated: tuple[str, ...] = ()
     core: int = -1
 
 

@@ -15,8 +15,8 @@ from .supervision import run_isolated
 def run(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Outcome], None, None]:
     """Run ``jobs`` on ``workers`` processes at a time; yields (number of the job, outcome) as they come.
 
-    A controller apart shares the processor of its worker: the two take turns, and waking a processor that sleeps takes
-    ten times as long as changing from one process to the other.
+    An isolated controller shares the processor of its worker: the two take turns, and waking a processor that sleeps
+    takes ten times as long as changing from one process to the other.
 
     This process never loads an FMU's binary. Closing the generator, or an exception where it is consumed, ends all
     workers.
@@ -32,7 +32,7 @@ def run(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Outcome], Non
         try:
             while not stop.is_set():
                 number = waiting.get_nowait()
-                job = replace(jobs[number], core=core) if jobs[number].apart else jobs[number]
+                job = replace(jobs[number], core=core) if jobs[number].isolated else jobs[number]
                 for outcome in run_isolated(job, stop):
                     results.put((number, outcome))
         except queue.Empty:

@@ -89,7 +89,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     watch = Stopwatch(child.process.tree)
     inbox = Inbox(child.channel, job.largest)
     sources = [child.channel, child.output]
-    start = FRESH_START if job.sandbox and not job.apart else START
+    start = FRESH_START if job.sandbox and not job.isolated else START
 
     def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
@@ -127,7 +127,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if isinstance(message, Failed):
                         if message.error.kind == "environment":
                             raise error_of(message.error)
-                        if message.error.kind == "crash":  # of the process of a controller apart
+                        if message.error.kind == "crash":  # of the process of an isolated controller
                             yield died(message.error.message, outside=message.error.what == "killed")
                         else:
                             yield message

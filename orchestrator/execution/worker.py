@@ -18,14 +18,14 @@ from ..errors import BenchmarkError
 from ..fmi import trace
 from ..fmi.archive import check_files, reopen
 from ..fmi.slaves import Slave, load, log
-from .apart import Apart
+from .isolation import Isolated
 from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, frame, read_frame, write_all
 from .process_tree import bind_to_parent
 from .shared_trace import SharedTrace
 
 MOST_DESCRIPTORS = 65536
 
-Work = Callable[[Slave, Slave | Apart, bytes], bytes]
+Work = Callable[[Slave, Slave | Isolated, bytes], bytes]
 
 
 def main(channel: int, output: int, shared: int, folder: str, parent: int) -> NoReturn:
@@ -58,7 +58,9 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     index = 0
     try:
         plant = _load(order.plant, trace.PLANT)
-        controller = Apart(order.controller, order.apart) if order.apart else _load(order.controller, trace.CONTROLLER)
+        controller = (
+            Isolated(order.controller, order.isolated) if order.isolated else _load(order.controller, trace.CONTROLLER)
+        )
         write_all(channel, frame(Loaded()))
         for index, task in enumerate(order.tasks):  # noqa: B007 - the handler below needs the index
             surroundings.restore()

@@ -1,1 +1,1 @@
-"""Which plant and which controller are simulated together, and under which conditions."""
+"""Which plant and which controller are simulated together, on which testbed."""

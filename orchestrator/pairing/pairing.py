@@ -37,10 +37,10 @@ FIRST_START_TIME = 60.0
 
 @dataclass(frozen=True)
 class Pairing:
-    """The two FMUs and the conditions they run under.
+    """The two FMUs, and the limits they run under.
 
-    ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``apart``, the process of plant
-    and judge never loads the controller.
+    ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``isolated``, the process of
+    plant and judge never loads the controller.
     """
 
     plant: Archive
@@ -49,7 +49,7 @@ class Pairing:
     timeout: float = 60.0
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
-    apart: bool = False
+    isolated: bool = False
 
     def job(
         self,
@@ -75,13 +75,13 @@ class Pairing:
     ) -> Job:
         """A job of this pairing with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
-        own = (self.limits, self.sandbox, self.apart)
+        own = (self.limits, self.sandbox, self.isolated)
         return Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
 
     @property
-    def conditions(self) -> str:
+    def restrictions(self) -> str:
         """What a failure may depend on beside its key: limits, and whether there is a sandbox."""
-        return json.dumps([self.timeout, self.limits.memory, self.limits.output, self.sandbox, self.apart])
+        return json.dumps([self.timeout, self.limits.memory, self.limits.output, self.sandbox, self.isolated])
 
 
 def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:

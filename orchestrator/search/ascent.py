@@ -1,7 +1,8 @@
 """The search itself: from each target's worst member so far, eight changed ones in every round.
 
-A (1 + 8) evolution strategy over signs, pose and disturbance. It compares heights and nothing else, its rounds have a
-fixed size, and its random numbers depend on seed and target alone: the answer is the same for any number of processes.
+A (1 + 8) evolution strategy over signs, pose and disturbance. It compares severities and nothing else, its rounds have
+a fixed size, and its random numbers depend on seed and target alone: the answer is the same for any number of
+processes.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ import numpy as np
 
 from ..benchmark.protocol import Protocol
 from ..loop.random_streams import stable_stream
-from .archive import Archive, Asking
+from .history import Asking, History
 from .member import Member, loose, names, symbol_of
-from .target import Target, height
+from .target import Target, severity
 
 CHILDREN = 8
 """Members per target and round."""
@@ -88,21 +89,21 @@ def single_effects(member: Member, protocol: Protocol) -> dict[tuple[str, float]
 
 
 def climb(
-    archive: Archive, wanted: Sequence[Target], budget: int, seed: int, note: Callable[[str], Asking[bool]]
+    history: History, wanted: Sequence[Target], budget: int, seed: int, note: Callable[[str], Asking[bool]]
 ) -> Asking[None]:
-    """Search for all ``wanted`` targets at once for ``budget`` simulations, beginning with what ``archive`` holds;
+    """Search for all ``wanted`` targets at once for ``budget`` simulations, beginning with what ``history`` holds;
     ``note`` is asked after each round whether to go on."""
-    protocol, begin = archive.protocol, len(archive.found)
+    protocol, begin = history.protocol, len(history.found)
     streams = {target: stable_stream((seed, zlib.crc32(target.name.encode()))) for target in wanted}
     number = 0
-    while len(archive.found) - begin + CHILDREN * len(wanted) <= budget:
-        parents = {target: parent for target in wanted if (parent := archive.worst(target)) is not None}
+    while len(history.found) - begin + CHILDREN * len(wanted) <= budget:
+        parents = {target: parent for target in wanted if (parent := history.worst(target)) is not None}
         generation = [
             child
             for target, parent in parents.items()
             for child in children(loose(parent, protocol), protocol, streams[target])
         ]
-        yield from archive.results(generation)
+        yield from history.results(generation)
         number += 1
         if not generation or not (yield from note(f"round {number}")):
             return
@@ -113,12 +114,12 @@ def explored(protocol: Protocol) -> int:
     return 2 * len(protocol.uncertainty) + 2
 
 
-def explore(archive: Archive, target: Target, start: Member) -> Asking[None]:
+def explore(history: History, target: Target, start: Member) -> Asking[None]:
     """The first two steps of a search without a list: each parameter alone at both ends, then all at the worse."""
-    protocol = archive.protocol
+    protocol = history.protocol
     alone = single_effects(start, protocol)
-    results = yield from archive.results([start, *alone.values()])
-    heights = dict(zip(alone, (height(target, result, protocol.stability) for result in results[1:]), strict=True))
-    worse = {symbol: max((-1.0, 1.0), key=lambda sign: heights[symbol, sign]) for symbol in protocol.uncertainty}
+    results = yield from history.results([start, *alone.values()])
+    severities = dict(zip(alone, (severity(target, result, protocol.stability) for result in results[1:]), strict=True))
+    worse = {symbol: max((-1.0, 1.0), key=lambda sign: severities[symbol, sign]) for symbol in protocol.uncertainty}
     deviations = tuple((name, worse[symbol_of(name)]) for name in names(protocol))
-    yield from archive.results([replace(start, deviations=deviations)])
+    yield from history.results([replace(start, deviations=deviations)])

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, Rules, Scorecard
 from ..benchmark.scorecard import kind, score
-from .archive import Archive, Asking
 from .ascent import climb, explore, explored
 from .findings import (
     ConfigurationFound,
@@ -25,6 +24,7 @@ from .findings import (
     RequirementFound,
     Step,
 )
+from .history import Asking, History
 from .member import Member, Pair, loose, names
 from .target import Target, fails
 
@@ -44,7 +44,7 @@ class Hunt:
     ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
     ``limit`` is the number of simulations at which the stage's share of the ``budget`` ends."""
 
-    archive: Archive
+    history: History
     rules: Rules
     listed: Sequence[Member]
     wanted: Sequence[Target]
@@ -60,16 +60,16 @@ class Hunt:
     @property
     def protocol(self) -> Protocol:
         """The protocol whose uncertainty is searched."""
-        return self.archive.protocol
+        return self.history.protocol
 
     def allot(self, share: float) -> None:
         """Give the next stage a share of what is left of the budget."""
-        spent = len(self.archive.found)
+        spent = len(self.history.found)
         self.limit = spent + int(share * (self.budget - spent))
 
     def afford(self, members: Sequence[Member]) -> list[Member]:
         """Those of ``members`` that the stage's share lasts for: all that are known, and the first of the others."""
-        known = self.archive.found
+        known = self.history.found
         new = [member for member in dict.fromkeys(members) if member not in known]
         dropped = set(new[max(0, self.limit - len(known)) :])
         self.cut = self.cut or bool(dropped)
@@ -80,8 +80,8 @@ class Hunt:
         if self.cut:
             self.cut_short.append(stage)
         self.cut = False
-        worst = {target.name: self.archive.height(target) for target in self.wanted}
-        self.path.append(Step(stage, len(self.archive.found), worst))
+        worst = {target.name: self.history.severity(target) for target in self.wanted}
+        self.path.append(Step(stage, len(self.history.found), worst))
         goes_on: bool = yield self.path[-1]
         self.complete = self.complete and goes_on
         return self.complete
@@ -94,22 +94,22 @@ def least(protocol: Protocol, listed: Sequence[object], wanted: Sequence[Target]
 
 def search(hunt: Hunt, seed: int) -> Asking[None]:
     """Simulate the list, then climb from its worst cases; without a list, from the nominal system."""
-    archive, wanted = hunt.archive, hunt.wanted
-    yield from archive.results(hunt.listed)
+    history, wanted = hunt.history, hunt.wanted
+    yield from history.results(hunt.listed)
     if not hunt.listed:
         start = Member((0.0, -90.0), "", tuple((name, 0.0) for name in names(hunt.protocol)))
         for target in {target.test: target for target in wanted}.values():
-            yield from explore(archive, target, replace(start, test=target.test))
+            yield from explore(history, target, replace(start, test=target.test))
     share = SEARCHED if hunt.listed else SEARCHED_ALONE
     if (yield from hunt.note("list" if hunt.listed else "each parameter alone")):
-        yield from climb(archive, wanted, int(share * (hunt.budget - len(archive.found))), seed, hunt.note)
+        yield from climb(history, wanted, int(share * (hunt.budget - len(history.found))), seed, hunt.note)
 
 
-def spread(hunt: Hunt) -> Asking[None]:
+def all_configurations(hunt: Hunt) -> Asking[None]:
     """The worst members of the heaviest criteria at every configuration: eq. (14) wants the maximum at each."""
     poses = dict.fromkeys(member.q_a for member in hunt.listed)
     hunt.allot(CONFIRMED)
-    yield from hunt.archive.results(
+    yield from hunt.history.results(
         hunt.afford([replace(member, q_a=q_a) for member in worst_members(hunt).values() for q_a in poses])
     )
     yield from hunt.note("all configurations")
@@ -117,7 +117,7 @@ def spread(hunt: Hunt) -> Asking[None]:
 
 def worst_members(hunt: Hunt) -> dict[Target, Member]:
     """The criteria that are searched for, and the worst member of each."""
-    found = ((target, hunt.archive.worst(target)) for target in hunt.wanted if target.criterion)
+    found = ((target, hunt.history.worst(target)) for target in hunt.wanted if target.criterion)
     return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
 
 
@@ -126,7 +126,7 @@ def worst_at_each(hunt: Hunt) -> list[Member]:
     poses = {member.q_a for member in hunt.listed}
     found: dict[tuple[Target, Pair], tuple[float, Member]] = {}
     for target in hunt.wanted:
-        for value, member in hunt.archive.heights(target) if target.criterion else ():
+        for value, member in hunt.history.severities(target) if target.criterion else ():
             at = target, member.q_a
             if member.q_a in poses and (at not in found or value > found[at][0]):
                 found[at] = value, member
@@ -135,12 +135,12 @@ def worst_at_each(hunt: Hunt) -> list[Member]:
 
 def card(hunt: Hunt, members: Sequence[Member]) -> Scorecard:
     """The scorecard of those of ``members`` that stand at a configuration of the protocol."""
-    results = (hunt.archive.found[member] for member in members)
+    results = (hunt.history.found[member] for member in members)
     return score(hunt.rules, [result for result in results if result.configuration.index >= 0])
 
 
 def _possible(hunt: Hunt) -> list[Member]:
-    return [member for member in hunt.archive.found if member.possible]
+    return [member for member in hunt.history.found if member.possible]
 
 
 def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
@@ -149,8 +149,8 @@ def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
     entries = {}
     for name, spec in hunt.protocol.criteria.items():
         target = Target(name, "", name)
-        worst = hunt.archive.worst(target)
-        where = Found(None, "") if worst is None else Found(hunt.archive.height(target), hunt.command(worst))
+        worst = hunt.history.worst(target)
+        where = Found(None, "") if worst is None else Found(hunt.history.severity(target), hunt.command(worst))
         if worst is not None and name in {each.criterion for each in hunt.wanted}:
             hunt.shown.setdefault(worst, []).append(name)
         entries[name] = CriterionFound(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
@@ -181,11 +181,11 @@ def requirements(hunt: Hunt) -> Asking[dict[str, RequirementFound]]:
     for name in ("A1", "A2", "A3"):
         tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
         members = [
-            (value, member) for test in tests for value, member in hunt.archive.heights(Target(test.name, test.name))
+            (value, member) for test in tests for value, member in hunt.history.severities(Target(test.name, test.name))
         ]
         if members:
-            known, limits = hunt.archive.found, protocol.stability
-            # A simulation that crashed has no height, but fails all the same.
+            known, limits = hunt.history.found, protocol.stability
+            # A simulation that crashed has no severity, but fails all the same.
             _, worst = max(members, key=lambda pair: (fails(known[pair[1]], limits), pair[0]))
             found[name] = yield from _judged(hunt, worst, all(known[member].judged for _, member in members))
             test = protocol.test(worst.test)
@@ -198,7 +198,7 @@ def requirements(hunt: Hunt) -> Asking[dict[str, RequirementFound]]:
 def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementFound]:
     """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
     limits = hunt.protocol.stability
-    (result,) = yield from hunt.archive.results([worst])
+    (result,) = yield from hunt.history.results([worst])
     broken = fails(result, limits)
     failed, tried = (yield from other_noise(hunt, worst)) if broken and result.simulated else (0, 0)
     figures = result.measurements
@@ -217,7 +217,7 @@ def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementFound]:
 
 def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
     """With how many of the other realizations of the noise a member fails, and how many were tried."""
-    results = yield from hunt.archive.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
+    results = yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
 
 
@@ -231,7 +231,7 @@ def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
             name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
         }
         tried = hunt.afford([own, *others.values()])
-        results = dict(zip(tried, (yield from hunt.archive.results(tried)), strict=True))
+        results = dict(zip(tried, (yield from hunt.history.results(tried)), strict=True))
         for name, member in others.items():
             if own in results and member in results:
                 found.append(

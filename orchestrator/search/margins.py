@@ -10,8 +10,8 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..benchmark.protocol import Protocol
-from .archive import Asking
 from .findings import Margin, Radius
+from .history import Asking
 from .hunt import SEEDS, Hunt, card, costs, other_noise, worst_at_each
 from .member import Member, loose
 from .race import race
@@ -103,7 +103,7 @@ def _contenders(hunt: Hunt, target: Target) -> list[Member]:
     tell."""
     taken: Counter[str] = Counter()
     found = []
-    for member in hunt.archive.ranked(target):
+    for member in hunt.history.ranked(target):
         taken[member.system] += 1
         if taken[member.system] <= CONTENDERS:
             found.append(member)
@@ -113,8 +113,8 @@ def _contenders(hunt: Hunt, target: Target) -> list[Member]:
 def _fail(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
     """Whether members are known to fail: one that the stage's share does not last for is not."""
     tried = set(hunt.afford(members))
-    yield from hunt.archive.results([member for member in members if member in tried])
-    return [member in tried and fails(hunt.archive.found[member], hunt.protocol.stability) for member in members]
+    yield from hunt.history.results([member for member in members if member in tried])
+    return [member in tried and fails(hunt.history.found[member], hunt.protocol.stability) for member in members]
 
 
 def _whole(hunt: Hunt) -> bool:
@@ -165,7 +165,7 @@ def _radius_of_cost(hunt: Hunt, scaled: Callable[[Member, float], Member]) -> As
             members = [scaled(member, steps[step]) for member in worst]
             if len(hunt.afford(members)) < len(members):
                 raise Spent
-            yield from hunt.archive.results(members)
+            yield from hunt.history.results(members)
             cost = card(hunt, [*members, *quiet]).cost
         return cost is None or cost > hunt.rules.cost.target
 

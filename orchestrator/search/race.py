@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from .archive import Asking
+from .history import Asking
 from .member import Member
 
 Scale = TypeVar("Scale")

@@ -14,7 +14,7 @@ HEAVIEST = 3
 """Criteria that are searched for; the others have a hundredth of V each."""
 
 FAILED = 1e3
-"""Beyond every height of a test that holds."""
+"""Beyond every severity of a test that holds."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def fails(result: Judgement, limits: Stability) -> bool:
     return outcome(result, limits) not in ("holds", *UNJUDGED)
 
 
-def height(target: Target, result: Judgement, limits: Stability) -> float:
+def severity(target: Target, result: Judgement, limits: Stability) -> float:
     """How bad ``result`` is; only comparisons are meant.
 
     A criterion's value, infinite for a loop that is unstable. Of a stability test the time until the TCP error stays

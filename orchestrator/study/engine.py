@@ -20,8 +20,8 @@ from ..documents import recording
 from ..documents.files import prepare_folder, remove, write_text
 from ..errors import InputError
 from ..execution import cluster, pool, sandbox, store
-from ..pairing.conditions import Conditions
 from ..pairing.runs import CaseRun
+from ..pairing.testbed import Testbed
 from . import batch, rehearsal
 from .batch import Execute, OnRun
 from .dry_run import Plan, plan
@@ -124,16 +124,16 @@ class Engine:
         return None
 
 
-def here(conditions: Conditions) -> Execute:
+def here(testbed: Testbed) -> Execute:
     """Runs jobs in processes of this machine."""
-    return functools.partial(pool.run, workers=conditions.processes)
+    return functools.partial(pool.run, workers=testbed.processes)
 
 
-def where_asked(conditions: Conditions) -> Execute:
+def where_asked(testbed: Testbed) -> Execute:
     """Runs jobs in processes of this machine, or on the scheduler's."""
-    if conditions.scheduler:
-        return functools.partial(cluster.run, address=conditions.scheduler, wait=conditions.wait)
-    return here(conditions)
+    if testbed.scheduler:
+        return functools.partial(cluster.run, address=testbed.scheduler, wait=testbed.wait)
+    return here(testbed)
 
 
 def can_fence() -> bool:

@@ -16,9 +16,9 @@ from ..documents.files import seed_folder
 from ..documents.results import Results
 from ..documents.spread import Spread, spread_of
 from ..errors import InputError
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.records import loop_delay
+from ..pairing.testbed import Testbed
 from .heads import head
 from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Save, SeedDone, Study, Tell, TimeSteps
 from .selection import shown
@@ -34,7 +34,7 @@ class Options(TypedDict, total=False):
 
 
 def evaluate(
-    conditions: Conditions,
+    testbed: Testbed,
     controller: Controller | None,
     *,
     only: Sequence[str] | str = (),
@@ -44,15 +44,15 @@ def evaluate(
     inside: str = "",
 ) -> Study[Evaluation]:
     """See :meth:`.Benchmark.evaluate`; it is saved in the folder ``inside`` the study's."""
-    controller, pairing, sample_time, all_cases = conditions.prepared(controller)
-    cases, protocol = _chosen(all_cases, only), conditions.rules
+    controller, pairing, sample_time, all_cases = testbed.prepared(controller)
+    cases, protocol = _chosen(all_cases, only), testbed.rules
     begin = yield Now()
     rehearsal = yield Rehearse(pairing, cases[0])
     computing_time = None if rehearsal.failure else (yield TimeSteps(pairing, cases[0]))
     patience = None if keep_going else STRIKES
     (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, force, rehearsal.failure),))
     end = yield Now()
-    found = head(conditions, controller, pairing, sample_time, begin, end, computing_time=computing_time)
+    found = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
     listed = tuple(run.result for run in runs)
     results = Results(
         schema=Results.SCHEMA,
@@ -64,14 +64,14 @@ def evaluate(
     evaluation = Evaluation(results)
     yield Save(evaluation, inside)  # before the recordings: whatever happens now, the results are there
     if recordings:
-        wanted = shown(protocol, conditions.nominal, conditions.seed, runs, results.scorecard)
+        wanted = shown(protocol, testbed.nominal, testbed.seed, runs, results.scorecard)
         evaluation = Evaluation(results, (yield Record(pairing, tuple(wanted))))
         yield Save(evaluation, inside)
     return evaluation
 
 
 def spread(
-    conditions: Conditions,
+    testbed: Testbed,
     controller: Controller | None,
     seeds: Iterable[int],
     *,
@@ -86,11 +86,11 @@ def spread(
     if not wanted:
         raise InputError("At least one seed is needed.", "bad-number")
     found, begin = [], (yield Now())
-    controller, pairing, sample_time, _ = conditions.prepared(controller)
+    controller, pairing, sample_time, _ = testbed.prepared(controller)
     for seed in wanted:
         own = f"{inside}/{seed_folder(seed)}" if inside else seed_folder(seed)
         evaluation = yield from evaluate(
-            replace(conditions, seed=seed),
+            replace(testbed, seed=seed),
             controller,
             only=only,
             recordings=recordings,
@@ -100,7 +100,7 @@ def spread(
         )
         found.append(evaluation.results)
         end = yield Now()
-        own_head = head(conditions, controller, pairing, sample_time, begin, end, several_seeds=True)
+        own_head = head(testbed, controller, pairing, sample_time, begin, end, several_seeds=True)
         result = spread_of(wanted, found, own_head)
         yield Save(result, inside)
         yield Tell(SeedDone(seed, evaluation))

@@ -8,14 +8,14 @@ from ..benchmark.results import Rules, rules
 from ..documents.head import Head, SampleTimeRecord, Timing
 from ..loop.computing import ComputingTime
 from ..pairing import records
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
+from ..pairing.testbed import Testbed
 from .requests import Instant
 
 
 def head(
-    conditions: Conditions,
+    testbed: Testbed,
     controller: Controller,
     pairing: Pairing,
     sample_time: Fraction,
@@ -27,18 +27,18 @@ def head(
     own_rules: Rules | None = None,
 ) -> Head:
     """The head of what was made from ``begin`` to ``end``; ``own_rules`` stand in place of the protocol's."""
-    protocol = conditions.rules
+    protocol = testbed.rules
     return Head(
         benchmark=protocol.benchmark,
         protocol=protocol.name,
-        protocol_file=str(conditions.protocol) if str(conditions.protocol) != protocol.name else "",
-        seed=None if several_seeds else conditions.seed,
+        protocol_file=str(testbed.protocol) if str(testbed.protocol) != protocol.name else "",
+        seed=None if several_seeds else testbed.seed,
         controller=records.controller_record(pairing, controller),
-        plant=records.plant_record(conditions.manipulator, conditions.plant_parameters),
+        plant=records.plant_record(testbed.manipulator, testbed.plant_parameters),
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
         rules=rules(protocol) if own_rules is None else own_rules,
         environment=records.environment(),
-        command=conditions.command,
+        command=testbed.command,
         timing=Timing(
             start=begin.start,
             wall_time=end.seconds - begin.seconds,

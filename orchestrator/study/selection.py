@@ -10,7 +10,7 @@ from ..benchmark import cases
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Scorecard
-from ..documents.recording import EXAMPLE, SPREAD
+from ..documents.recording import EXAMPLE, SYSTEMS
 from ..exact_time import seconds
 from ..loop.trajectory import Status
 from ..pairing.runs import CaseRun
@@ -66,7 +66,7 @@ def shown(
 
     end = protocol.disturbance.t_2 + AFTERWARDS
     names = [*protocol.sets[test.systems], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]
-    spread = [in_pose(name, SPREAD, end) for name in list(dict.fromkeys(names))[:size]]
+    spread = [in_pose(name, SYSTEMS, end) for name in list(dict.fromkeys(names))[:size]]
     return [*chosen, in_pose("nominal", EXAMPLE), *spread]
 
 

@@ -20,7 +20,7 @@ from ..pairing.runs import CaseRun
 from ..pairing.work import check_judgement
 
 LASTING = (Status.DONE, Status.UNSTABLE)
-"""What depends on the key alone; a failure may depend on the conditions, too: a timeout on the time limit."""
+"""What depends on the key alone; a failure may depend on the restrictions, too: a timeout on the time limit."""
 
 
 class StoredRun(Struct, frozen=True):
@@ -29,7 +29,7 @@ class StoredRun(Struct, frozen=True):
     judgement: Judgement
     wall_time: NonNegative
     kind: str
-    conditions: str
+    restrictions: str
 
 
 def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[str]:
@@ -57,14 +57,14 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
 def load(
     store: Store, keys: Sequence[str], protocol: Protocol, cases: Sequence[Case], pairing: Pairing, failures: bool
 ) -> dict[int, CaseRun]:
-    """The stored runs of ``cases`` by number: those that last, and ``failures`` under the same conditions."""
+    """The stored runs of ``cases`` by number: those that last, and ``failures`` under the same restrictions."""
     records = store.get(keys)
     found = {}
     for number, (key, case) in enumerate(zip(keys, cases, strict=True)):
         with contextlib.suppress(KeyError, Malformed):  # a record that makes no sense is none
             stored = from_json(records[key], StoredRun)
             check_judgement(protocol, case, stored.judgement)
-            if stored.judgement.status in LASTING or (failures and stored.conditions == pairing.conditions):
+            if stored.judgement.status in LASTING or (failures and stored.restrictions == pairing.restrictions):
                 found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, stored.kind)
     return found
 
@@ -80,5 +80,5 @@ def keep(store: Store, key: str, run: CaseRun, pairing: Pairing) -> None:
             measurements=result.measurements,
             warnings=result.warnings,
         )
-        stored = StoredRun(judgement, run.wall_time, run.kind, pairing.conditions)
+        stored = StoredRun(judgement, run.wall_time, run.kind, pairing.restrictions)
         store.put(key, run.case.id, to_json(stored, indent=None).encode())

@@ -13,8 +13,8 @@ from ..documents.recording import BESIDE
 from ..documents.robustness import Robustness
 from ..documents.tuning import Best, Judged, Tuning
 from ..errors import Crash, FmuError, InputError
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
+from ..pairing.testbed import Testbed
 from ..search.candidates import Range, Trial, check_range
 from ..search.proposals import Proposals
 from .candidates import values_of
@@ -40,7 +40,7 @@ BEST = "best.toml"
 
 
 def tune(
-    goal: Conditions,
+    goal: Testbed,
     controller: Controller,
     given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]],
     objective: str | Path,
@@ -134,7 +134,7 @@ def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float,
     return found
 
 
-def _judge(goal: Conditions, controller: Controller, strict: str | Path, robust: int) -> Judge:
+def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: int) -> Judge:
     """What tries a candidate on the whole protocol and, with ``robust`` simulations, searches for its worst case."""
 
     def verdict(trial: Trial) -> Study[Verdict]:

@@ -19,16 +19,16 @@ from ..cache import code_hash
 from ..documents.verification import FRESH, PUBLISHED, STRICT, Verification
 from ..errors import InputError
 from ..loop.sampling import controller_sample_time
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
 from ..pairing.reference import reference
+from ..pairing.testbed import Testbed
 from .heads import head
 from .requests import Batch, Entry, Now, Rehearse, Study
 
 
 def verify(
-    conditions: Conditions,
+    testbed: Testbed,
     controller: Controller,
     entropy: str | None,
     count: int,
@@ -36,16 +36,16 @@ def verify(
     beside: Sequence[str],
     sandboxed: bool,
 ) -> Study[Verification]:
-    """See :meth:`.Benchmark.verify`; the protocol is that of ``conditions``, the controller may run ``sandboxed``."""
-    own = replace(conditions.pairing(controller), apart=True, sandbox=sandboxed)
-    others = {name: replace(conditions.pairing(reference(name)), sandbox=False) for name in beside}
-    protocol, listed = conditions.rules, protocols.load(STRICT) if strict else None
+    """See :meth:`.Benchmark.verify`; the protocol is that of ``testbed``, the controller may run ``sandboxed``."""
+    own = replace(testbed.pairing(controller), isolated=True, sandbox=sandboxed)
+    others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
+    protocol, listed = testbed.rules, protocols.load(STRICT) if strict else None
     T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
     source, text = (FRESH, secrets.token_hex(32)) if entropy is None else (PUBLISHED, entropy)
     setup = own.setup
     drawn = seeds(text, identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s)), count)
     begin = yield Now()
-    rehearsal = yield Rehearse(own, cases(protocol, conditions.nominal, drawn[0], T_s)[0], probe=False)
+    rehearsal = yield Rehearse(own, cases(protocol, testbed.nominal, drawn[0], T_s)[0], probe=False)
     total = (1 + len(others)) * (count * protocol.case_count + (listed.case_count if listed else 0))
     done = 0
 
@@ -53,7 +53,7 @@ def verify(
         """The results of each draw, with its seed."""
         nonlocal done
         interval, failure = (T_s, rehearsal.failure) if pairing is own else (None, None)
-        lists = [cases(asked, conditions.nominal, seed, interval) for seed in chosen]
+        lists = [cases(asked, testbed.nominal, seed, interval) for seed in chosen]
         entry = Entry(asked, pairing, tuple(case for draw in lists for case in draw), at_once=failure)
         (runs,) = yield Batch((entry,), done, total)
         done += len(runs)
@@ -78,7 +78,7 @@ def verify(
         **structs.asdict(result),
         references=references,
         schema=Verification.SCHEMA,
-        head=head(conditions, controller, own, T_s, begin, end),
+        head=head(testbed, controller, own, T_s, begin, end),
         source=source,
         entropy=text,
         code=code_hash(),
@@ -86,9 +86,7 @@ def verify(
     )
 
 
-def repeat(
-    conditions: Conditions, certificate: Verification, file: Path | None, sandboxed: bool
-) -> Study[Verification]:
+def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandboxed: bool) -> Study[Verification]:
     """See :meth:`.Benchmark.repeat`."""
     record = certificate.controller
     controller = Controller(file, record.parameters, record.mapping, certificate.sample_time.seconds)
@@ -96,7 +94,7 @@ def repeat(
         message = f"{controller.archive.name} is not the controller of the certificate: its contents differ."
         raise InputError(message, "other-controller", file)
     same = replace(
-        conditions,
+        testbed,
         protocol=certificate.head.protocol_file or certificate.protocol,
         plant_parameters=certificate.plant.parameters,
     )

@@ -17,11 +17,11 @@ from ..documents.recording import BESIDE, FOUND
 from ..documents.robustness import Robustness
 from ..errors import InputError
 from ..pairing import records
-from ..pairing.conditions import Conditions
 from ..pairing.controller import Controller
+from ..pairing.testbed import Testbed
 from ..search import hunt as stages
-from ..search.archive import Archive, Ask, Asking
 from ..search.findings import Step
+from ..search.history import Ask, Asking, History
 from ..search.hunt import Hunt
 from ..search.margins import margins as margins_of
 from ..search.margins import radius as radius_of
@@ -64,7 +64,7 @@ def answer_of(search: Study[tuple[Robustness, list[Shown]]]) -> Study[Robustness
 
 
 def worst_case(
-    conditions: Conditions,
+    testbed: Testbed,
     controller: Controller | None,
     budget: int,
     minutes: float = math.inf,
@@ -75,15 +75,15 @@ def worst_case(
     inside: str = "",
 ) -> Study[tuple[Robustness, list[Shown]]]:
     """See :meth:`.Benchmark.robustness`; and the worst cases, each followed by that of the nominal arm."""
-    own = replace(conditions, protocol=protocol)
+    own = replace(testbed, protocol=protocol)
     controller, pairing, T_s, cases = own.prepared(controller)
     rules_of, listed = own.rules, cases if from_list else ()
     wanted = sought(rules_of, listed, budget, only)
     setting = Setting(
         records.controller_record(pairing, controller),
-        records.plant_record(conditions.manipulator, conditions.plant_parameters),
+        records.plant_record(testbed.manipulator, testbed.plant_parameters),
         str(protocol),
-        conditions.seed,
+        testbed.seed,
         None if T_s == rules_of.sample_time else float(T_s),
     )
 
@@ -105,9 +105,9 @@ def worst_case(
         now = yield Now()
         return now.seconds - begin.seconds < 60.0 * minutes
 
-    hunt = Hunt(Archive(rules_of), rules(rules_of), [of_case(each) for each in listed], wanted, command, budget)
+    hunt = Hunt(History(rules_of), rules(rules_of), [of_case(each) for each in listed], wanted, command, budget)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
-    results, end = hunt.archive.found.values(), (yield Now())
+    results, end = hunt.history.found.values(), (yield Now())
     found = Robustness(
         schema=Robustness.SCHEMA,
         head=head(own, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
@@ -130,7 +130,7 @@ def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     """The fields of the answer that the stages fill. Criteria and costs are read off before margins and radius, whose
     members are not searched for them."""
     yield from stages.search(hunt, seed)
-    yield from stages.spread(hunt)
+    yield from stages.all_configurations(hunt)
     found: dict[str, Any] = {"requirements": (yield from stages.requirements(hunt))}
     found["effects"] = yield from stages.effects(hunt)
     found["criteria"], found["configurations"] = stages.criteria(hunt), stages.configurations(hunt)

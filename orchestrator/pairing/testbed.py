@@ -1,4 +1,4 @@
-"""The conditions that controllers are tried under: protocol, seed, plant, and what runs simulations."""
+"""What controllers are tried on: protocol, seed and plant, and what runs simulations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def available_cores() -> int:
 
 
 @dataclass(frozen=True)
-class Conditions:
+class Testbed:
     """What :class:`.Benchmark` says of its parameters, and what follows from them."""
 
     protocol: str | Path = "paper"
@@ -111,7 +111,7 @@ class Conditions:
         return self.workers or available_cores()
 
     def pairing(self, controller: Controller) -> Pairing:
-        """Manipulator and controller, and the conditions they run under."""
+        """Manipulator and controller, and the limits they run under."""
         limits = Limits(memory=int(self.memory_limit))
         return Pairing(
             self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox

@@ -11,7 +11,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from .findings import Step
 from .member import Member
-from .target import Target, height
+from .target import Target, severity
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ Asking = Generator[Ask | Step, Any, T]
 
 
 @dataclass(frozen=True)
-class Archive:
+class History:
     """Members with their results; each is simulated once."""
 
     protocol: Protocol
@@ -42,24 +42,24 @@ class Archive:
             self.found.update(zip(new, results, strict=True))
         return [self.found[member] for member in members]
 
-    def heights(self, target: Target) -> Iterator[tuple[float, Member]]:
+    def severities(self, target: Target) -> Iterator[tuple[float, Member]]:
         """How bad each possible member is for ``target``, of those that it can be read off."""
         for member, result in self.found.items():
             test = self.protocol.test(member.test)
             own = target.criterion in test.criteria if target.criterion else target.test in (test.name, test.repeats)
             if own and member.possible:
-                yield height(target, result, self.protocol.stability), member
+                yield severity(target, result, self.protocol.stability), member
 
     def ranked(self, target: Target) -> list[Member]:
         """The members, the worst for ``target`` first; of equals, the first simulated."""
-        return [member for _, member in sorted(self.heights(target), key=lambda pair: -pair[0])]
+        return [member for _, member in sorted(self.severities(target), key=lambda pair: -pair[0])]
 
     def worst(self, target: Target) -> Member | None:
         """The worst member for ``target``; None if none was measured."""
-        value, member = max(self.heights(target), key=lambda pair: pair[0], default=(-math.inf, None))
+        value, member = max(self.severities(target), key=lambda pair: pair[0], default=(-math.inf, None))
         return member if value > -math.inf else None
 
-    def height(self, target: Target) -> float | None:
-        """The largest height so far; None if nothing was measured, or a loop was unstable."""
-        value = max((value for value, _ in self.heights(target)), default=-math.inf)
+    def severity(self, target: Target) -> float | None:
+        """The largest severity so far; None if nothing was measured, or a loop was unstable."""
+        value = max((value for value, _ in self.severities(target)), default=-math.inf)
         return value if math.isfinite(value) else None

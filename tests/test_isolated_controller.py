@@ -31,11 +31,11 @@ def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
     (case,) = short_cases((STRUCK,))
     scenario = replace(case.scenario, drive=Drive(delay=(Fraction("0.0001"), Fraction(0))))
     own = bench(plant_file, file, limit=120.0)
-    one, other = simulate(own, scenario), simulate(replace(own, apart=True), scenario)
+    one, other = simulate(own, scenario), simulate(replace(own, isolated=True), scenario)
     assert one.ending == other.ending and len(one.command) == 200
     for name in ("q_m", "X", "measured", "command", "torque"):
         assert np.array_equal(getattr(one, name), getattr(other, name))
-    timing = rehearse(case, replace(own, apart=True)).timing
+    timing = rehearse(case, replace(own, isolated=True)).timing
     assert timing == rehearse(case, own).timing and timing.latency == 0
 
 
@@ -61,7 +61,7 @@ FAULTS = [
 def test_what_goes_wrong_there_is_told_here(fault, status, words, plant_file, faulty):
     own = bench(plant_file, faulty(fault), limit=3.0)
     boxed = PRESENT["bubblewrap"] and fault.what != "kill-parent"
-    own = replace(own, apart=True, limits=replace(own.limits, memory=600_000_000), sandbox=boxed)
+    own = replace(own, isolated=True, limits=replace(own.limits, memory=600_000_000), sandbox=boxed)
     (found,) = run(own, short_cases((STRUCK,)))
     assert (found.result.status, words in found.result.message) == (status, True), found.result
     assert "Traceback" not in found.result.message

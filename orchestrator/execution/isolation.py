@@ -52,7 +52,7 @@ class Over(Struct, frozen=True, tag=True):
     error: ErrorRecord | None = None
 
 
-class Apart:
+class Isolated:
     """A controller that a new process loads for each simulation, so that none knows of another.
 
     ``command`` starts such a process. What comes from it is two numbers per sample, and messages checked against their
