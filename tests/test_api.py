@@ -60,7 +60,7 @@ def test_an_evaluation_holds_the_scorecard(quick: Evaluation, pid_file: Path) ->
     results = quick.results
     assert (results.protocol, results.seed, len(quick.cases)) == ("quick", 0, 24)
     assert results.controller.file == pid_file.name and results.controller.path == str(pid_file)
-    assert results.environment["flexible_manipulator_benchmark"] == orchestrator.__version__
+    assert results.head.environment["flexible_manipulator_benchmark"] == orchestrator.__version__
     assert (results.loop_delay.seconds, results.loop_delay.samples) == (0.00025, 1.0)
     computing = results.timing.computing_time
     assert computing is not None and computing.steps > 20
@@ -169,8 +169,8 @@ def test_pose_system_and_plant_are_chosen(pid: Controller) -> None:
 
 
 def test_compare_ranks_what_is_comparable(quick: Evaluation, pid: Controller) -> None:
-    controller = changed(quick.results.controller, file="Other.fmu")
-    other = replace(quick, results=changed(quick.results, controller=controller))
+    head = changed(quick.head, controller=changed(quick.head.controller, file="Other.fmu"))
+    other = replace(quick, results=changed(quick.results, head=head))
     groups = compare([quick, other, evaluated(pid)])
     assert [[entry.name.split()[0] for entry in group.ranked] for group in groups] == [["DiagonalPID", "Other"], []]
     assert len(groups[1].unranked) == 1 and "protocol" in groups[1].difference

@@ -183,7 +183,7 @@ def test_the_table_shows_names_as_they_are_and_steers_no_terminal(tmp_path, caps
     file = python_controller(tmp_path, "Painter", imports="import os", step_body=body, target=target)
     assert guarded(command.main, [str(file)]) == 2
     captured = capsys.readouterr()
-    assert captured.out.splitlines()[0].strip() == file.name and "printed" in captured.out
+    assert captured.out.splitlines()[0] == f"{file.name}  verdict: error" and "printed" in captured.out
     assert "exit code 3" in captured.out
     assert not any(character in captured.out + captured.err for character in "\x1b\x07")
     assert not (tmp_path / "runs").exists(), "a check writes nothing"

@@ -27,7 +27,7 @@ from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.ascent import climb, explore
 from orchestrator.search.history import Ask, History
-from orchestrator.search.hunt import Hunt, costs, effects, requirements, search, spread
+from orchestrator.search.hunt import Hunt, all_configurations, costs, effects, requirements, search
 from orchestrator.search.margins import margins, radius
 from orchestrator.search.member import Member, case_of, loose, names, of_case, parameters
 from orchestrator.search.race import race
@@ -120,7 +120,7 @@ def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
 
     hunt = hunt_of(920)
     run(search(hunt, 0), of)
-    run(spread(hunt), of)
+    run(all_configurations(hunt), of)
     found, listed = costs(hunt)
     assert found == listed > 0.0 and set(hunt.history.found) == set(hunt.listed)
 
@@ -139,7 +139,7 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
     hunt = hunt_of(budget)
 
     def whole():
-        for stage in (search(hunt, 0), spread(hunt), requirements(hunt), effects(hunt)):
+        for stage in (search(hunt, 0), all_configurations(hunt), requirements(hunt), effects(hunt)):
             yield from stage
         return (yield from margins(hunt)), (yield from radius(hunt))
 

@@ -11,16 +11,16 @@ from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
-from orchestrator.benchmark.metrics import expected, named
+from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
 from orchestrator.errors import Crash
 from orchestrator.execution import store
 from orchestrator.execution.job import Done
 from orchestrator.loop.trajectory import Status
-from orchestrator.pairing.runs import CaseRun
 from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
+from orchestrator.study.dry_run import on_target
 from orchestrator.study.engine import Engine
 from orchestrator.study.evaluate import evaluate, spread
 from orchestrator.study.rehearsal import Rehearsal
@@ -41,27 +41,20 @@ from orchestrator.study.requests import (
 from orchestrator.study.sweep import sweep
 from orchestrator.study.tune import tune
 from orchestrator.study.verify import verify
-from orchestrator.study.worst_case import worst_case
-
-
-def run_of(protocol, case, status=Status.DONE, figure=0.0):
-    """A run whose criteria all have the value ``figure``, and that ends at rest."""
-    names = expected(protocol, case) if status is Status.DONE else ()
-    figures = {name: True if name == "settled" else figure if name in protocol.criteria else 0.0 for name in names}
-    return CaseRun(case, named(case, Judgement(status=status, time=1.0, measurements=Measurements(**figures))))
+from orchestrator.study.worst_case import answer_of, worst_case
 
 
 class Player:
-    """Answers requests with runs whose figures ``figure(entry)`` gives, and keeps the requests."""
+    """Answers requests with runs whose criteria are ``share(entry)`` of their targets, and keeps the requests."""
 
-    def __init__(self, figure=lambda entry: 0.0, rehearsal=None):
-        self.figure, self.rehearsal, self.asked, self.clock = figure, rehearsal or Rehearsal(), [], 0.0
+    def __init__(self, share=lambda entry: 0.0, rehearsal=None):
+        self.share, self.rehearsal, self.asked, self.clock = share, rehearsal or Rehearsal(), [], 0.0
 
     def __call__(self, request):
         self.asked.append(request)
         match request:
             case Batch(entries):
-                return [[run_of(e.protocol, case, figure=self.figure(e)) for case in e.cases] for e in entries]
+                return [[on_target(e.protocol, case, share=self.share(e)) for case in e.cases] for e in entries]
             case Rehearse():
                 return self.rehearsal
             case Record():
@@ -137,7 +130,7 @@ def test_a_verification_draws_for_the_controller_and_its_references(quick):
 
 
 def test_a_study_ends_with_a_controller_that_does_not_survive_its_first_sample(quick):
-    failure = run_of(quick.rules, quick.cases[0], Status.CRASHED)
+    failure = on_target(quick.rules, quick.cases[0], Status.CRASHED)
     player = Player(rehearsal=Rehearsal(failure=failure))
     assert refusal(answered, sweep(quick, Controller(), {"K_p[1]": (1.0,)}), player, kind=Crash)
     assert not player.of(Batch)
@@ -158,7 +151,7 @@ def test_entries_side_by_side_stop_each_for_itself(own):
                 if failed and index:
                     continue  # a job that gives up
                 status = Status.ERROR if failed else Status.DONE
-                yield number, Done(index, run_of(protocol, cases[index], status).result, 1.0)
+                yield number, Done(index, on_target(protocol, cases[index], status).result, 1.0)
 
     with store.opened(None) as known:
         runs = batch.run(Batch(entries), execute, known)
@@ -176,7 +169,7 @@ class Rehearsed(Engine):
     """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
     still: what is left of the time is that of the cases, which is stored with them."""
 
-    def _answer(self, request, known):
+    def _answer(self, request, known, spent):
         match request:
             case Rehearse():
                 return Rehearsal()
@@ -185,8 +178,8 @@ class Rehearsed(Engine):
             case Record():
                 return ()
             case Now():
-                return Instant("2026-01-01", 0.0, self.processes)
-        return super()._answer(request, known)
+                return Instant("2026-01-01", 0.0, self.processes, **vars(spent))
+        return super()._answer(request, known, spent)
 
 
 def simulated(task):
@@ -212,12 +205,19 @@ def simulated(task):
     return Judgement(status=Status.DONE, time=0.1, measurements=Measurements(**figures))
 
 
+def on_its_target(task):
+    """A judgement that holds all that is asked for."""
+    wanted = unpack(task, CaseTask)
+    found = on_target(wanted.protocol, wanted.case).result
+    return Judgement(status=found.status, time=found.time, measurements=found.measurements)
+
+
 class Workers:
     """Runs jobs side by side in an order that ``seed`` tells, the cases of each in theirs, until ``stop`` are done in
-    all; ``done`` counts."""
+    all; ``judged`` gives the judgement of a task, ``done`` counts."""
 
-    def __init__(self, seed, stop=math.inf):
-        self.chance, self.stop, self.done = random.Random(seed), stop, 0
+    def __init__(self, seed, stop=math.inf, judged=simulated):
+        self.chance, self.stop, self.judged, self.done = random.Random(seed), stop, judged, 0
 
     def __call__(self, jobs):
         waiting = {number: list(enumerate(job.tasks)) for number, job in enumerate(jobs)}
@@ -227,14 +227,14 @@ class Workers:
                 raise KeyboardInterrupt
             (index, task), *rest = waiting.pop(number)
             self.done += 1
-            found = simulated(task)
+            found = self.judged(task)
             if rest and not (jobs[number].give_up and found.status is Status.ERROR):
                 waiting[number] = rest
             yield number, Done(index, found, float(len(task)))
 
 
-def interruptible(folder):
-    """The studies that are stored, each as a function that begins it in a folder."""
+def studies(folder):
+    """Studies, each as a function that begins it in a folder, or for a plan in None."""
     files = {"tiny": TINY, "whole": FEW.format(name="whole", system="nominal")}
     files["short"] = FEW.format(name="short", system="compliant")
     tiny, whole, short = (folder / f"{name}.toml" for name in files)
@@ -246,9 +246,10 @@ def interruptible(folder):
     return {
         "evaluation": lambda own: evaluate(bench, pid),
         "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
-        "search": lambda own: worst_case(bench, pid, 150, protocol=tiny, recordings=True),
+        "search": lambda own: answer_of(worst_case(bench, pid, 150, protocol=tiny, recordings=True)),
         "sweep": lambda own: sweep(short_bench, pid, values),
-        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own / "study.log"),
+        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own and own / "study.log"),
+        "verification": lambda own: verify(bench, pid, "a beacon", 2, False, ("TunedPID",), False),
     }
 
 
@@ -264,7 +265,7 @@ def interruptible(folder):
 )
 def test_a_study_that_was_interrupted_writes_the_bytes_of_one_that_was_not(name, document, tmp_path):
     """All its files, those of the evaluations that are part of it as well; and no simulation is run twice."""
-    begin = interruptible(tmp_path)[name]
+    begin = studies(tmp_path)[name]
 
     def played(workers, folder):
         Rehearsed(workers, 2, folder).run(begin(folder))
@@ -283,3 +284,36 @@ def test_a_study_that_was_interrupted_writes_the_bytes_of_one_that_was_not(name,
     played(last, resumed)
     assert document in files(whole) and files(resumed) == files(whole)
     assert last.done == undisturbed.done - sum(stops)
+
+
+# Planned
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("evaluation", "spread", "search", "sweep", "verification"),
+        pytest.param("tuning", marks=pytest.mark.needs("optuna", "cmaes")),
+    ],
+)
+def test_a_plan_counts_what_the_study_asks_for_and_what_is_stored(name, tmp_path):
+    """One case is simulated to measure the time, and nothing is written."""
+    begin, folder = studies(tmp_path)[name], tmp_path / "own"
+
+    def contents():
+        return {str(file.relative_to(tmp_path)): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    def planned():
+        workers, before = Workers(0, judged=on_its_target), contents()
+        found = Rehearsed(workers, 2, folder).plan(begin(None))
+        assert contents() == before and found.seconds == found.seconds_per_case * (found.cases - found.stored) / 2
+        return found.cases, found.stored, workers.done
+
+    cases, *rest = planned()
+    assert rest == [0, 1] and not folder.exists()
+    with pytest.raises(KeyboardInterrupt):
+        Rehearsed(Workers(1, 2, on_its_target), 2, folder).run(begin(folder))
+    assert planned() == (cases, 2, 0)
+    workers = Workers(2, judged=on_its_target)
+    Rehearsed(workers, 2, folder).run(begin(folder))
+    assert workers.done + 2 == cases and planned() == (cases, cases, 0)

@@ -39,8 +39,9 @@ class StudyCommand:
     ``options`` adds the options that are its own; ``study`` makes the study of what was given, ``check`` looks for what
     contradicts itself before. Its results stand in a folder named after controller and protocol, with a ``suffix``.
     ``protocol`` is the default. ``tell`` puts events into words; without it there is a progress bar. ``files`` writes
-    what belongs to the document beside it and the report, and gives the names. ``program`` is how it is started, if not
-    by ``python -m``.
+    what belongs to the document beside it and the report, and gives the names. ``here`` runs on this machine alone, and
+    neither takes simulations from the folder nor keeps any there. ``program`` is how it is started, if not by
+    ``python -m``.
     """
 
     name: str
@@ -91,8 +92,9 @@ class StudyCommand:
         """Run the study, print its document, and write its files into ``folder``."""
         options.announce(bench, controller)
         study = self.study(bench, controller, given, folder)
+        store = None if self.here else folder
         if given.dry_run:
-            return show_plan(bench.engine(folder, here=self.here).plan(study), given.json)
+            return show_plan(bench.engine(store, here=self.here).plan(study), given.json)
         say = None if self.tell is None else self.tell()
 
         def on_event(event: Event) -> None:
@@ -100,8 +102,8 @@ class StudyCommand:
                 print(say(event), file=sys.stderr)
             self.on_event(given, folder, event)
 
-        with progress(bench.rules) if say is None else nullcontext() as on_result:
-            found = bench.engine(folder, on_result, on_event, here=self.here).run(study)
+        with progress(None if self.here else bench.rules) if say is None else nullcontext() as on_result:
+            found = bench.engine(store, on_result, on_event, here=self.here).run(study)
         written = [*self.files(found, folder, given), *self._report(found, folder, given)]
         name = found.results.FILE if isinstance(found, Evaluation) else found.FILE
         output.tell_written(folder, [name, *written])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -39,8 +40,11 @@ class Plan(Struct):
 
 
 def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
-    """What ``study`` would do with what is stored in ``folder``; one case is simulated to measure the time."""
-    counts, times, first = [0, 0], [0.0, 0.0], list[Entry]()
+    """What ``study`` would do with what is stored in ``folder``; one case is simulated to measure the time.
+
+    A case that is asked for again counts once, as it is in the store by then.
+    """
+    cases, times, first, asked = 0, list[float](), list[Entry](), set[str]()
     with ExitStack() as stack:
         known = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
 
@@ -48,7 +52,10 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
             match request:
                 case Batch(entries):
                     first.extend(entries[: not first])
-                    return [run_all(entry) for entry in entries]
+                    keys = [stored.keys(entry.protocol, entry.cases, entry.pairing) for entry in entries]
+                    runs = [run_all(*each) for each in zip(entries, keys, strict=True)]
+                    asked.update(*keys)
+                    return runs
                 case Rehearse():
                     return rehearsal.Rehearsal()
                 case Record():
@@ -57,28 +64,21 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
                     return Instant("", 0.0, workers)
             return None
 
-        def run_all(entry: Entry) -> list[CaseRun]:
-            keys = stored.keys(entry.protocol, entry.cases, entry.pairing)
-            there = (
-                {}
-                if known is None or entry.force
-                else stored.load(known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None)
-            )
-            counts[0] += len(keys)
-            counts[1] += len(there)
-            for run in there.values():
-                times[0] += run.wall_time
-                times[1] += 1.0
-            if counts[0] > ENOUGH:
+        def run_all(entry: Entry, keys: Sequence[str]) -> list[CaseRun]:
+            nonlocal cases
+            rest = entry.protocol, entry.cases, entry.pairing, entry.patience is not None
+            there = {} if known is None or entry.force else stored.load(known, keys, *rest)
+            new = [number for number, key in enumerate(keys) if key not in asked]
+            cases += len(new)
+            times.extend(there[number].wall_time for number in new if number in there)
+            if cases > ENOUGH:
                 raise _Enough
             return [there.get(number) or on_target(entry.protocol, case) for number, case in enumerate(entry.cases)]
 
         with suppress(_Enough):
             answered(study, answer)
-    if not times[1] and first:
-        times = [_seconds(first[0], execute), 1.0]
-    each = times[0] / (times[1] or 1.0)
-    return Plan(counts[0], counts[1], each, each * (counts[0] - counts[1]) / workers, workers)
+    each = sum(times) / len(times) if times else _seconds(first[0], execute) if first else 0.0
+    return Plan(cases, len(times), each, each * (cases - len(times)) / workers, workers)
 
 
 class _Enough(Exception):
@@ -98,5 +98,5 @@ def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, shar
     names = expected(protocol, case) if status is Status.DONE else ()
     targets = {name: share * spec.target for name, spec in protocol.criteria.items()}
     figures: dict[str, Any] = {name: True if name == "settled" else targets.get(name, 0.0) for name in names}
-    judgement = Judgement(status=status, time=1.0, measurements=Measurements(**figures))
+    judgement = Judgement(status=status, time=float(case.scenario.duration), measurements=Measurements(**figures))
     return CaseRun(case, named(case, judgement))
