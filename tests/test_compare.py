@@ -14,12 +14,12 @@ from support.results import RULES, result
 
 from orchestrator.benchmark.results import CaseResult, Results, SampleTimeRecord
 from orchestrator.cli.comparison_tables import show_comparison
-from orchestrator.loop.trajectory import Status
 from orchestrator.documents.beside import beside, compare_spreads
 from orchestrator.documents.compare_page import compare_html
 from orchestrator.documents.comparison import Group, compare, comparison_document
 from orchestrator.documents.paper_tables import FORMATS, tables
 from orchestrator.documents.run import Run
+from orchestrator.loop.trajectory import Status
 
 CYCLING = result(0, "slippery", "delay_2", {}, (1e-3, 0.0))
 

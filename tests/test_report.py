@@ -19,7 +19,6 @@ from support.results import TABLE_2, everything, result
 
 from orchestrator.benchmark.results import BoundRecord, LoopDelay, Measurements, SampleTimeRecord
 from orchestrator.cli.tables import show_results, terminal
-from orchestrator.loop.trajectory import Ending, Status
 from orchestrator.documents import pages
 from orchestrator.documents.fragments import results_fragment, simulation_fragment
 from orchestrator.documents.payload import ROWS, report_payload, script_json
@@ -28,6 +27,7 @@ from orchestrator.documents.repeat import simulate_command
 from orchestrator.documents.report_page import facts, report_html
 from orchestrator.documents.run import Run, contradictions
 from orchestrator.documents.wording import collapsed, remarks, requirement_rows
+from orchestrator.loop.trajectory import Ending, Status
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
 EVIL = "</script><script>alert(1)</script><!--<script>"

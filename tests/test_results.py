@@ -18,9 +18,6 @@ from support.results import TABLE_2, everything, result, trajectory
 
 from orchestrator.benchmark.results import Results
 from orchestrator.codec import json_schema, to_json
-from orchestrator.errors import EnvironmentFault
-from orchestrator.loop.scenario import Chirp, Pulse, Scenario
-from orchestrator.loop.trajectory import Status
 from orchestrator.documents import files, trajectory_files
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
@@ -28,6 +25,9 @@ from orchestrator.documents.mat import mat_bytes
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
 from orchestrator.documents.run import Run, load_run, save_run
 from orchestrator.documents.tables import csv_text, parquet_bytes
+from orchestrator.errors import EnvironmentFault
+from orchestrator.loop.scenario import Chirp, Pulse, Scenario
+from orchestrator.loop.trajectory import Status
 
 DOCS = Path(__file__).parents[1] / "docs"
 

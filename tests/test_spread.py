@@ -16,12 +16,12 @@ from support.results import result
 from orchestrator import Benchmark, Controller, Crash, Evaluation, Robustness, Spread
 from orchestrator.cli.comparison_tables import show_spreads, show_worst
 from orchestrator.cli.spread_tables import show_spread
-from orchestrator.loop.trajectory import Status
 from orchestrator.documents.beside import beside, beside_document, compare_spreads
 from orchestrator.documents.compare_page import compare_html
 from orchestrator.documents.comparison import compare
 from orchestrator.documents.run import Run
 from orchestrator.documents.spread import spread_of
+from orchestrator.loop.trajectory import Status
 
 LOST = result(0, "compliant", "disturbance", status=Status.UNSTABLE)
 UNSTABLE = results_of([LOST if case.id == LOST.id else case for case in scaled(1.0).cases], seed=7)

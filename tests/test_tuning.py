@@ -23,8 +23,8 @@ from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
 from orchestrator.asking import answered
 from orchestrator.cli import report, values
-from orchestrator.loop.trajectory import Status
 from orchestrator.documents.tuning import Tuning
+from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
 from orchestrator.study.tuner import Verdict

@@ -10,7 +10,7 @@ from ..codec import Finite
 from ..errors import InputError
 from ..search.candidates import Trial
 from ..views.csv import csv_text
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Verdict
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Value, Verdict
 from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -121,7 +121,7 @@ class Sweep(Document, Comparable, kw_only=True):
         """Every combination: the values, V, the limit cycle relative to what A3 allows, and whether A1 to A3 hold."""
         rows = tuple(
             (
-                *(f"{value:g}" for value in trial.values.values()),
+                *(Value(value, given=True) for value in trial.values.values()),
                 trial.cost,
                 trial.cycle,
                 trial.message or Verdict(trial.holds, "hold" if trial.holds else "fail"),

@@ -202,8 +202,8 @@ def _parameters(found: Tuning) -> Table:
     rows = tuple(
         (
             name,
-            f"{first[name]:g}",
-            "-" if best is None else f"{best.trial.values[name]:g}",
+            Value(first[name], given=True),
+            None if best is None else Value(best.trial.values[name], given=True),
             f"{own.low:g} to {own.high:g}{' log' if own.log else ''}",
             found.importance.get(name),
         )

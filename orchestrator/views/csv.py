@@ -7,8 +7,9 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .table import Cell, Table, Value, Verdict, shown
-from .units import NONE, Unit
+from ..text import printable
+from .table import Cell, Quantity, Table, Value, shown
+from .units import NONE, si_heading
 
 FORMULA = ("=", "+", "-", "@", "\t")
 """First characters by which a spreadsheet takes a text for a formula."""
@@ -29,11 +30,12 @@ def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def inert(cell: Any) -> Any:
-    """A cell that no spreadsheet takes for a formula: an apostrophe precedes text that it would run."""
+    """A cell that no spreadsheet takes for a formula, and no terminal for its own: an apostrophe precedes text that
+    would run, and there are no control characters."""
     if not isinstance(cell, str):
         return cell
-    text = cell.replace("\r\n", "\n").replace("\r", "\n")  # a lone carriage return is not quoted, and ends a row
-    return f"'{text}" if text.startswith(FORMULA) else text
+    text = printable(cell.replace("\r\n", "\n").replace("\r", "\n"))  # an unquoted lone carriage return ends a row
+    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 else text  # a dash alone stands for nothing
 
 
 def _of(table: Table) -> str:
@@ -44,7 +46,7 @@ def _of(table: Table) -> str:
     ]
     header: list[str] = []
     for column, wide in zip(table.columns, spread, strict=True):
-        name = f"{column.name} [{column.unit.si}]" if column.unit.si else column.name
+        name = si_heading(column.name, column.unit)
         header += [name, f"{name} standard deviation"] if wide else [name]
     return csv_text(header, (_row(row, spread) for row in rows))
 
@@ -62,10 +64,8 @@ def _plain(cell: Cell) -> str | float | None:
             return value
         case Value(value=value, beyond=beyond):
             return f"{beyond} {value!r}"
-        case Unit():
-            return cell.si
-        case Verdict():
-            return shown(cell, NONE)
+        case Quantity():
+            return si_heading(cell.name, cell.unit)
         case int() | float() | None:
             return cell
         case _:

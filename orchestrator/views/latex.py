@@ -15,12 +15,13 @@ CHARACTER, GAP = 4.3, 8.0
 """Widths at the size footnotesize [pt]: of a character, generously (a digit has 4.25), and of the space between two
 columns, 2 tabcolsep of 4 pt."""
 
-LONGEST = 40
-"""Characters of a column of words; longer ones are broken into lines."""
+LONGEST, SHORTEST = 40, 8
+"""Characters of a column of words; longer ones are broken into lines. The first one where there is room, else as many
+as let the keys and one more column stand beside each other, but no fewer than the second one."""
 
 _SPECIAL = {char: f"\\{char}" for char in "&%$#_{}"} | {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$",
-    "µ": r"$\mu$", "×": r"$\times$", "±": r"$\pm$", "°": r"$^\circ$",
+    "|": r"\textbar{}", "µ": r"$\mu$", "×": r"$\times$", "±": r"$\pm$", "°": r"$^\circ$",
 }  # fmt: skip
 
 
@@ -30,23 +31,37 @@ def latex(tables: Sequence[Table]) -> str:
     for table in tables:
         parts += ["\\begin{table}", "  \\centering\\footnotesize\\setlength{\\tabcolsep}{4pt}"]
         parts.append(f"  \\caption{{{_text(table.title)}}}")
-        widths = [_width(table, place) for place in range(len(table.columns))]
+        lengths = [_length(table, place) for place in range(len(table.columns))]
+        most = _most(lengths, table.keys)
+        widths = [_width(length, most) for length in lengths]
         for number, part in enumerate(table.fitting(widths, TEXT_WIDTH)):
-            parts += [*(["", "  \\medskip"] if number else []), *_tabular(part)]
+            parts += [*(["", "  \\medskip"] if number else []), *_tabular(part, most)]
         parts.append("\\end{table}")
     return "\n".join(parts)
 
 
-def _width(table: Table, place: int) -> float:
-    """The width of a column with the gap beside it [pt]."""
+def _length(table: Table, place: int) -> int:
+    """The characters of a column's longest cell."""
     column = table.columns[place]
     cells = (shown(row[place], column.unit) for row in (*table.rows, *table.footer))
-    longest = max(map(len, (column.name, f"[{column.unit.shown}]" if column.unit.shown else "", *cells)))
-    return min(longest, LONGEST) * CHARACTER + GAP
+    return max(map(len, (column.name, f"[{column.unit.shown}]" if column.unit.shown else "", *cells)))
 
 
-def _tabular(table: Table) -> Iterator[str]:
-    kinds = (_kind(table, place) for place in range(len(table.columns)))
+def _width(length: int, most: int) -> float:
+    """The width of a column with the gap beside it [pt], if no line of it is longer than ``most`` characters."""
+    return min(length, most) * CHARACTER + GAP
+
+
+def _most(lengths: Sequence[int], keys: int) -> int:
+    """After how many characters a line is broken."""
+    most = LONGEST
+    while most > SHORTEST and sum(_width(n, most) for n in (*lengths[:keys], max(lengths[keys:]))) > TEXT_WIDTH:
+        most -= 1
+    return most
+
+
+def _tabular(table: Table, most: int) -> Iterator[str]:
+    kinds = (_kind(table, place, most) for place in range(len(table.columns)))
     best = [table.best(place) for place in range(len(table.columns))]
     yield f"  \\begin{{tabular}}{{{''.join(kinds)}}}"
     yield "    \\toprule"
@@ -65,11 +80,10 @@ def _tabular(table: Table) -> Iterator[str]:
     yield "  \\end{tabular}"
 
 
-def _kind(table: Table, place: int) -> str:
-    if not table.is_text(place):
-        return "r"
-    longest = max((len(shown(row[place], table.units[place])) for row in (*table.rows, *table.footer)), default=0)
-    return f"p{{{LONGEST * CHARACTER:.0f}pt}}" if longest > LONGEST else "l"
+def _kind(table: Table, place: int, most: int) -> str:
+    if _length(table, place) > most:
+        return f"p{{{most * CHARACTER:.0f}pt}}"
+    return "l" if table.is_text(place) else "r"
 
 
 def _line(cells: Iterable[str]) -> str:
@@ -82,5 +96,5 @@ def _cell(cell: Cell, unit: Unit) -> str:
 
 
 def _text(text: str) -> str:
-    escaped = "".join(_SPECIAL.get(char, char) for char in printable(text))
+    escaped = "".join(_SPECIAL.get(char, char) for char in " ".join(printable(text).split()))
     return f"{{}}{escaped}" if escaped.startswith(("[", "*")) else escaped  # else they belong to the row's end before

@@ -26,12 +26,12 @@ def markdown(tables: Sequence[Table]) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text in which no character means something to Markdown."""
-    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", printable(text))
+    """Text in one line in which no character means something to Markdown, as GitHub has it."""
+    return re.sub(r"([\\`*_\[\]<>|&~$])", r"\\\1", " ".join(printable(text).splitlines()))
 
 
 def _cell(cell: Cell, unit: Unit) -> str:
-    return "" if cell is None else escaped(shown(cell, unit)).replace("\n", " ")
+    return "" if cell is None else escaped(shown(cell, unit))
 
 
 def _line(cells: Iterable[str]) -> str:

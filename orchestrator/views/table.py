@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
-from .units import NONE, Unit, number
+from .units import NONE, Unit, heading, number
 
 VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
 """The verdict on a requirement as a word, everywhere."""
@@ -14,13 +14,15 @@ VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not
 
 class Value(NamedTuple):
     """A number with what belongs to it: its standard deviation, a ``unit`` in place of the column's, ``beyond`` (``<``
-    or ``>``) if it is the limit that nothing was found up to, and whether it is ``good``."""
+    or ``>``) if it is the limit that nothing was found up to, whether it is ``good``, and whether it was ``given``,
+    as a parameter is: then it is shown with six figures."""
 
     value: float | None
     deviation: float | None = None
     unit: Unit | None = None
     beyond: Literal["", "<", ">"] = ""
     good: bool | None = None
+    given: bool = False
 
 
 class Verdict(NamedTuple):
@@ -38,8 +40,15 @@ class Link(NamedTuple):
     recording: int | None = None
 
 
-Cell = str | int | float | Value | Verdict | Link | Unit | None
-"""Contents of a cell. A unit says what the values of its row are in: the SI unit in a file, else the one shown."""
+class Quantity(NamedTuple):
+    """The name of what stands in a row, with the unit of its values: the SI unit in a file, else the one shown."""
+
+    name: str
+    unit: Unit
+
+
+Cell = str | int | float | Value | Verdict | Link | Quantity | None
+"""Contents of a cell."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ class Table:
 
     def is_text(self, column: int) -> bool:
         """Whether a column holds words: they begin at the left."""
-        return any(isinstance(row[column], str | Verdict | Link) for row in self.rows)
+        return any(isinstance(row[column], str | Verdict | Link | Quantity) for row in self.rows)
 
     def best(self, column: int) -> frozenset[int]:
         """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
@@ -121,19 +130,20 @@ def plain(cell: Cell) -> float | None:
     return float(cell) if isinstance(cell, int | float) else None
 
 
-def shown(cell: Cell, unit: Unit, plus_minus: str = " ± ") -> str:
+def shown(cell: Cell, unit: Unit) -> str:
     """A cell in words, its numbers in the unit they are shown in."""
     match cell:
         case Value():
             own = cell.unit or unit
-            deviation = "" if cell.deviation is None else plus_minus + number(cell.deviation, own.factor)
-            return (f"{cell.beyond} " if cell.beyond else "") + number(cell.value, own.factor) + deviation
+            deviation = "" if cell.deviation is None else f" ± {number(cell.deviation, own.factor)}"
+            value = number(cell.value, own.factor, exact=cell.given)
+            return (f"{cell.beyond} " if cell.beyond else "") + value + deviation
         case Verdict():
             return cell.words or VERDICTS[cell.passed]
         case Link():
             return cell.text
-        case Unit():
-            return cell.shown
+        case Quantity():
+            return heading(cell.name, cell.unit)
         case str():
             return cell
         case int():

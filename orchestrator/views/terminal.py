@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table as Grid
+from rich.text import Text
 
 from ..text import printable
 from .table import Cell, Commands, Facts, Note, Summary, Table, Value, Verdict, shown
@@ -42,22 +42,21 @@ def terminal(stderr: bool = False) -> Console:
 
 def show(summary: Summary, console: Console) -> None:
     """Print a summary. Commands are not wrapped: they are copied."""
-    console.print(f"[bold]{safe(summary.title)}[/bold]  {safe(summary.kicker)}")
+    console.print(Text.assemble((printable(summary.title), "bold"), "  ", printable(summary.kicker)))
     for part in summary.parts:
         match part:
             case Table():
                 console.print(*grids(part, console.width))
             case Note(text, warning):
-                console.print(safe(text), style="yellow" if warning else None, soft_wrap=not warning, highlight=False)
+                console.print(_text(text, "yellow" if warning else ""), soft_wrap=not warning)
             case Facts(_, pairs, brief):
                 for name, text in pairs:
                     if name in brief:
-                        console.print(f"{safe(name.lower())} {safe(text)}", highlight=False)
+                        console.print(_text(f"{name.lower()} {text}"))
             case Commands(title, pairs) if pairs:
-                console.print(f"\n{title}:")
+                console.print(f"\n{title}:", highlight=False)
                 for name, command in pairs:
-                    lead = f"{safe(name)}\n  " if name else "  "
-                    console.print(f"{lead}{safe(command)}", soft_wrap=True, highlight=False)
+                    console.print(_text(f"{name}\n  {command}" if name else f"  {command}"), soft_wrap=True)
 
 
 def grids(table: Table, width: int) -> Iterator[Grid]:
@@ -68,18 +67,18 @@ def grids(table: Table, width: int) -> Iterator[Grid]:
     marked = {table.columns[place]: rows for place, rows in enumerate(best)}
     widths = [_width(table, place) + 2 for place in range(len(table.columns))]
     for number, part in enumerate(table.fitting(widths, width)):
-        title = "" if number else safe(table.title)
+        title = None if number else _text(table.title)
         made = Grid(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
         for place, column in enumerate(part.columns):
             words = part.is_text(place)
-            heading = safe(column.name) + (f"\n\\[{column.unit.shown}]" if column.unit.shown else "")
+            heading = _text(column.name + (f"\n[{column.unit.shown}]" if column.unit.shown else ""))
             least = None if width < TINY else min(_width(part, place), LEAST)
             made.add_column(
                 heading, justify="left" if words else "right", no_wrap=not words, overflow="fold", min_width=least
             )
         for row_number, row in enumerate(part.rows):
             cells = zip(part.columns, row, strict=True)
-            made.add_row(*(_marked(_cell(cell, own.unit), row_number in marked[own]) for own, cell in cells))
+            made.add_row(*(_cell(cell, own.unit, row_number in marked[own]) for own, cell in cells))
         if part.footer:
             made.add_section()
         for row in part.footer:
@@ -95,22 +94,15 @@ def _width(table: Table, place: int) -> int:
     return min(longest, LEAST) if table.is_text(place) else longest
 
 
-def _marked(words: str, best: bool) -> str:
-    return f"[bold]{words}[/bold]" if best else words
+def _text(text: str, style: str = "") -> Text:
+    """Text of a stranger for the console: without control characters, and none of it taken for markup."""
+    return Text(printable(text), style)
 
 
-def safe(text: str) -> str:
-    """Text of a stranger for the console: without control characters, and without markup."""
-    return escape(printable(text))
-
-
-def _cell(cell: Cell, unit: Unit) -> str:
-    words = safe(shown(cell, unit)) if cell is not None else ""
-    if isinstance(cell, Verdict):
-        return f"[{COLOURS[cell.passed]}]{words}[/{COLOURS[cell.passed]}]"
-    if isinstance(cell, Value) and cell.good is not None:
-        return f"[{COLOURS[cell.good]}]{words}[/{COLOURS[cell.good]}]"
-    return words
+def _cell(cell: Cell, unit: Unit, best: bool = False) -> Text:
+    judged = cell.passed if isinstance(cell, Verdict) else cell.good if isinstance(cell, Value) else None
+    colour = COLOURS[judged] if isinstance(cell, Verdict) or judged is not None else ""
+    return _text("" if cell is None else shown(cell, unit), f"{colour} bold".strip() if best else colour)
 
 
 def _look_alike(error: UnicodeError) -> tuple[str, int]:

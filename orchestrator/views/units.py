@@ -22,13 +22,21 @@ SHOWN = {"": NONE, "m": MILLIMETRE, "N.m": TORQUE, "s": SECOND, "Hz": HERTZ, "ra
 """How values are shown, by SI unit, where nothing else is said."""
 
 
-def number(value: float | None, factor: float = 1.0) -> str:
-    """``value`` times ``factor`` with three significant figures, four from 100 on; a dash if there is no value."""
+def number(value: float | None, factor: float = 1.0, exact: bool = False) -> str:
+    """``value`` times ``factor`` with three significant figures, four from 100 on, six if it is ``exact``; a dash if
+    there is no value."""
     if value is None:
         return "-"
+    if exact:
+        return f"{value * factor:g}"
     return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
 
 
 def heading(name: str, unit: Unit) -> str:
     """A name with the unit that its values are shown in, such as ``B5 [mm]``."""
     return f"{name} [{unit.shown}]" if unit.shown else name
+
+
+def si_heading(name: str, unit: Unit) -> str:
+    """The same with the SI unit, for files."""
+    return f"{name} [{unit.si}]" if unit.si else name

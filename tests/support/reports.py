@@ -1,22 +1,30 @@
-"""Runs for tests of reports, made by hand: no simulation, and no FMU."""
+"""Documents of all kinds for tests, made by hand: no simulation, and no FMU."""
 
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
-from orchestrator.benchmark.results import CaseResult
+from orchestrator.benchmark.certificate import Draw, Reference, Score, identity, overall, seeds
+from orchestrator.benchmark.results import CaseResult, Rules
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
+from orchestrator.conformance.finding import Finding, Severity
+from orchestrator.documents.comparison import compare
+from orchestrator.documents.document import Shown
 from orchestrator.documents.evaluation import Evaluation
+from orchestrator.documents.findings import Findings
 from orchestrator.documents.head import BoundRecord, ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
 from orchestrator.documents.recording import About, Recording
 from orchestrator.documents.results import LoopDelay, Results
 from orchestrator.documents.robustness import Robustness
 from orchestrator.documents.spread import Spread, spread_of
+from orchestrator.documents.sweep import Sweep
 from orchestrator.documents.tuning import Best, Judged, Tuning
+from orchestrator.documents.verification import Verification
 from orchestrator.loop.computing import ComputingTime
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import Range, Trial
@@ -31,7 +39,7 @@ from orchestrator.search.findings import (
     Step,
 )
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
-from support.results import GRID, PAPER, RULES, TABLE_2, everything
+from support.results import GRID, PAPER, RULES, TABLE_2, everything, result
 
 CONTROLLER = ControllerRecord(
     file="PID.fmu",
@@ -253,3 +261,70 @@ def tuned(**controller: Any) -> Tuning:
         best=Best(trials[20], 99.0, mean, mean, 150.0, ("A2",)),
         importance={"K_p[1]": 0.8, "T<b>": 0.2},
     )
+
+
+def swept(*counts: int, **controller: Any) -> Sweep:
+    """A sweep in which the first combination alone holds A1 to A3, and the last one has no V."""
+    axes = {f"K_{name}": tuple(map(float, range(1, count + 1))) for name, count in enumerate(counts)}
+    grid = [dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values())]
+    trials = [Trial(n, each, 90.0 + n, 90.0 + n, 1.5, not n) for n, each in enumerate(grid)]
+    trials[-1] = replace(trials[-1], cost=None, cycle=None, message="=died <i>at noon</i>")
+    return Sweep(schema=Sweep.SCHEMA, head=head_of(controller=controller), values=axes, trials=tuple(trials))
+
+
+def verified(
+    draws: Sequence[Sequence[CaseResult]],
+    strict: Sequence[CaseResult],
+    reference: Sequence[CaseResult],
+    rules: Rules = RULES,
+    **controller: Any,
+) -> Verification:
+    """A certificate of the cases of several ``draws``, and of those on the list of worst cases, beside a controller
+    whose cases are the same in all draws."""
+    head = head_of(
+        protocol="verification",
+        seed=None,
+        rules=rules,
+        sample_time=SampleTimeRecord(0.25e-3, False),
+        controller=controller,
+    )
+    drawn = seeds("entropy", identity(head.controller.sha256, {}, {}, 0.25e-3), len(draws))
+
+    def scored(each: Sequence[Sequence[CaseResult]]) -> dict[str, Any]:
+        found = overall(rules, list(zip(drawn, each, strict=True)))
+        costs = [score(rules, cases).cost for cases in each]
+        made = tuple(Draw(seed, cost, "0" * 64) for seed, cost in zip(drawn, costs, strict=True))
+        return {**{name: getattr(found, name) for name in Score.__struct_fields__}, "draws": made}
+
+    return Verification(
+        **scored(draws),
+        strict=overall(rules, [(drawn[0], strict)]),
+        references={"PID": Reference(**scored([reference] * len(draws)), strict=None, file="PID.fmu")},
+        schema=Verification.SCHEMA,
+        head=head,
+        source="published",
+        entropy="entropy",
+        code="0" * 64,
+        sandbox=True,
+    )
+
+
+def documents(**controller: Any) -> dict[str, Shown]:
+    """One of everything that shows itself, by its kind, of a controller with these fields; the text of strangers that
+    is not part of it is that of its file."""
+    words = controller.get("file", "PID.fmu")
+    failed = result(0, "sticky", "gain_1", None, None, Status.ERROR, words)
+    cycling = result(4, "slippery", "delay_2", {}, (2e-5, 1e-6))
+    some = [failed, cycling, *everything(TABLE_2, [1])]
+    found: dict[str, Any] = {
+        "evaluation": Evaluation(results_of(some, controller=controller), RECORDINGS),
+        "spread": seeded(1.0, range(3), **controller),
+        "search": hunted(**controller)[0],
+        "tuning": tuned(**controller),
+        "sweep": swept(4, **controller),
+        "verification": verified([everything(TABLE_2), some], some, some, **controller),
+    }
+    ranked = Evaluation(scaled(0.9, controller=controller))
+    found["comparison"] = compare([(each, None) for each in (ranked, *found.values())])
+    found["findings"] = Findings(words, (Finding(Severity.WARNING, words, words, "Mend it."),))
+    return found
