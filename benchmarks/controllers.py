@@ -52,8 +52,8 @@ from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.slaves import load  # noqa: E402
 from orchestrator.loop.controller import Steady, prepared  # noqa: E402
 from orchestrator.loop.setup import Setup  # noqa: E402
-from orchestrator.pairing.testbed import available_cores  # noqa: E402
 from orchestrator.pairing.pairing import Pairing  # noqa: E402
+from orchestrator.pairing.testbed import available_cores  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study.requests import Batch, Entry  # noqa: E402
 from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
