@@ -14,8 +14,8 @@ from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, lin
 from ..documents.document import Shown
 from ..errors import InputError
 from ..loop.scenario import NO_DELAY
-from ..views.table import Cell, Column, Note, Summary, Table, Value
-from ..views.units import HERTZ, MILLIMETRE, RADIAN, TORQUE, heading
+from ..views.table import Cell, Column, Note, Quantity, Summary, Table, Value
+from ..views.units import HERTZ, MILLIMETRE, RADIAN, TORQUE
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class LinearModel(Shown):
         """Where it is linearized, and frequencies and damping of its motions."""
         units = {"q_a": RADIAN, "q_m": RADIAN, "u_m": TORQUE, "X": MILLIMETRE}
         rest: tuple[tuple[Cell, ...], ...] = tuple(
-            (heading(name, units[name]), *(Value(each, unit=units[name]) for each in pair))
+            (Quantity(name, units[name]), *(Value(each, unit=units[name]) for each in pair))
             for name, pair in self.at._asdict().items()
         )
         modes = tuple((mode.frequency, mode.damping) for mode in self.modes)

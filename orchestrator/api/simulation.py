@@ -18,8 +18,8 @@ from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Shown
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
-from ..views.table import Column, Note, Part, Summary, Table, Value
-from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, heading
+from ..views.table import Column, Note, Part, Quantity, Summary, Table, Value
+from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE
 
 if TYPE_CHECKING:
     import pandas
@@ -156,8 +156,8 @@ class Simulation(Shown):
         for name, unit in UNITS.items():
             value = getattr(self.result.measurements, name)
             if value is not None:
-                rows.append((heading(name.replace("_", " "), unit), Value(value, unit=unit)))
-        rows.append((heading("largest TCP error", MILLIMETRE), Value(float(self.tcp_error.max()), unit=MILLIMETRE)))
+                rows.append((Quantity(name.replace("_", " "), unit), Value(value, unit=unit)))
+        rows.append((Quantity("largest TCP error", MILLIMETRE), Value(float(self.tcp_error.max()), unit=MILLIMETRE)))
         parts: list[Part] = [Table("Measured", (Column("quantity"), Column("value")), tuple(rows))]
         if self.case.test.requirements:
             parts.append(Note(f"verdict: {self.kind}", warning=False))

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..loop.trajectory import Status
-from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Summary, Table, Value, Verdict
-from ..views.units import SHOWN, heading
+from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.units import SHOWN
 from .commands import again, simulate_command
 from .document import Row
 from .facts import head_facts
@@ -68,7 +68,7 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         rows.append(
             (
                 name,
-                heading(each.title, unit),
+                Quantity(each.title, unit),
                 Value(each.value, unit=unit, good=None if each.value is None else each.value <= each.target),
                 Value(each.target, unit=unit),
                 Value(each.paper, unit=unit),

@@ -10,8 +10,8 @@ from msgspec.structs import asdict
 from ..benchmark.spread import Holding, SeedScore, Statistic, paired, seed_score, summary
 from ..benchmark.tally import reason
 from ..codec import Natural
-from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
-from ..views.units import NONE, SHOWN, Unit, heading, number
+from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Row
 from .facts import head_facts
@@ -138,7 +138,7 @@ def _statistics(spread: Spread) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, spec in spread.rules.criteria.items():
         unit = SHOWN[spec.unit]
-        rows.append((name, heading(spec.title, unit), *_row(spread.criteria[name], spec.target, unit)))
+        rows.append((name, Quantity(spec.title, unit), *_row(spread.criteria[name], spec.target, unit)))
     rows.append(("V", "Cost, eq. (15)", *_row(spread.cost, spread.rules.cost.target, NONE)))
     shown = tuple(Column(name, minor=name == "criterion") for name in columns)
     return Table("Over the seeds", shown, tuple(rows))

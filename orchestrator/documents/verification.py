@@ -19,8 +19,8 @@ from ..benchmark.certificate import (
 )
 from ..codec import plain
 from ..loop.trajectory import Status
-from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Summary, Table, Value, Verdict
-from ..views.units import SHOWN, heading
+from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.units import SHOWN
 from .commands import Setting, case_command
 from .document import Comparable, Completeness, Document, Row, completeness
 from .facts import head_facts
@@ -179,7 +179,7 @@ def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
 def verification_reasons(found: Verification) -> Iterator[Reason]:
     """The requirements of the controller over the draws and on the list of worst cases, and those of a reference that
     are not judged."""
-    yield from _own(found, found, found.protocol, f"in {{}} of {len(found.draws)} draws")
+    yield from _own(found, found, found.head.protocol_file or found.protocol, f"in {{}} of {len(found.draws)} draws")
     if found.strict is not None:
         yield from _own(found, found.strict, STRICT, "on the worst poses")
     for name, reference in found.references.items():
@@ -210,7 +210,7 @@ def _table(title: str, found: Score | Verification, others: Mapping[str, Score])
     for name, entry in found.criteria.items():
         unit = SHOWN[entry.unit]
         own = (Value(score.criteria[name].mean, score.criteria[name].sd, unit) for score in scores.values())
-        rows.append((heading(name, unit), *own, Value(entry.target, unit=unit), _worst(entry)))
+        rows.append((Quantity(name, unit), *own, Value(entry.target, unit=unit), _worst(entry)))
     target = sum(spec.weight for spec in found.rules.criteria.values()) if isinstance(found, Verification) else None
     rows.append(("V", *(Value(score.cost.mean, score.cost.sd) for score in scores.values()), target, None))
     for name, held in found.requirements.items():

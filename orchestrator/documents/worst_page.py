@@ -19,12 +19,13 @@ from ..views.table import (
     Note,
     Panel,
     Part,
+    Quantity,
     Table,
     Value,
     Verdict,
     Widget,
 )
-from ..views.units import MILLISECOND, NONE, SHOWN, heading, number
+from ..views.units import MILLISECOND, NONE, SHOWN, number
 from .facts import head_facts
 from .head import Head
 from .payload import criteria, packed, packed_error
@@ -75,7 +76,7 @@ def largest(
         most: Cell = "unstable" if worst.value is None and worst.command else Value(worst.value, unit=unit)
         words = "show" if name in shown else "command" if worst.command else "-"
         own = (Value(each, unit=unit) for each in (entry.value, entry.protocol, rules.criteria[name].target))
-        rows.append((heading(name, unit), *own, most, Link(words, worst.command, shown.get(name))))
+        rows.append((Quantity(name, unit), *own, most, Link(words, worst.command, shown.get(name))))
     total = ("V", Value(cost), Value(listed), rules.cost.target, None, None)
     return Table("Largest values found", columns, tuple(rows), (total,), VALUE)
 
@@ -128,7 +129,7 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
         value = margin_value(name, margin)
         asked = None if name.endswith("down") else Value(delay if name.startswith("delay") else gain, unit=value.unit)
         seeds = "" if margin.value is None else f"{margin.seeds_failed} of {margin.seeds_tried}"
-        rows.append((heading(name, value.unit or NONE), value, asked, Link(seeds, margin.command)))
+        rows.append((Quantity(name, value.unit or NONE), value, asked, Link(seeds, margin.command)))
     rows += [(name, value, 1.0, "") for name, value in radius_values(radius).items()]
     columns = (Column(""), Column("fails at"), Column("asked for"), Column("fails with seeds"))
     caption = (

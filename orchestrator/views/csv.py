@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .table import Cell, Table, Value, Verdict, shown
+from .table import Cell, Quantity, Table, Value, Verdict, shown
 from .units import NONE, Unit
 
 FORMULA = ("=", "+", "-", "@", "\t")
@@ -44,9 +44,13 @@ def _of(table: Table) -> str:
     ]
     header: list[str] = []
     for column, wide in zip(table.columns, spread, strict=True):
-        name = f"{column.name} [{column.unit.si}]" if column.unit.si else column.name
+        name = _named(column.name, column.unit)
         header += [name, f"{name} standard deviation"] if wide else [name]
     return csv_text(header, (_row(row, spread) for row in rows))
+
+
+def _named(name: str, unit: Unit) -> str:
+    return f"{name} [{unit.si}]" if unit.si else name
 
 
 def _row(row: Sequence[Cell], spread: Sequence[bool]) -> Iterator[str | float | None]:
@@ -62,8 +66,8 @@ def _plain(cell: Cell) -> str | float | None:
             return value
         case Value(value=value, beyond=beyond):
             return f"{beyond} {value!r}"
-        case Unit():
-            return cell.si
+        case Quantity():
+            return _named(cell.name, cell.unit)
         case Verdict():
             return shown(cell, NONE)
         case int() | float() | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
-from .units import NONE, Unit, number
+from .units import NONE, Unit, heading, number
 
 VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
 """The verdict on a requirement as a word, everywhere."""
@@ -38,8 +38,15 @@ class Link(NamedTuple):
     recording: int | None = None
 
 
-Cell = str | int | float | Value | Verdict | Link | Unit | None
-"""Contents of a cell. A unit says what the values of its row are in: the SI unit in a file, else the one shown."""
+class Quantity(NamedTuple):
+    """The name of a row, and what its values are in: the SI unit in a file, else the one shown."""
+
+    name: str
+    unit: Unit
+
+
+Cell = str | int | float | Value | Verdict | Link | Quantity | None
+"""Contents of a cell."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ class Table:
 
     def is_text(self, column: int) -> bool:
         """Whether a column holds words: they begin at the left."""
-        return any(isinstance(row[column], str | Verdict | Link) for row in self.rows)
+        return any(isinstance(row[column], str | Verdict | Link | Quantity) for row in self.rows)
 
     def best(self, column: int) -> frozenset[int]:
         """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
@@ -132,8 +139,8 @@ def shown(cell: Cell, unit: Unit, plus_minus: str = " ± ") -> str:
             return cell.words or VERDICTS[cell.passed]
         case Link():
             return cell.text
-        case Unit():
-            return cell.shown
+        case Quantity():
+            return heading(cell.name, cell.unit)
         case str():
             return cell
         case int():
