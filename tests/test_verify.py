@@ -241,7 +241,8 @@ def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
     found = Verification.load(tmp_path)
-    assert found.source == "fresh" and len(found.entropy) == 64 and found.protocol == str(bench.protocol)
+    assert found.source == "fresh" and len(found.entropy) == 64 and found.head.protocol_file == str(bench.protocol)
+    assert [file.name for file in tmp_path.iterdir()] == [written.name], "a store could be written into by others"
     assert list(found.references) == list(USUAL) and found.strict is not None
     assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in capsys.readouterr().out
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))

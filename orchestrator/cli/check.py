@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..conformance.finding import Severity
+from ..text import printable
 from . import options, output
 from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK, remedy
 from .values import Parser
@@ -21,13 +22,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     parser = Parser("check", "Check a controller FMU before any evaluation.", EPILOG)
     options.add_controller(parser)
-    output.add_options(parser, "the findings")
-    output.add_dry_run(parser, "which FMUs would be checked")
+    output.add_dry_run(output.add_options(parser, "the findings"), "which FMUs would be checked")
     given = parser.parse_args(arguments)
     bench, controller = options.benchmark(given), options.controller(given)
     options.announce(bench, controller)
     if given.dry_run:
-        print(f"1 controller to check: {controller.file_name}")
+        print(printable(f"1 controller to check: {controller.file_name}"))
         return EXIT_OK
     found = bench.check(controller)
     document = {"controller": found.controller, "verdict": found.worst, "findings": found.found}

@@ -38,8 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="FOLDER",
         help="where to write compare.html (default: runs/comparison)",
     )
-    output.add_options(parser, "the comparison as JSON")
-    output.add_dry_run(parser, "what would be compared")
+    output.add_dry_run(output.add_options(parser, "the comparison as JSON"), "what would be compared")
     parser.add_argument(
         "--figures", action="store_true", help="write figures for a paper as PDF, SVG and PNG, 88 or 180 mm wide"
     )

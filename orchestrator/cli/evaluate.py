@@ -34,6 +34,11 @@ EXAMPLES = """examples:
 """
 
 
+IDLE = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json", "form",
+        "dry_run")  # fmt: skip
+"""What has nothing to act on where the cases are only listed."""
+
+
 def _options(parser: Parser) -> None:
     parser.add_argument(
         "--quick",
@@ -62,7 +67,7 @@ def _options(parser: Parser) -> None:
 
 def _check(given: argparse.Namespace) -> None:
     outputs.check_options(given)
-    if given.list and (given.force or given.keep_going or given.seeds or given.only):
+    if given.list and any(getattr(given, name) for name in IDLE):
         raise InputError("--list runs nothing: the other options have nothing to act on.", "contradiction", "--list")
 
 

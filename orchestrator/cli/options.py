@@ -161,8 +161,11 @@ def refuse_idle(given: argparse.Namespace) -> None:
     """Raise :class:`InputError` for an option that would have no effect."""
     if getattr(given, "wait", WAIT) != WAIT and given.scheduler is None:
         raise InputError("--wait is for a cluster: give --scheduler, too.", "contradiction", "--wait")
-    if getattr(given, "no_report", False) and given.dry_run:
+    if given.dry_run and getattr(given, "no_report", False):
         raise InputError("--dry-run writes nothing: leave out --no-report.", "contradiction", "--no-report")
+    if given.dry_run and given.form:
+        message = f"--dry-run has no tables: leave out --{given.form}, or give --json."
+        raise InputError(message, "contradiction", f"--{given.form}")
 
 
 def benchmark(options: argparse.Namespace) -> Benchmark:

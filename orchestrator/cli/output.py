@@ -24,18 +24,20 @@ FORMS = {"latex": ("LaTeX (booktabs)", latex), "markdown": ("Markdown", markdown
 EXITS: dict[Completeness, int] = {"complete": EXIT_OK, "incomplete": EXIT_INCOMPLETE, "not judged": EXIT_NOT_JUDGED}
 
 
-def add_options(parser: Parser, json: str, forms: bool = True) -> None:
-    """Options of what is printed: ``json`` says what that form is, the others are ``forms`` for a paper."""
+def add_options(parser: Parser, json: str, forms: bool = True) -> argparse._MutuallyExclusiveGroup:
+    """Options of what is printed, of which there is one at a time: ``json`` says what that form is, the others are
+    ``forms`` for a paper."""
     parser.set_defaults(form=None)
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument("--json", action="store_true", help=f"print {json} instead of tables")
     for form, (words, _) in FORMS.items() if forms else ():
         shown.add_argument(f"--{form}", action="store_const", const=form, dest="form", help=f"print tables in {words}")
+    return shown
 
 
-def add_dry_run(parser: Parser, what: str) -> None:
-    """The option that only tells."""
-    parser.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
+def add_dry_run(options: argparse._ActionsContainer, what: str) -> None:
+    """The option that only tells, among ``options``."""
+    options.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
 
 
 def put(shown: Shown, given: argparse.Namespace, document: Any = None) -> None:

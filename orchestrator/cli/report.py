@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from ..documents.evaluation import Evaluation
 from ..documents.files import REPORT
 from ..documents.sweep import Sweep
 from ..errors import InputError
+from ..text import printable
 from . import output, outputs, sweep
 from .loading import Loaded, load
 from .values import Parser
@@ -33,8 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     outputs.add_options(parser)
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
-    output.add_options(parser, "the JSON document")
-    output.add_dry_run(parser, "what would be written")
+    output.add_dry_run(output.add_options(parser, "the JSON document"), "what would be written")
     given = parser.parse_args(arguments)
     outputs.check_options(given)
     codes = []
@@ -45,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise InputError(f"{folder} holds no evaluation, and there is its report only.", "no-run", folder)
         place = folder if folder.is_dir() else folder.parent
         if given.dry_run:
-            print(f"{place}: {type(found).__name__} of {found.head.controller.file}", file=sys.stderr)
+            print(printable(f"{place}: {type(found).__name__} of {found.head.controller.file}"))
             continue
         written = _write(found, place, given.no_report)
         if isinstance(found, Evaluation):

@@ -175,8 +175,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
     parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
     parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
-    output.add_options(parser, "the result of the case", forms=False)
-    output.add_dry_run(parser, "which case would be simulated")
+    shown = output.add_options(parser, "the result of the case", forms=False)
+    output.add_dry_run(shown, "which case would be simulated")
     parser.add_argument(
         "--export-ssp", type=Path, metavar="FILE", help="write the closed loop as an SSP package too, for other tools"
     )

@@ -169,7 +169,7 @@ def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
 def verification_reasons(found: Verification) -> Iterator[Reason]:
     """The requirements of the controller over the draws and on the list of worst cases, and those of a reference that
     are not judged."""
-    yield from _own(found, found, found.protocol, f"in {{}} of {len(found.draws)} draws")
+    yield from _own(found, found, found.head.protocol_file or found.protocol, f"in {{}} of {len(found.draws)} draws")
     if found.strict is not None:
         yield from _own(found, found.strict, STRICT, "on the worst poses")
     for name, reference in found.references.items():
