@@ -30,14 +30,14 @@ from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK, gu
 from orchestrator.cli.judged import results_code, shown_code, verification_code
 from orchestrator.cli.tables import show_results
 from orchestrator.codec import from_json, to_json
-from orchestrator.errors import Crash
-from orchestrator.loop.trajectory import Status
 from orchestrator.documents.certificates import Verification, differences
 from orchestrator.documents.fragments import results_fragment
 from orchestrator.documents.reasons import Reason, reasons, spread_reasons, verification_reasons
 from orchestrator.documents.report_page import report_html
 from orchestrator.documents.run import Run, load_run
 from orchestrator.documents.spread import spread_of
+from orchestrator.errors import Crash
+from orchestrator.loop.trajectory import Status
 from orchestrator.search.findings import RequirementFound
 
 GOOD = everything(TABLE_2, range(4))
