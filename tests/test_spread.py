@@ -54,14 +54,10 @@ def test_a_document_is_read_as_it_was_saved_or_refused(name, tmp_path):
     assert refusal(kind.load, tmp_path / "nowhere").what == kind.MISSING
     (tmp_path / "report.html").write_text("of another one")
     assert kind.load(document.save(tmp_path)) == document == kind.load(tmp_path / kind.FILE)
-    assert (tmp_path / "report.html").exists() is ("report.html" not in kind.DERIVED)
+    assert not (tmp_path / "report.html").exists()
     text = (tmp_path / kind.FILE).read_text()
     changes = [(f'"{kind.SCHEMA}"', '"other/1"', "other-schema"), ('"controller"', '"driver"', "damaged")]
-    changes += [
-        ('"head"', '"tail"', "damaged"),
-        ('"unit": "N.m"', '"unit": "parsec"', "damaged"),
-        ("{", "[", "damaged"),
-    ]
+    changes += [('"head"', '"tail"', "damaged"), ('"N.m"', '"parsec"', "damaged"), ("{", "[", "damaged")]
     for old, new, what in (*changes, (kind.SCHEMA, f"{kind.SCHEMA[:-1]}0", "other-schema")):
         assert old in text
         (tmp_path / kind.FILE).write_text(text.replace(old, new))
