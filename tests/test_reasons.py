@@ -16,29 +16,27 @@ from hypothesis import strategies as st
 from markupsafe import escape
 from msgspec.structs import replace
 from rich.console import Console
-from support.reports import CONTROLLER, PLANT, results_of, scaled, searched, stored
+from support.reports import head_of, results_of, scaled, searched, stored, verified
 from support.results import RULES, TABLE_2, everything, result
 from support.snapshots import snapshot
 
-from orchestrator.benchmark.certificate import Draw, Reference, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.tally import UNJUDGED, Failure, Outcome, merged, reason, tally
 from orchestrator.cli import compare, report
-from orchestrator.cli import verify as verify_command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK, guarded
-from orchestrator.cli.judged import results_code, shown_code, verification_code
-from orchestrator.cli.tables import show_results
 from orchestrator.codec import from_json, to_json
-from orchestrator.documents.certificates import Verification, differences
-from orchestrator.documents.fragments import results_fragment
-from orchestrator.documents.reasons import Reason, reasons, spread_reasons, verification_reasons
-from orchestrator.documents.report_page import report_html
-from orchestrator.documents.run import Run, load_run
-from orchestrator.documents.spread import spread_of
+from orchestrator.documents.document import Shown
+from orchestrator.documents.evaluation import Evaluation
+from orchestrator.documents.reasons import Reason
+from orchestrator.documents.scorecard import reasons
+from orchestrator.documents.spread import spread_of, spread_reasons
+from orchestrator.documents.verification import Verification, differences, verification_reasons
 from orchestrator.errors import Crash
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.findings import RequirementFound
+from orchestrator.views.page import page_html
+from orchestrator.views.terminal import show
 
 GOOD = everything(TABLE_2, range(4))
 OF_FOUR = replace(
@@ -163,12 +161,14 @@ RUNS = {
     "failed and skipped": {DELAYED: "error"} | gains("skipped", 5),
     "a part of the cases": {case.id: "not run" for case in GOOD if case.configuration.index or case.test == "gain_2"},
 }
-CODES = {"timeouts": 1, "several kinds": 1, "lost": 3, "skipped and lost": 3, "failed and skipped": 3}
+COMPLETENESS = dict.fromkeys(("timeouts", "several kinds"), "incomplete") | dict.fromkeys(
+    ("lost", "skipped and lost", "failed and skipped"), "not judged"
+)
 
 
-def printed(results) -> str:
+def printed(document: Shown) -> str:
     console = Console(file=io.StringIO(), emoji=False, width=100)
-    show_results(results, console)
+    show(document.summary(), console)
     return console.file.getvalue()
 
 
@@ -186,17 +186,17 @@ def test_every_output_has_the_line(name, tmp_path):
     lines = [*reasons(results)]
     failing = {name for name, entry in results.stability.items() if not entry.passed}
     assert [line.text[:2] for line in lines] == sorted(failing)
-    text, page, fragment = printed(results), report_html(Run(results)), results_fragment(results)
+    run = Evaluation(results)
+    text, page, fragment = printed(run), page_html(run.page()), run._repr_html_()
     for line in map(str, lines):
         assert line in text.splitlines()
     for line in lines:
-        assert line.text.replace("`", "") in page and line.text in fragment and str(escape(line.command)) in page
+        assert str(escape(line)) in page and str(escape(line)) in fragment
     for entry in results.stability.values():
         assert entry.reason in text
     assert stored(tmp_path, results, ()).results == results
-    assert results_code(results) == CODES.get(name, EXIT_OK)
-    expected = EXIT_NOT_JUDGED if CODES.get(name) == EXIT_NOT_JUDGED else EXIT_OK
-    assert shown_code(results) == expected
+    assert results.completeness == COMPLETENESS.get(name, "complete")
+    expected = EXIT_NOT_JUDGED if results.completeness == "not judged" else EXIT_OK
     (tmp_path / "other").mkdir()
     stored(tmp_path / "other", scaled(1.0), ())
     assert compare.main([str(tmp_path), str(tmp_path / "other"), "--output-dir", str(tmp_path / "out")]) == expected
@@ -205,9 +205,9 @@ def test_every_output_has_the_line(name, tmp_path):
 
 def test_every_case_that_is_not_done_stands_in_the_report_with_status_and_message():
     results = results_with(gains("skipped", 3) | RUNS["several kinds"] | {"c00.compliant.noise": "lost"})
-    page = report_html(Run(results))
+    page = page_html(Evaluation(results).page())
     table = page[page.index('id="failures"') :]
-    rows = [row for row in table.split("<tr>") if 'class="message"' in row]
+    rows = table[table.index("<tbody>") : table.index("</tbody>")].split("<tr>")[1:]
     left = [case for case in results.cases if case.status is not Status.DONE]
     assert len(rows) == len(left) == 5
     for row, case in zip(rows, left, strict=True):
@@ -215,25 +215,11 @@ def test_every_case_that_is_not_done_stands_in_the_report_with_status_and_messag
         assert f"{'✗' if case.judged else '–'} {case.status.value}<" in row
 
 
-def test_results_of_the_older_form_are_read_with_the_verdicts_of_this_one(tmp_path):
-    run = stored(tmp_path, results_with(RUNS["timeouts"]), ())
-    old = json.loads(to_json(run.results))
-    old["schema"] = "flexible-manipulator-results/2"
-    for test in old["rules"]["tests"]:
-        del test["cases"]
-    for entry in old["stability"].values():
-        for verdict in (entry, *entry["axes"].values()):
-            del verdict["tally"]
-    (tmp_path / "results.json").write_text(json.dumps(old))
-    found = load_run(tmp_path).results
-    assert found.schema == run.results.schema and found.stability == run.results.stability
-
-
 # Several seeds.
 
-SPREAD = spread_of(
-    [1, 2, 3], [results_with(RUNS[name], seed=seed) for seed, name in ((1, "met"), (2, "timeouts"), (3, "lost"))]
-)
+HEAD = head_of(seed=None, rules=OF_FOUR)
+SEEDS = [results_with(RUNS[name], seed=seed) for seed, name in ((1, "met"), (2, "timeouts"), (3, "lost"))]
+SPREAD = spread_of([1, 2, 3], SEEDS, HEAD)
 
 
 def test_over_seeds_a_failure_counts_and_a_lost_case_leaves_no_verdict():
@@ -241,11 +227,10 @@ def test_over_seeds_a_failure_counts_and_a_lost_case_leaves_no_verdict():
     assert {name: SPREAD.passed(name) for name in SPREAD.requirements} == {"A1": False, "A2": True, "A3": False}
     assert (SPREAD.requirements["A1"].seeds, SPREAD.requirements["A1"].of) == (1, 2)
     assert from_json(to_json(SPREAD), type(SPREAD)) == SPREAD and not SPREAD._problem()
-    lost = spread_of([1, 3], [results_with(RUNS[name], seed=seed) for seed, name in ((1, "met"), (3, "lost"))])
-    assert lost.passed("A1") is None and lost.passed("A2") is True and shown_code(lost) == EXIT_NOT_JUDGED
+    lost = spread_of([1, 3], SEEDS[::2], HEAD)
+    assert lost.passed("A1") is None and lost.passed("A2") is True and lost.completeness == "not judged"
+    assert spread_of([1], SEEDS[:1], HEAD).completeness == "complete" and "judged" in printed(lost)
     assert "A1 not judged with 1 of 2 seeds (seed 3)" in lost._repr_html_()
-    older = replace(SPREAD, seeds=tuple(replace(each, tallies={}) for each in SPREAD.seeds), incomplete=())
-    assert older.passed("A1") is False and [*spread_reasons(older)] == []
 
 
 # Verifications.
@@ -255,32 +240,8 @@ DRAWS = (RUNS["timeouts"], RUNS["met"], RUNS["lost"] | {DELAYED: "lost"})
 
 def verification(*draws: dict[str, str], reference: dict[str, str] | None = None) -> Verification:
     """A certificate of draws whose cases ended so."""
-    drawn = seeds("entropy", identity(CONTROLLER.sha256, {}, {}, 0.25e-3), len(draws))
-
-    def scored(ends) -> dict:
-        found = overall(OF_FOUR, [(seed, with_ends(own)) for seed, own in zip(drawn, ends, strict=True)])
-        costs = [score(OF_FOUR, with_ends(own)).cost for own in ends]
-        made = tuple(Draw(seed, cost, "0" * 64) for seed, cost in zip(drawn, costs, strict=True))
-        return {**{name: getattr(found, name) for name in Score.__struct_fields__}, "draws": made}
-
-    return Verification(
-        **scored(draws),
-        strict=overall(OF_FOUR, [(drawn[0], with_ends(RUNS["limit cycles"]))]),
-        references={"PID": Reference(**scored([reference or {}] * len(draws)), strict=None, file="PID.fmu")},
-        schema=Verification.SCHEMA,
-        benchmark="FlexibleManipulator-v2",
-        protocol="verification",
-        source="published",
-        entropy="entropy",
-        controller=CONTROLLER,
-        sample_time=0.25e-3,
-        plant=PLANT,
-        code="0" * 64,
-        sandbox=True,
-        environment={},
-        start="",
-        wall_time=1.0,
-    )
+    cases = [with_ends(own) for own in draws]
+    return verified(cases, with_ends(RUNS["limit cycles"]), with_ends(reference or {}), OF_FOUR)
 
 
 def test_a_verification_says_how_each_case_ended(tmp_path):
@@ -313,23 +274,21 @@ def test_over_draws_a_failure_counts_and_a_lost_case_leaves_no_verdict(capsys):
 
 
 @pytest.mark.parametrize(
-    ("draws", "reference", "code"),
+    ("draws", "reference", "completeness"),
     [
-        ([RUNS["met"]], None, EXIT_OK),
-        ([RUNS["limit cycles"]], None, EXIT_OK),
-        ([RUNS["timeouts"], {}], None, EXIT_INCOMPLETE),
-        ([RUNS["lost"], {}], None, EXIT_NOT_JUDGED),
-        ([{"c00.compliant.noise": "lost"}], None, EXIT_NOT_JUDGED),
-        ([{}], RUNS["lost"], EXIT_NOT_JUDGED),
-        ([{}], RUNS["timeouts"], EXIT_OK),
+        ([RUNS["met"]], None, "complete"),
+        ([RUNS["limit cycles"]], None, "complete"),
+        ([RUNS["timeouts"], {}], None, "incomplete"),
+        ([RUNS["lost"], {}], None, "not judged"),
+        ([{"c00.compliant.noise": "lost"}], None, "not judged"),
+        ([{}], RUNS["lost"], "not judged"),
+        ([{}], RUNS["timeouts"], "complete"),
     ],
 )
-def test_the_exit_code_of_a_verification(draws, reference, code):
+def test_how_far_a_verification_is_judged(draws, reference, completeness):
     found = verification(*draws, reference=reference)
-    assert verification_code(found) == code
-    console = Console(file=io.StringIO(), emoji=False, width=100)
-    verify_command.show(found, console)
-    text = console.file.getvalue()
+    assert found.completeness == completeness
+    text = printed(found)
     for line in verification_reasons(found):
         assert str(line) in text.splitlines()
     assert ("PID: A1 not judged" in text) is (reference is RUNS["lost"])
@@ -349,10 +308,10 @@ def test_a_certificate_whose_cases_contradict_it_is_refused():
 def test_a_search_of_which_simulations_were_lost_is_not_judged():
     lost = RequirementFound(None, "quiet", 1e-6, 1.0, 3.0, 0, 0, "")
     found = replace(searched(), requirements={"A1": lost})
-    assert shown_code(found) == EXIT_NOT_JUDGED and shown_code(searched()) == EXIT_OK
+    assert (found.completeness, searched().completeness) == ("not judged", "complete")
     assert found.broken == () and "A1 not judged" in repr(found) and "not judged" in found._repr_html_()
     crashed = replace(lost, passed=False, kind="no verdict", status=Status.CRASHED)
-    assert "fails: a simulation ended with crashed" in replace(found, requirements={"A1": crashed})._repr_html_()
+    assert "a simulation ended with crashed" in replace(found, requirements={"A1": crashed})._repr_html_()
 
 
 @pytest.mark.parametrize(("what", "code"), [("killed", EXIT_NOT_JUDGED), ("", EXIT_INCOMPLETE)])

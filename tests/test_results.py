@@ -6,25 +6,25 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec.structs
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace as replaced
 from scipy.io import loadmat
 from support.refusals import refusal
 from support.reports import RECORDINGS, results_of, scaled, stored
-from support.results import TABLE_2, everything, result, trajectory
+from support.results import RULES, TABLE_2, everything, result, trajectory
 
-from orchestrator.benchmark.results import Results
 from orchestrator.codec import json_schema, to_json
 from orchestrator.documents import files, trajectory_files
+from orchestrator.documents.case_table import cases_csv, parquet_bytes
+from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
 from orchestrator.documents.mat import mat_bytes
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
-from orchestrator.documents.run import Run, load_run, save_run
-from orchestrator.documents.tables import csv_text, parquet_bytes
+from orchestrator.documents.results import Results
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
 from orchestrator.loop.trajectory import Status
@@ -48,7 +48,7 @@ def test_what_was_written_is_read_back(run):
 
 @pytest.mark.needs("jsonschema")
 def test_results_conform_to_the_schema_in_the_docs_which_is_that_of_the_types(run):
-    """After a change: python -c "from orchestrator.codec import *; from orchestrator.benchmark.results import Results;
+    """After a change: python -c "from orchestrator.codec import *; from orchestrator.documents.results import Results;
     print(to_json(json_schema(Results)))" > docs/results.schema.json"""
     import jsonschema
 
@@ -57,12 +57,36 @@ def test_results_conform_to_the_schema_in_the_docs_which_is_that_of_the_types(ru
     validator = jsonschema.Draft202012Validator(json.loads(schema))
     contents = json.loads((run.folder / files.RESULTS).read_text())
     assert not list(validator.iter_errors(contents))
-    timing = dict(contents["timing"])
-    del timing["computing_time"]  # as in results that are older than this field
-    (run.folder / files.RESULTS).write_text(json.dumps({**contents, "timing": timing}))
-    assert load_run(run.folder).results.timing.computing_time is None
     for wrong in ({"cost": -1.0}, {"more": 1}):
         assert list(validator.iter_errors({**contents, **wrong}))
+
+
+@pytest.mark.parametrize("form", [2, 3])
+def test_results_of_older_forms_are_read_with_the_verdicts_of_this_one(run, form):
+    """They had no head; those of form 2 did not say how many cases a test has, nor what verdicts count."""
+    file = run.folder / files.RESULTS
+    slow = result(0, "sticky", "gain_1", None, None, Status.TIMEOUT)
+    tests = tuple(replaced(test, cases=test.cases if form == 3 else None) for test in RULES.tests)
+    cases = [slow if case.id == slow.id else case for case in everything(TABLE_2)]
+    now = results_of(cases, rules=replaced(RULES, tests=tests))
+    contents = json.loads(to_json(now))
+    head = contents.pop("head")
+    del head["command"], head["timing"]["simulations"]
+    old = {**contents, **head, "schema": f"flexible-manipulator-results/{form}"}
+    if form == 2:
+        for verdict in (each for entry in old["stability"].values() for each in (entry, *entry["axes"].values())):
+            del verdict["tally"]
+        for test in old["rules"]["tests"]:
+            del test["cases"]
+    file.write_text(json.dumps(old))
+    found = Evaluation.load(run.folder).results
+    timing = replaced(now.timing, simulations=len(now.cases))
+    assert found == replaced(now, head=replaced(now.head, timing=timing)) and not found.stability["A1"].passed
+    del old["timing"]["computing_time"]  # as in results that are older than this field
+    file.write_text(json.dumps(old))
+    assert Evaluation.load(run.folder).head.timing.computing_time is None
+    file.write_text(json.dumps({**old, "schema": "flexible-manipulator-results/1"}))
+    assert "Version 0.1.0 of this package reads it" in str(refusal(Evaluation.load, run.folder))
 
 
 WRONG = {
@@ -75,9 +99,9 @@ WRONG = {
         lambda c: c["cases"][0]["measurements"].update(B1=0.01),
         lambda c: c["cases"].append(c["cases"][0]),
         lambda c: c.update(cases=[]),
-        lambda c: c["plant"]["nominal"].pop("l[1]"),
-        lambda c: c["rules"]["cost"].update(paper=0.0),
-        lambda c: c["rules"]["criteria"]["B1"].update(unit="parsec"),
+        lambda c: c["head"]["plant"]["nominal"].pop("l[1]"),
+        lambda c: c["head"]["rules"]["cost"].update(paper=0.0),
+        lambda c: c["head"]["rules"]["criteria"]["B1"].update(unit="parsec"),
     ],
     "other-schema": ["{}", '{"schema": "other/2"}'],
 }
@@ -98,7 +122,7 @@ def test_results_that_are_none_or_contradict_themselves_are_refused(run, what):
 
 def refused(folder, what, file):
     """A run cannot be loaded because of a file."""
-    error = refusal(load_run, folder)
+    error = refusal(Evaluation.load, folder)
     assert (error.what, error.where) == (what, str(file))
 
 
@@ -109,7 +133,7 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
     messages = ['said "no",\r\nthen died; ü', *(f"{start}HYPERLINK(0)" for start in "=+-@\t")]
     failed = [result(n, "sticky", "gain_1", None, None, Status.CRASHED, text) for n, text in enumerate(messages, 2)]
     cases = [*everything(TABLE_2, [0]), result(1, "sticky", "gain_1"), *failed]
-    rows = list(csv.DictReader(io.StringIO(csv_text(results_of(cases)), newline="")))
+    rows = list(csv.DictReader(io.StringIO(cases_csv(results_of(cases)), newline="")))
     assert [row["id"] for row in rows] == [entry.id for entry in cases]
     assert {row["B5 [m]"] for row in rows} == {"", "0.0102"}
     expected = ['said "no",\nthen died; ü', *(f"'{text}" for text in messages[1:])]
@@ -121,7 +145,7 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
 
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_mat_holds_a_struct_array_of_the_recordings(count):
-    contents = loadmat(io.BytesIO(mat_bytes(Run(results_of(), RECORDINGS[:count]))))
+    contents = loadmat(io.BytesIO(mat_bytes(Evaluation(results_of(), RECORDINGS[:count]))))
     recordings = contents["recordings"]
     assert recordings.shape == (1, count) and contents["units"]["q_a1"].item() == "rad"
     assert {"id", "roles", "window", "t", "x", "u_m2"} <= set(recordings.dtype.names)
@@ -136,7 +160,7 @@ def test_figures_are_written_in_all_formats_and_repeat_byte_for_byte(run, tmp_pa
     whole, plant = tmp_path / "figures", tmp_path / "without recordings"
     names, missing = write_figures(run, whole)
     assert (len(names), missing, len(list(whole.iterdir()))) == (7, [], 7 * 3)
-    names, missing = write_figures(Run(results_of()), plant)
+    names, missing = write_figures(Evaluation(results_of()), plant)
     assert {name.split("_")[1] for name in names} == {"03", "04"} and len(missing) == 5
     assert all(file.read_bytes() == (whole / file.name).read_bytes() for file in plant.iterdir())
 
@@ -224,8 +248,8 @@ def test_what_was_made_of_other_results_is_removed(run):
     (run.folder / files.REPORT).write_text("the old one")
     (run.folder / files.FIGURES).mkdir()
     (run.folder / "cases.sqlite").write_text("stays")
-    same = msgspec.structs.replace(run.results, timing=msgspec.structs.replace(run.results.timing, wall_time=1.0))
-    save_run(same, RECORDINGS, run.folder)
+    later = replaced(run.results.head, timing=replaced(run.results.timing, wall_time=1.0), command="again")
+    Evaluation(replaced(run.results, head=later), RECORDINGS).save(run.folder)
     assert (run.folder / files.REPORT).exists()
-    save_run(scaled(0.5), (), run.folder)
+    Evaluation(scaled(0.5)).save(run.folder)
     assert {file.name for file in run.folder.iterdir()} == {files.RESULTS, files.CASES, "cases.sqlite"}

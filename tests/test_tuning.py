@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import json
 import math
 from argparse import ArgumentTypeError
@@ -14,7 +13,7 @@ import pytest
 from msgspec import structs
 from support.closed_loops import GRID
 from support.refusals import refusal
-from support.reports import tuned
+from support.reports import swept, tuned
 from support.tools import PRESENT
 from test_pid import GAINS, STARTS
 
@@ -201,16 +200,6 @@ def test_a_sweep_tries_every_combination(short, quick_pid_file, tmp_path):
     assert first.values["K_d[2]"] in found.plot().axes[0].lines[0].get_xdata()
 
 
-def swept(*counts):
-    """A sweep in which the first combination alone holds A1 to A3, and the last one has no V."""
-    axes = {f"K_{name}": tuple(map(float, range(1, count + 1))) for name, count in enumerate(counts)}
-    grid = [dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values())]
-    trials = [Trial(n, each, 90.0 + n, 90.0 + n, 1.5, not n) for n, each in enumerate(grid)]
-    trials[-1] = structs.replace(trials[-1], cost=None, cycle=None, message="=died <i>at noon</i>")
-    own = {name: getattr(tuned(), name) for name in ("benchmark", "protocol", "seed", "rules", "controller", "plant")}
-    return Sweep(schema=Sweep.SCHEMA, values=axes, trials=tuple(trials), wall_time=1.0, **own)
-
-
 def test_a_sweep_is_a_line_a_map_or_a_table():
     line, chart, table = swept(4), swept(3, 1, 2), swept(2, 2, 2)
     drawn = {entry.get_label(): entry.get_xydata().tolist() for entry in line.plot().axes[0].lines}
@@ -234,7 +223,7 @@ def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):
     assert report.main([str(tmp_path / "tuning")]) == report.main([str(tmp_path / "sweep"), "--json"]) == 0
     printed = capsys.readouterr().out
     assert "Parameters" in printed and '"flexible-manipulator-sweep/' in printed
-    names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg"})
+    names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg", "report.html"})
     assert [{file.name for file in (tmp_path / kind).iterdir()} for kind in ("tuning", "sweep")] == list(names)
 
 

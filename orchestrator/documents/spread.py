@@ -15,7 +15,7 @@ from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
-from .files import SPREAD
+from .files import REPORT, SPREAD
 from .head import Head
 from .reasons import Reason, reason_notes, reason_text
 from .results import Results
@@ -33,6 +33,7 @@ class Spread(Document, Comparable, kw_only=True):
 
     FILE: ClassVar[str] = SPREAD
     SCHEMA: ClassVar[str] = "flexible-manipulator-spread/2"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
     KIND: ClassVar[str] = "Several seeds, mean ± standard deviation"
 
     cost: Statistic
@@ -95,7 +96,7 @@ class Spread(Document, Comparable, kw_only=True):
         """Mean, standard deviation and range of V and the criteria, and with how many seeds the requirements hold."""
         seeds = ", ".join(str(score.seed) for score in self.seeds) or "none"
         parts: list[Part] = [Facts("This spread", tuple(head_facts(self.head))), _statistics(self), _held(self)]
-        parts += [*reason_notes(_reasons(self)), *(Note(remark) for remark in spread_remarks(self))]
+        parts += [*reason_notes(spread_reasons(self)), *(Note(remark) for remark in spread_remarks(self))]
         return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}, seeds {seeds}", tuple(parts))
 
     def __repr__(self) -> str:
@@ -147,7 +148,7 @@ def _held(spread: Spread) -> Table:
     return Table("Requirements over the seeds", columns, rows)
 
 
-def _reasons(spread: Spread) -> Iterator[Reason]:
+def spread_reasons(spread: Spread) -> Iterator[Reason]:
     """The requirements, by the first seed with which one is not met or not judged."""
     scores, of = (*spread.seeds, *spread.incomplete), len(spread.seeds) + len(spread.unfinished)
     for name in spread.requirements:

@@ -24,7 +24,7 @@ from ..views.units import SHOWN
 from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
 from .facts import head_facts
-from .files import VERIFICATION
+from .files import REPORT, VERIFICATION
 from .reasons import Reason, reason_notes, reason_text
 from .scorecard import criterion_column
 
@@ -62,6 +62,7 @@ class Verification(Document, Comparable, kw_only=True):
     FILE: ClassVar[str] = VERIFICATION
     SCHEMA: ClassVar[str] = "flexible-manipulator-verification/4"
     KIND: ClassVar[str] = "Verifications, mean ± standard deviation over the draws"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
     MISSING: ClassVar[str] = "no-file"
 
     complete: bool

@@ -51,10 +51,6 @@ def _of(table: Table) -> str:
     return csv_text(header, (_row(row, spread) for row in rows))
 
 
-def _named(name: str, unit: Unit) -> str:
-    return f"{name} [{unit.si}]" if unit.si else name
-
-
 def _row(row: Sequence[Cell], spread: Sequence[bool]) -> Iterator[str | float | None]:
     for cell, wide in zip(row, spread, strict=True):
         yield _plain(cell)
