@@ -41,7 +41,7 @@ def test_a_seed_without_V_leaves_no_mean_and_is_told():
     assert spread.cost.without == (7,) and spread.cost.smallest == scaled(1.2).cost
     assert spread.requirements["A3"].seeds == 1 and spread.criteria["B1"].mean is not None
     assert "No V with the seeds 7" in str(spread_remarks(spread)) and "No V with the seeds 7" in spread._repr_html_()
-    assert "V = - ± -" in repr(spread) and spread.unranked
+    assert "V = - ± -" in repr(spread) and spread.rank.reason
 
 
 SAVED = {name: document for name, document in documents().items() if isinstance(document, Document)}
