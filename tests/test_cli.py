@@ -7,6 +7,7 @@ import shlex
 import shutil
 import signal
 import sys
+from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,18 +15,22 @@ import numpy as np
 import pytest
 from hostile.commands import finished, started
 from msgspec.structs import replace
-from support.command_lines import call
+from support.command_lines import Finished, call
 from support.edited_fmus import with_broken_sources, without
 from support.python_controllers import python_controller
-from support.reports import ABOUT, results_of
-from support.tools import PRESENT
+from support.reports import ABOUT, head_of
+from support.tools import PRESENT, require
 
 import orchestrator
+from orchestrator.benchmark.results import CaseResult
 from orchestrator.cli import simulate
+from orchestrator.cli import verify as verify_command
 from orchestrator.cli.main import COMMANDS, main
+from orchestrator.codec import from_json
 from orchestrator.documents.commands import recording_command, simulate_command
 from orchestrator.documents.head import SampleTimeRecord
-from orchestrator.documents.run import load_run
+from orchestrator.documents.results import Results
+from orchestrator.study.dry_run import Plan
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")
 EVALUATE = (sys.executable, "-m", "orchestrator.evaluate")
@@ -49,17 +54,104 @@ def test_the_scorecard_is_printed_for_people_and_nothing_is_run_again(pid_file: 
     assert json.loads(as_json.out) == json.loads((folder / "results.json").read_text())
 
 
+@pytest.mark.parametrize("command", ["evaluate", "report"])
+def test_a_finished_evaluation_in_every_form(command: str, pid_file: Path, folder: Path) -> None:
+    """All digits in SI units as JSON and CSV, those of the page in a paper's tables."""
+    words = {"evaluate": (pid_file, "--quick", "--output-dir", folder), "report": (folder,)}[command]
+
+    def told(form: str) -> str:
+        finished = call(command, *words, "--no-report", form, folder=folder)
+        assert finished.code == 0 and "written to" in finished.err
+        return finished.out
+
+    assert from_json(told("--json"), Results) == (results := Results.load(folder))
+    cost, B5 = results.cost, results.criteria["B5"]
+    assert cost is not None and B5.value is not None and B5.worst_case is not None
+    assert f"V & Cost, eq. (15) & {cost:.1f} & 100.0 & 141.0 & -- " in told("--latex")
+    assert f"| B5 | Force error \\[mm\\] | {1e3 * B5.value:.3g} | 7 | 10.2 |" in told("--markdown")
+    rows = {row[0]: row[1:] for row in csv.reader(told("--csv").splitlines()) if row}
+    assert rows["B5"][:2] == ["Force error [m]", repr(B5.value)] and float(rows["V"][1]) == cost
+    assert call(command, *words, "--csv", "--json", folder=folder).code == 2
+
+
+PLANNED = {
+    "evaluate": ("--quick", 24),
+    "evaluate --seeds": ("--seeds 0-2 --quick", 72),
+    "sweep": ("--vary K_p[1]=40,50 --protocol quick", 48),
+    "verify": ("--no-strict --beside TunedPID", 420),
+    "robustness": ("--only B6 --no-list --budget 30", None),
+    "tune": ("--vary K_p[1]=40:50 --trials 1 --objective quick --protocol quick", None),
+}
+"""Options of a study, and how many cases it has, where that does not depend on their results."""
+
+
+@pytest.mark.parametrize("name", PLANNED)
+def test_a_dry_run_tells_the_cases_and_writes_nothing(
+    name: str, quick_pid_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verify_command, "_fresh_cache", nullcontext)  # which takes long
+    if name == "tune":
+        require("optuna", "cmaes")
+    options, cases = PLANNED[name]
+    planned = call(name.split()[0], quick_pid_file, *options.split(), "--dry-run", "--json", folder=tmp_path)
+    found = from_json(planned.out, Plan)
+    assert planned.code == 0 and found.stored == 0 and found.cases > 0 and cases in (None, found.cases)
+    assert found.seconds == pytest.approx(found.cases * found.seconds_per_case / found.workers) and found.seconds > 0.0
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_dry_run_tells_what_is_stored(pid_file: Path, folder: Path) -> None:
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    for further, stored in (((), 24), (("--force",), 0)):
+        planned = call("evaluate", pid_file, "--quick", "--output-dir", folder, "--dry-run", *further, folder=folder)
+        assert planned.code == 0 and planned.out.startswith(f"24 cases, {stored} of them in the store\n")
+    assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} == before
+
+
+def test_a_dry_run_of_a_command_that_is_no_study_says_what_it_would_do(folder: Path, tmp_path: Path) -> None:
+    whole = {
+        ("check",): "1 controller to check: DiagonalPID",
+        ("simulate", "--duration", "0.05"): "1 case to simulate: free.nominal.disturbance, 0.05 s",
+        ("report", folder): f"{folder}: Evaluation of DiagonalPID.fmu",
+        ("compare", folder): "Evaluations: ",
+    }
+    for words, told in whole.items():
+        planned = call(*words, "--dry-run", folder=tmp_path)
+        assert planned.code == 0 and planned.out.startswith(told), planned
+        assert call(*words, "--dry-run", "--json", folder=tmp_path).code == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_report_of_several_seeds_is_made_again(quick_pid_file: Path, tmp_path: Path) -> None:
+    seeds = ("--seeds", "0,1", "--only", "c00.compliant.noise", "--parquet")
+    first = call("evaluate", quick_pid_file, *seeds, "--output-dir", "out", folder=tmp_path)
+    assert first.code == 0 and "seed 1: V = -" in first.err, first
+    page = (tmp_path / "out" / "report.html").read_text()
+    for own in ("seed-0", "seed-1"):
+        assert {"results.json", "cases.parquet", "report.html"} <= {
+            file.name for file in (tmp_path / "out" / own).iterdir()
+        }
+    (tmp_path / "out" / "report.html").unlink()
+    again = call("report", "out", folder=tmp_path)
+    assert again.code == 0 and again.out == first.out
+    assert (tmp_path / "out" / "report.html").read_text() == page
+    assert "holds no evaluation" in refusal_of(call("report", "out", "--figures", folder=tmp_path))
+
+
 def test_the_command_beside_a_case_repeats_it(folder: Path, tmp_path: Path) -> None:
-    results, id = load_run(folder).results, "c01.compliant.noise"
-    words = shlex.split(simulate_command(results, id))
-    finished = call("simulate", *words[3:], "--output-dir", tmp_path / "a", folder=tmp_path)
-    assert finished.code == 0 and f"B1 = {results.case(id).measurements.B1:.6g} N.m" in finished.out
-    again = call("simulate", "--from", folder, "--case", id, folder=tmp_path)
-    assert again.out == finished.out
+    results, id = Results.load(folder), "c01.compliant.noise"
+    words = shlex.split(simulate_command(results.head, id))[3:]
+    for options in (words, ("--from", folder, "--case", id)):
+        told = call("simulate", *options, "--json", folder=tmp_path)
+        assert told.code == 0 and from_json(told.out, CaseResult) == results.case(id)
+    shown = call("simulate", *words, folder=tmp_path).out
+    assert ["B1", "[Nm]", f"{results.case(id).measurements.B1:.3g}"] in map(str.split, shown.splitlines())
+    for option in ("--seed=1", "--set=K_p[1]=40", "--protocol=quick", "--plant-set=m[1]=60"):
+        assert "--from already says" in refusal(tmp_path, "simulate", "--from", folder, "--case", id, option)
 
 
 def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
-    results = results_of(
+    head = head_of(
         protocol="quick",
         seed=3,
         sample_time=SampleTimeRecord(1e-3, False),
@@ -67,7 +159,7 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
         plant={"parameters": {"m[1]": 60.0}},
     )
     pose = replace(ABOUT, configuration=-1, q_a=(math.pi / 4, -math.pi / 3), system="random_3", test="noise")
-    given = vars(simulate._parser().parse_args(shlex.split(recording_command(results, pose))[3:]))
+    given = vars(simulate._parser().parse_args(shlex.split(recording_command(head, pose))[3:]))
     expected = {
         "controller": Path("my arm.fmu"),
         "protocol": "quick",
@@ -204,21 +296,28 @@ def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.splitlines()[0] == "c00.compliant.noise"
 
 
-def refusal(folder: Path, *arguments: object) -> str:
-    """What a refused command said: exit code 2, one error, and nothing that looks like a result."""
-    finished = call(*arguments, folder=folder)  # type: ignore[arg-type]
+def refusal_of(finished: Finished) -> str:
+    """What a refused command said: exit code 2, and one error."""
     assert finished.code == 2 and finished.out == "", finished
     lines = finished.err.splitlines()
     assert sum(line.startswith("error: ") for line in lines) == 1 and "Traceback" not in finished.err, lines
-    assert not list(folder.rglob("results.json")) and not list(folder.rglob("*.csv"))
     return finished.err
+
+
+def refusal(folder: Path, *arguments: object) -> str:
+    """The same of a command that finds ``folder`` without results, and leaves it so."""
+    told = refusal_of(call(*arguments, folder=folder))  # type: ignore[arg-type]
+    assert not list(folder.rglob("results.json")) and not list(folder.rglob("*.csv"))
+    return told
 
 
 REFUSED = {
     "evaluate": "--set K_q[1]=45 | --set K_p[1]=nan | --set K_p[1]=much | --set K_p[1] | --set z_p[1]=1.5 | "
     "--map q_m[1]=a --map q_m[1]=b | --map In1 | --mapping absent.toml | --parameters huge.toml | "
     "--sample-time 0.0004 | --sample-time 1e400 | --sample-time 1/0 | --plant-set m_3=1 | --only c99.* | --jobs 0 | "
-    "--seed -1 | --timeout inf | --memory-limit 1e300 | --protocol papper | . | --nonsense",
+    "--seed -1 | --timeout inf | --memory-limit 1e300 | --protocol papper | . | --nonsense | --wait 3 | "
+    "--seed 1 --seeds 1 | --dry-run --no-report | --dry-run --latex | --list --only c00.* | --list --json",
+    "verify": "--seed 1 | --repeat absent.json --output-dir out | --repeat absent.json --dry-run | --wait 3",
     "simulate": "--configuration 0 200 | --case c01.compliant.noise --system sticky | --t-1 5 --t-2 4 | "
     "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "
     "--from nowhere --case c00.compliant.noise",

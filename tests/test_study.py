@@ -47,14 +47,15 @@ from orchestrator.study.worst_case import answer_of, worst_case
 class Player:
     """Answers requests with runs whose criteria are ``share(entry)`` of their targets, and keeps the requests."""
 
-    def __init__(self, share=lambda entry: 0.0, rehearsal=None):
-        self.share, self.rehearsal, self.asked, self.clock = share, rehearsal or Rehearsal(), [], 0.0
+    def __init__(self, share=lambda entry: 0.0, rehearsal=None, status=Status.DONE):
+        self.share, self.status = share, status
+        self.rehearsal, self.asked, self.clock = rehearsal or Rehearsal(), [], 0.0
 
     def __call__(self, request):
         self.asked.append(request)
         match request:
             case Batch(entries):
-                return [[on_target(e.protocol, case, share=self.share(e)) for case in e.cases] for e in entries]
+                return [[on_target(e.protocol, case, self.status, self.share(e)) for case in e.cases] for e in entries]
             case Rehearse():
                 return self.rehearsal
             case Record():
@@ -92,6 +93,16 @@ def test_a_spread_is_an_evaluation_for_each_seed_in_its_folder(quick):
     found = answered(spread(quick, Controller(), [3, 5, 3], recordings=False), player)
     assert [score.seed for score in found.seeds] == [3, 5] == [event.seed for event in player.events(SeedDone)]
     assert [save.inside for save in player.of(Save)] == ["seed-3", "", "seed-5", ""]
+
+
+@pytest.mark.parametrize(
+    ("status", "completeness"),
+    [(Status.DONE, "complete"), (Status.CRASHED, "incomplete"), (Status.LOST, "not judged")],
+)
+def test_a_spread_says_how_its_cases_ended(quick, status, completeness):
+    """Also where no requirement counts them; what was not asked for is no failure."""
+    study = spread(quick, Controller(), [3, 5], only="c00.compliant.noise", recordings=False)
+    assert answered(study, Player(status=status)).completeness == completeness
 
 
 def test_a_sweep_has_the_values_that_its_figures_depend_on(quick):

@@ -22,6 +22,7 @@ from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
+from orchestrator.cli import report
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from orchestrator.codec import from_json, to_json
@@ -245,6 +246,8 @@ def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp
     assert [file.name for file in tmp_path.iterdir()] == [written.name], "a store could be written into by others"
     assert list(found.references) == list(USUAL) and found.strict is not None
     assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in capsys.readouterr().out
+    assert report.main([str(tmp_path)]) == EXIT_OK
+    assert found.entropy in (tmp_path / "report.html").read_text(encoding="utf-8")
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
     monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE

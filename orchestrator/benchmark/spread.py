@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 from ..codec import Finite, Natural, NonNegative, Struct
-from .results import Rules, Scorecard
+from .results import CaseResult, Rules, Scorecard
 from .tally import Tally
 
 
 class SeedScore(Struct):
     """What the evaluation with one seed came to: V, B1 to B7 as in :class:`.CriterionScore`, and which requirements
     are met (None: not judged), with the tallies of their cases. A value is None where a case that counts has none, as
-    if it is unstable."""
+    if it is unstable. ``ended`` counts the cases that were not simulated to their end, by their status."""
 
     seed: Natural
     cost: NonNegative | None
     criteria: dict[str, NonNegative | None]
     requirements: dict[str, bool | None]
     tallies: dict[str, Tally] = {}
+    ended: dict[str, Natural] = {}
 
 
 class Statistic(Struct):
@@ -60,14 +62,15 @@ class Summary(Struct):
     requirements: dict[str, Holding]
 
 
-def seed_score(seed: int, card: Scorecard) -> SeedScore:
-    """The score of the evaluation with this seed."""
+def seed_score(seed: int, card: Scorecard, cases: Iterable[CaseResult]) -> SeedScore:
+    """The score of the evaluation with this seed, from these cases."""
     return SeedScore(
         seed=seed,
         cost=card.cost,
         criteria={name: entry.value for name, entry in card.criteria.items()},
         requirements={name: entry.passed for name, entry in card.stability.items()},
         tallies={name: entry.tally for name, entry in card.stability.items()},
+        ended=dict(Counter(case.status.value for case in cases if not case.simulated)),
     )
 
 

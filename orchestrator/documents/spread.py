@@ -58,9 +58,11 @@ class Spread(Document, Comparable, kw_only=True):
     @property
     def completeness(self) -> Completeness:
         """See :attr:`.Document.completeness`."""
-        if any(tally.interrupted for score in self.incomplete for tally in score.tallies.values()):
+        run = self.incomplete
+        if any("lost" in score.ended or any(t.interrupted for t in score.tallies.values()) for score in run):
             return "not judged"
-        return "incomplete" if self.unfinished else "complete"
+        missing = {*self.unfinished} - {score.seed for score in run}
+        return "incomplete" if missing or any(score.ended for score in run) else "complete"
 
     def _problem(self) -> str:
         names = set(self.rules.criteria)
@@ -106,7 +108,7 @@ class Spread(Document, Comparable, kw_only=True):
 def spread_of(seeds: Sequence[int], found: Sequence[Results], head: Head) -> Spread:
     """The spread over ``seeds`` of the evaluations ``found`` so far, at least one, which differ in their seed alone."""
     scores, incomplete = (
-        [seed_score(each.head.seed or 0, each.scorecard) for each in found if each.complete is whole]
+        [seed_score(each.head.seed or 0, each.scorecard, each.cases) for each in found if each.complete is whole]
         for whole in (True, False)
     )
     finished = {score.seed for score in scores}
