@@ -93,6 +93,7 @@ def test_an_incomplete_run_has_no_rank_and_values_are_in_si_units():
     assert shown(groups[0], "rank") == ["1", "-", "-", "-"]
     (told,) = json.loads(json.dumps(groups.document(), allow_nan=False))["groups"]
     assert told["conditions"]["sample_time"] == 0.25e-3
+    assert [entry["complete"] for entry in (*told["ranked"], *told["unranked"])] == [True, False, False, True]
     verdicts = dict.fromkeys(["A1 axis 1", "A1 axis 2", "A2 axis 1", "A2 axis 2", "A3"], True)
     assert {"B5": pytest.approx(10.2e-3), **verdicts}.items() <= told["ranked"][0]["figures"].items()
 
@@ -113,7 +114,7 @@ def test_page_says_the_same():
     for text in (html, str(groups[1].notes)):
         assert "depends on the seed" in text and "depends on the seed" not in str(groups[0].notes)
     assert html.index("112.6") < html.index("140.7")
-    assert html.count("paper&#39;s PID</td>") == 2
+    assert html.count("paper&#39;s PID</th>") == 2
     assert "simulate 'my controllers/PID.fmu' --case c03.random_2.disturbance" in html
 
 

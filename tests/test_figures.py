@@ -11,9 +11,8 @@ from support.reports import recording, results_of, scaled, searched, seeded, spr
 
 from orchestrator.cli import compare
 from orchestrator.documents import comparison_figures
-from orchestrator.documents.beside import beside, compare_spreads
+from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import FIGURES, STYLE
-from orchestrator.documents.run import Run
 from plant_fmu.flexible_manipulator import coefficients, dynamics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -36,7 +35,7 @@ RECORDINGS = (
 def figure(name: str):
     """A figure of the run, drawn."""
     with rc_context(STYLE):
-        made = FIGURES[name](Run(results_of(), RECORDINGS))
+        made = FIGURES[name](Evaluation(results_of(), RECORDINGS))
     made.canvas.draw()
     return made
 
@@ -119,7 +118,8 @@ def test_figures_9_to_12_are_errors_in_mm_with_the_target(name):
 def test_a_case_that_ended_before_what_a_figure_shows_is_not_drawn():
     whole = recording(("example", "spread"), size=9e-3)
     short = type(whole)(whole.about, whole.motion[:28], whole.torque[:28])
-    drawn = {name.split("_")[1] for name, draw in FIGURES.items() if draw(Run(results_of(), (short,))) is not None}
+    run = Evaluation(results_of(), (short,))
+    drawn = {name.split("_")[1] for name, draw in FIGURES.items() if draw(run) is not None}
     assert drawn == {"03", "04", "10", "12"}
 
 
@@ -132,20 +132,19 @@ def test_controllers_are_drawn_in_the_widths_of_a_journal_and_look_the_same_in_a
         searched(gain, file=f"{name}.fmu").save(tmp_path / f"{name}-worst")
     folders = [str(folder) for folder in sorted(tmp_path.iterdir())]
     assert compare.main([*folders, "--csv", "--figures", "--output-dir", str(tmp_path / "out")]) == 0
-    assert capsys.readouterr().out.startswith("controller,V,")
+    assert capsys.readouterr().out.startswith("rank,controller,V,")
     widths = {"time": 180, "radius": 88, "seeds": 88, "margins": 180}
     for name, width in widths.items():
         drawing = (tmp_path / "out" / "figures" / f"comparison_{name}.pdf").read_bytes()
         points = float(re.search(rb"/MediaBox \[ 0 0 ([0-9.]+) ", drawing)[1])
         assert points == pytest.approx(width / 25.4 * 72, abs=0.1), name
-    looks = {name: comparison_figures.Look(number, name) for number, name in enumerate(f"{n} [K={K[n]}]" for n in K)}
-    spreads = compare_spreads([(seeded(K[name], range(3), file=f"{name}.fmu"), None) for name in sorted(K)])
-    bars = comparison_figures.seeds(spreads[0].entries, looks).axes[0].containers
-    assert {bar.get_label(): bar[0].get_color() for bar in bars} == {name: look.hue for name, look in looks.items()}
+    looks = [comparison_figures.Look(number, name) for number, name in enumerate(sorted(K))]
+    spreads = [(look, seeded(K[look.name], range(3))) for look in looks]
+    bars = comparison_figures.seeds(spreads).axes[0].containers
+    assert {bar.get_label(): bar[0].get_color() for bar in bars} == {look.label: look.hue for look in looks}
     a, b = (bar[0].get_xydata() for bar in bars)
     assert a[0][1] > b[0][1] and len(a) == 8
-    worst = beside([(searched(K["a"], file="a.fmu"), None)], (), spreads)
-    first, second = comparison_figures.margins(worst, looks).axes
+    first, second = comparison_figures.margins([(looks[1], searched())]).axes
     lines = (line for line in (*first.lines, *second.lines) if len(line.get_xydata()) == 1)
     drawn = [(*line.get_xydata()[0], line.get_marker()) for line in lines]
-    assert drawn == [(2.5, 1.0, looks["a [K=1.2]"].marker), (1.5, 2.0, looks["a [K=1.2]"].marker)]
+    assert drawn == [(2.5, 1.0, looks[1].marker), (1.5, 2.0, looks[1].marker)]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..pairing.controller import Controller
+from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.reference import USUAL
 from ..pairing.testbed import Testbed
@@ -80,14 +80,14 @@ class Benchmark(Testbed):
         If the protocol or a plant parameter does not exist, or a number makes no sense.
     """
 
-    def check(self, controller: Controller | None = None) -> Findings:
+    def check(self, controller: Given = None) -> Findings:
         """What can be said of a controller before any evaluation: what it is, how it is bound, how it behaves.
 
         Whatever is wrong with it is a finding, not an exception.
         """
         from ..documents.findings import Findings
 
-        own = controller or Controller()
+        own = Controller.of(controller)
         return Findings(own.file_name, tuple(self.iter_check(own)))
 
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
@@ -98,7 +98,7 @@ class Benchmark(Testbed):
 
     def evaluate(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         *,
         only: Sequence[str] | str = (),
         folder: str | Path | None = None,
@@ -111,7 +111,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID.
         only : str or sequence of str
             Patterns with ``*`` and ``?``; only cases whose name matches one are run.
@@ -142,12 +142,14 @@ class Benchmark(Testbed):
         """
         from ..study.evaluate import evaluate
 
-        study = evaluate(self, controller, only=only, recordings=recordings, keep_going=keep_going, force=force)
+        study = evaluate(
+            self, Controller.of(controller), only=only, recordings=recordings, keep_going=keep_going, force=force
+        )
         return self.engine(folder, on_result).run(study)
 
     def spread(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         seeds: Iterable[int] = range(10),
         *,
         folder: str | Path | None = None,
@@ -160,7 +162,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID.
         seeds : iterable of int
             Base seeds, by default 0 to 9.
@@ -186,11 +188,13 @@ class Benchmark(Testbed):
         from ..study.evaluate import spread
         from ..study.requests import SeedDone
 
-        return self.engine(folder, on_result, _told(SeedDone, on_seed)).run(spread(self, controller, seeds, **options))
+        return self.engine(folder, on_result, _told(SeedDone, on_seed)).run(
+            spread(self, Controller.of(controller), seeds, **options)
+        )
 
     def robustness(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         *,
         budget: int = 2000,
         minutes: float = math.inf,
@@ -207,7 +211,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID.
         budget : int
             Simulations that are not exceeded. Each stage has its share; ``Robustness.cut_short`` names those that
@@ -248,12 +252,12 @@ class Benchmark(Testbed):
         from ..study.worst_case import answer_of, worst_case
 
         own = recordings and folder is not None
-        study = answer_of(worst_case(self, controller, budget, minutes, protocol, only, from_list, own))
+        study = answer_of(worst_case(self, Controller.of(controller), budget, minutes, protocol, only, from_list, own))
         return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
 
     def tune(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         vary: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]] | None = None,
         *,
         trials: int = 200,
@@ -272,7 +276,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID. The search begins at its values.
         vary : mapping
             Ranges by parameter name, in the FMU's units: ``{"K_p[1]": (20, 80, "log"), "z_p[1]": (0.8, 0.99)}``.
@@ -315,7 +319,7 @@ class Benchmark(Testbed):
 
         study = tune(
             self,
-            controller or Controller(),
+            Controller.of(controller),
             vary or {},
             objective,
             strict,
@@ -329,7 +333,7 @@ class Benchmark(Testbed):
 
     def sweep(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         values: Mapping[str, Sequence[float]] | None = None,
         *,
         objective: str | Path = "tuning",
@@ -340,7 +344,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID.
         values : mapping
             Values by parameter name, in the FMU's units: ``{"K_p[1]": [20, 40, 80], "z_p[1]": [0.8, 0.9]}``.
@@ -367,12 +371,12 @@ class Benchmark(Testbed):
         from ..study.requests import TrialDone
         from ..study.sweep import sweep
 
-        study = sweep(replace(self, protocol=objective), controller or Controller(), values or {})
+        study = sweep(replace(self, protocol=objective), Controller.of(controller), values or {})
         return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
 
     def verify(
         self,
-        controller: Controller | None = None,
+        controller: Given = None,
         *,
         draws: str | None = None,
         count: int = 3,
@@ -389,7 +393,7 @@ class Benchmark(Testbed):
 
         Parameters
         ----------
-        controller : Controller, optional
+        controller : Controller or path, optional
             By default the paper's PID.
         draws : str, optional
             What the draws follow from, such as a date or a beacon published after the controller; fresh entropy by
@@ -423,7 +427,7 @@ class Benchmark(Testbed):
         from ..study.verify import verify
 
         same, sandboxed = replace(self, protocol=protocol), self.sandbox or can_fence()
-        study = verify(same, controller or Controller(), draws, count, strict, tuple(beside), sandboxed)
+        study = verify(same, Controller.of(controller), draws, count, strict, tuple(beside), sandboxed)
         return self.engine(None, on_result, here=True).run(study)
 
     def repeat(
@@ -440,9 +444,7 @@ class Benchmark(Testbed):
         file, sandboxed = None if controller is None else Path(controller), self.sandbox or can_fence()
         return self.engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
 
-    def simulate(
-        self, controller: Controller | None = None, case: Case | str = "c07.compliant.disturbance"
-    ) -> Simulation:
+    def simulate(self, controller: Given = None, case: Case | str = "c07.compliant.disturbance") -> Simulation:
         """Simulate one case, by name or from :meth:`case`, :meth:`case_at`, :meth:`varied`.
 
         Raises :class:`InputError` for a case that does not exist, :class:`FmuError` if an FMU fails before the first
@@ -450,9 +452,9 @@ class Benchmark(Testbed):
         """
         from .simulating import simulate
 
-        return simulate(self, controller or Controller(), case)
+        return simulate(self, Controller.of(controller), case)
 
-    def export_ssp(self, controller: Controller | None, case: Case | str, file: str | Path) -> Path:
+    def export_ssp(self, controller: Given, case: Case | str, file: str | Path) -> Path:
         """Write the closed loop of one case, named as in :meth:`simulate`, as a package of SSP 1.0; returns ``file``.
 
         It holds the manipulator in C, the controller, and an FMU of all that the master does between them, with their
@@ -463,7 +465,7 @@ class Benchmark(Testbed):
         """
         from .simulating import export_ssp
 
-        export_ssp(self, controller or Controller(), case, Path(file))
+        export_ssp(self, Controller.of(controller), case, Path(file))
         return Path(file)
 
     def linearize(

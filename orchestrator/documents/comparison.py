@@ -194,7 +194,7 @@ def _entry(entry: Entry) -> dict[str, Any]:
         "name": entry.name,
         "folder": None if entry.folder is None else str(entry.folder),
         "sha256": entry.document.head.controller.sha256,
-        "complete": entry.document.completeness == "complete",
+        "complete": getattr(entry.document, "complete", entry.document.completeness == "complete"),
         "figures": {column.name: value for column, cell in entry.row for value in _values(column, cell)},
     }
 

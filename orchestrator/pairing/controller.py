@@ -55,6 +55,19 @@ class Controller:
                 raise InputError(f"The sample time is not a time: {problem}", "bad-time") from None
 
     @classmethod
+    def of(cls, given: Given) -> Controller:
+        """The controller that is ``given``, as such or as the path of an FMU; the paper's PID if there is none.
+
+        Raises :class:`InputError` for anything else.
+        """
+        if given is None or isinstance(given, str | Path):
+            return cls(given)
+        if not isinstance(given, cls):
+            message = f"A controller is a Controller or the path of an FMU, not a {type(given).__name__}."
+            raise InputError(message, "no-controller", "", given)
+        return given
+
+    @classmethod
     def built_in(cls, name: str) -> Controller:
         """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
         return cls(built_in(name))
@@ -91,6 +104,10 @@ class Controller:
     def given_sample_time(self) -> Fraction | None:
         """The sample time [s] that was asked for."""
         return None if self.sample_time is None else seconds(self.sample_time)
+
+
+Given = Controller | str | Path | None
+"""A controller, the path of one, or the paper's PID."""
 
 
 def _check_finite(parameters: Mapping[str, float]) -> None:

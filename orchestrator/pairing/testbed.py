@@ -117,9 +117,8 @@ class Testbed:
             self.manipulator.archive, controller.archive, controller.setup, self.timeout, limits, self.sandbox
         )
 
-    def prepared(self, controller: Controller | None) -> tuple[Controller, Pairing, Fraction, tuple[Case, ...]]:
-        """The controller, by default the paper's PID, with its pairing, its sample time [s] and all cases at that."""
-        controller = controller or Controller()
+    def prepared(self, controller: Controller) -> tuple[Controller, Pairing, Fraction, tuple[Case, ...]]:
+        """The controller with its pairing, its sample time [s] and all cases at that."""
         pairing = self.pairing(controller)
         T_s = controller_sample_time(pairing.controller, self.rules.sample_time, controller.given_sample_time).value
         return controller, pairing, T_s, case_list.cases(self.rules, self.nominal, self.seed, T_s)

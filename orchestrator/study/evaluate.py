@@ -35,7 +35,7 @@ class Options(TypedDict, total=False):
 
 def evaluate(
     testbed: Testbed,
-    controller: Controller | None,
+    controller: Controller,
     *,
     only: Sequence[str] | str = (),
     recordings: bool = True,
@@ -72,7 +72,7 @@ def evaluate(
 
 def spread(
     testbed: Testbed,
-    controller: Controller | None,
+    controller: Controller,
     seeds: Iterable[int],
     *,
     only: Sequence[str] | str = (),

@@ -65,7 +65,7 @@ def answer_of(search: Study[tuple[Robustness, list[Shown]]]) -> Study[Robustness
 
 def worst_case(
     testbed: Testbed,
-    controller: Controller | None,
+    controller: Controller,
     budget: int,
     minutes: float = math.inf,
     protocol: str | Path = "strict",

@@ -6,18 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread, tuned
+from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread, swept, tuned
 from support.results import TABLE_2, everything, result
 
-from orchestrator.loop.trajectory import Status
-from orchestrator.documents.beside import beside, compare_spreads
-from orchestrator.documents.compare_page import compare_html
 from orchestrator.documents.comparison import compare
+from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.recording import Recording
-from orchestrator.documents.report_page import report_html
-from orchestrator.documents.run import Run
-from orchestrator.documents.tune_page import tune_html
-from orchestrator.documents.worst_page import worst_html
+from orchestrator.loop.trajectory import Status
+from orchestrator.views.page import page_html
 
 DESKTOP, PHONE = (1280, 900), (390, 844)
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -70,27 +66,28 @@ ENDS = (0.27, 5.0, 12.0, 26.0)
 @functools.cache
 def report() -> str:
     """A whole run, of a controller with a hostile name; one case is unstable, and some have limit cycles."""
-    return report_html(Run(RESULTS, RECORDINGS))
+    return page_html(Evaluation(RESULTS, RECORDINGS).page())
 
 
 @functools.cache
 def ended_report() -> str:
     """A run of cases that ended early; that of the spread does so before its first disturbance."""
     cases = (ended(recording(("B5",), f"c0{n}.compliant.disturbance"), end) for n, end in enumerate(ENDS))
-    return report_html(Run(results_of(), (*cases, spread(6e-3, "compliant"), ended(spread(3e-3, "random_1"), ENDS[0]))))
+    recordings = (*cases, spread(6e-3, "compliant"), ended(spread(3e-3, "random_1"), ENDS[0]))
+    return page_html(Evaluation(results_of(), recordings).page())
 
 
 @functools.cache
 def empty_report() -> str:
     """A run of one case, without trajectories."""
-    return report_html(Run(results_of(everything(TABLE_2)[:1])))
+    return page_html(Evaluation(results_of(everything(TABLE_2)[:1])).page())
 
 
-def compared(number: int) -> Run:
+def compared(number: int) -> Evaluation:
     """A run with gain K that all its figures are proportional to; the last one has another seed."""
     gain = GAINS[number]
     recordings = tuple(recording((name,), size=gain * 8e-3) for name in ("B5", "B6", "B7"))
-    return Run(scaled(gain, controller={"file": EVIL}, seed=int(number == 7)), recordings)
+    return Evaluation(scaled(gain, controller={"file": EVIL}, seed=int(number == 7)), recordings)
 
 
 COMPARED = tuple(map(compared, range(8)))
@@ -99,23 +96,30 @@ COMPARED = tuple(map(compared, range(8)))
 @functools.cache
 def comparison() -> str:
     """Seven runs that are ranked together, one without a rank, one that must not be ranked with them; spreads over
-    seeds, and a search."""
-    unfinished = Run(results_of(everything(TABLE_2)[:1], controller={"file": "Unfinished.fmu"}))
-    groups = compare([*COMPARED, unfinished])
-    spreads = compare_spreads([(seeded(gain, range(gain > 0.9, 5), file=EVIL), None) for gain in GAINS[:3]])
-    return compare_html(groups, spreads, beside([(searched(GAINS[0], file=EVIL), None)], groups, spreads))
+    seeds, a search, a tuning, and a sweep."""
+    unfinished = Evaluation(results_of(everything(TABLE_2)[:1], controller={"file": "Unfinished.fmu"}))
+    spreads = (seeded(gain, range(gain > 0.9, 5), file=EVIL) for gain in GAINS[:3])
+    others = (*spreads, searched(GAINS[0], file=EVIL), tuned(file=EVIL), swept(4, file=EVIL))
+    return page_html(compare([(each, None) for each in (*COMPARED, unfinished, *others)]).page())
 
 
 @functools.cache
 def worst_case() -> str:
     """A search for the worst case, of a controller with a hostile name."""
-    return worst_html(*hunted(file=EVIL, path=EVIL))
+    found, recordings = hunted(file=EVIL, path=EVIL)
+    return page_html(found.page(recordings))
 
 
 @functools.cache
 def tuning() -> str:
     """A tuning of a controller with a hostile name."""
-    return tune_html(tuned(file=EVIL, path=EVIL))
+    return page_html(tuned(file=EVIL, path=EVIL).page())
+
+
+@functools.cache
+def sweep() -> str:
+    """A sweep of a controller with a hostile name: a table, and a plot that needs no script of its own."""
+    return page_html(swept(30, file=EVIL, path=EVIL).page())
 
 
 def show(page, name: str) -> None:

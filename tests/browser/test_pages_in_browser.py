@@ -13,19 +13,21 @@ from browser.pages import (
     option,
     report,
     show,
+    sweep,
     text,
     tuning,
     worst_case,
 )
-from orchestrator.documents.repeat import simulate_command
+from orchestrator.documents.commands import simulate_command
 
 pytestmark = pytest.mark.slow
 
 VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
-    comparison: ("leaderboard", "bars", "difference", "overlay", "seeds", "robustness"),
+    comparison: ("leaderboard", "bars", "difference", "overlay", "seeds"),
     worst_case: ("summary", "search", "effects", "case", "configurations", "margins", "commands"),
     tuning: ("summary", "history", "parameters", "trade", "judged"),
+    sweep: ("summary",),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 
@@ -46,7 +48,7 @@ def test_every_view_is_drawn_fits_the_screen_and_is_accessible(html, size, schem
             assert caption.strip() and "NaN" not in caption and "undefined" not in caption
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), name
         if name == "stability":  # some rows of a long table are enough
-            page.locator("#stability-test").select_option("gain_2")
+            page.locator("#stability .filter").fill("gain_2")
         found = Axe().run(page).response["violations"]
         assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
 
@@ -204,8 +206,8 @@ def test_light_and_dark_by_button(open_page):
 def test_stability_tests_are_filtered(open_page):
     page = open_page(report())
     show(page, "stability")
-    page.locator("#stability-test").select_option("gain_2")
-    tests = page.locator("#stability-table tbody tr:visible td:nth-child(4)").all_inner_texts()
+    page.locator("#stability .filter").fill("gain_2")
+    tests = page.locator("#stability tbody tr:visible td:nth-child(4)").all_inner_texts()
     assert set(tests) == {"gain_2"} and len(tests) == 54
 
 
@@ -214,25 +216,26 @@ def test_commands_are_copied_and_told(open_page):
     show(page, "case")
     for index, id in enumerate((pages.CHIRPED, pages.WORST)):
         page.locator("#pick-case").select_option(str(1 - index))
-        assert text(page, "#case .command code") == simulate_command(RESULTS, id)
+        assert text(page, "#case .command code") == simulate_command(RESULTS.head, id)
     page.locator("#case .copy").click()
     assert text(page, "#case .copy") == "copied"
     page.evaluate("document.body.append(Object.assign(document.createElement('textarea'), { id: 'pasted' }))")
     page.locator("#pasted").focus()
     page.keyboard.press("Control+V")
-    assert page.locator("#pasted").input_value() == simulate_command(RESULTS, pages.WORST)
+    assert page.locator("#pasted").input_value() == simulate_command(RESULTS.head, pages.WORST)
     page.evaluate("document.getElementById('pasted').remove()")
 
 
 def test_a_phone_shows_what_a_table_means_and_a_readable_table_of_failures(open_page):
     page = open_page(report(), *LOOKS[1])
     show(page, "summary")
-    region = page.locator("#summary .scroll")
+    card = page.locator("#summary .card", has=page.get_by_role("heading", name="Worst case, averaged"))
+    region = card.locator(".scroll")
     region.evaluate("(region) => region.scrollTo(10000, 0)")
-    box = page.locator("#criteria-text").bounding_box()
+    box = card.locator(".caption").bounding_box()
     assert region.evaluate("(region) => region.scrollLeft") > 0
     assert box["x"] >= 0 and box["x"] + box["width"] <= PHONE[0]
     show(page, "failures")
     (row,) = page.locator("#failures tbody tr").all()
     assert row.bounding_box()["height"] < 500
-    assert row.locator("code").inner_text() == simulate_command(RESULTS, pages.UNSTABLE.id)
+    assert row.locator(".copy").get_attribute("data-copy") == simulate_command(RESULTS.head, pages.UNSTABLE.id)
