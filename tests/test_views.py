@@ -21,9 +21,11 @@ from hypothesis import strategies as st
 from lxml.html import fromstring
 from rich.cells import cell_len
 from rich.console import Console
-from support.reports import documents
+from support.reports import documents, results_of
 from support.snapshots import snapshot
 
+from orchestrator.documents.evaluation import Evaluation
+from orchestrator.documents.picture import Picture
 from orchestrator.text import printable
 from orchestrator.views import page as pages
 from orchestrator.views.csv import FORMULA, csv
@@ -357,3 +359,10 @@ def test_html_of_every_document_is_escaped_and_small(name):
     assert page.elements["script"] == 3 and page.elements["img"] == 0 and page.active == [("href", "#content")]
     assert words(EVIL) in piece.text and words(EVIL) in page.text
     assert piece.elements["table"] == len(document.summary().tables)
+
+
+def test_what_is_long_shows_itself_short_and_a_plot_as_a_picture():
+    cases = Evaluation(results_of()).cases
+    assert len(cases) == 324 and len(repr(cases)) < 100 and len(cases._repr_html_()) < 6000
+    assert cases[0].id in cases._repr_html_() and cases == results_of().cases
+    assert Picture()._repr_png_().startswith(b"\x89PNG")

@@ -2,12 +2,41 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
+from ..benchmark.results import CaseResult
 from ..views.csv import csv_text
+from ..views.table import Column, Summary, Table, Verdict
+from ..views.units import SECOND
+from .document import Shown
 from .results import Results
 
 # Imports inside functions: pyarrow is optional.
+
+
+LISTED = 12
+"""Cases that a notebook shows; the others are counted."""
+
+
+class Cases(tuple[CaseResult, ...], Shown):
+    """Cases in the protocol's order; shows itself in a notebook."""
+
+    __slots__ = ()
+
+    def summary(self) -> Summary:
+        """The first cases, and how all ended."""
+        rows = tuple(
+            (case.id, Verdict(case.simulated if case.judged else None, case.status.value), case.time, case.message)
+            for case in self[:LISTED]
+        )
+        counts = ", ".join(f"{count} {status}" for status, count in Counter(c.status.value for c in self).items())
+        columns = (Column("case"), Column("status"), Column("time", SECOND), Column("message"))
+        more = f"{LISTED} of {len(self)} cases" if len(self) > LISTED else ""
+        return Summary(f"{len(self)} cases", counts, (Table("Cases", columns, rows, caption=more),))
+
+    def __repr__(self) -> str:
+        return f"Cases({self.summary().title}: {self.summary().kicker})"
 
 
 def case_table(results: Results) -> dict[str, list[Any]]:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Requirement
+from ..benchmark.results import ConfigurationScore, CriterionScore, Requirement
 from ..views.table import VERDICTS, Page, Summary
 from . import report_page, scorecard
-from .case_table import case_table
+from .case_table import Cases, case_table
 from .document import Comparable, Completeness, Rank, Row
 from .files import prepare_folder
 from .head import Head
@@ -65,9 +65,9 @@ class Evaluation(Run, Comparable):
         return self.results.configurations
 
     @property
-    def cases(self) -> tuple[CaseResult, ...]:
+    def cases(self) -> Cases:
         """All cases, in the protocol's order."""
-        return self.results.cases
+        return Cases(self.results.cases)
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per case, the columns of ``cases.csv``. Needs the package pandas (the extra ``pandas``)."""

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..search.candidates import Trial
 from ..views.units import number
 from .figures import COLOURS, DASHED, SIZE, STYLE, label
+from .picture import Picture
 
 MOST_NUMBERS = 120
 """Fields of a map that have room for a number each."""
@@ -31,7 +32,7 @@ def draw(
 ) -> Figure:
     """V of the ``trials`` over the ``values`` of one or two parameters, those that are ``varied``."""
     with rc_context(STYLE):
-        shown = figure or Figure(figsize=SIZE, layout="constrained")
+        shown = figure or Picture(figsize=SIZE, layout="constrained")
         if len(varied) == 1:
             _line(varied[0], trials, target, shown.subplots())
         else:

@@ -87,9 +87,9 @@ def write_mat(table: Table, file: Path) -> None:
 
 def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Figure | None = None) -> Figure:
     """TCP error [mm] and motor torques [Nm] over time, drawn into ``figure`` or a new one."""
-    from matplotlib.figure import Figure
+    from .picture import Picture
 
-    figure = figure or Figure(figsize=(8, 6), layout="constrained")
+    figure = figure or Picture(figsize=(8, 6), layout="constrained")
     error, torque = figure.subplots(2, 1, sharex=True)
     t = trajectory.time
     error.plot(t, trajectory.tcp_error * 1e3, linewidth=0.8)
