@@ -192,6 +192,8 @@ def test_compare_ranks_what_is_comparable(quick: Evaluation, pid: Controller) ->
         (lambda pid: Benchmark().case_at((0.0, 3.5)), "outside-workspace"),
         (lambda pid: Evaluation.load("nowhere"), "no-run"),
         (lambda pid: Simulation.load("nowhere"), "no-file"),
+        (lambda pid: Benchmark().check(3), "no-controller"),
+        (lambda pid: Benchmark("quick").evaluate("nowhere.fmu"), "no-file"),
     ],
 )
 def test_what_cannot_be_used_is_an_input_error(use, what: str, pid: Controller) -> None:  # type: ignore[no-untyped-def]
