@@ -108,7 +108,8 @@ class Html:
 
     def __init__(self, html: str):
         root = fromstring(html)
-        self.elements = Counter(element.tag for element in root.iter() if isinstance(element.tag, str))
+        tags = (element.tag for element in root.iter() if isinstance(element.tag, str))
+        self.elements = Counter("td" if tag == "th" else tag for tag in tags)  # an empty cell is no header
         self.attributes = Counter(name for element in root.iter() for name in element.attrib)
         pairs = [pair for element in root.iter() for pair in element.attrib.items()]
         self.active = [pair for pair in pairs if pair[0].startswith("on") or pair[0] in ("src", "href")]
