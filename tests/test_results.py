@@ -4,7 +4,6 @@ import csv
 import io
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from support.refusals import refusal
 from support.reports import RECORDINGS, results_of, scaled, stored
 from support.results import RULES, TABLE_2, everything, result, trajectory
 
-from orchestrator.codec import json_schema, to_json
+from orchestrator.codec import to_json
 from orchestrator.documents import files, trajectory_files
 from orchestrator.documents.case_table import cases_csv, parquet_bytes
 from orchestrator.documents.evaluation import Evaluation
@@ -24,12 +23,9 @@ from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
 from orchestrator.documents.mat import mat_bytes
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
-from orchestrator.documents.results import Results
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
 from orchestrator.loop.trajectory import Status
-
-DOCS = Path(__file__).parents[1] / "docs"
 
 
 @pytest.fixture
@@ -44,21 +40,6 @@ def test_what_was_written_is_read_back(run):
         assert back.about == original.about
         np.testing.assert_array_equal(back.motion, original.motion)
         np.testing.assert_array_equal(back.torque, original.torque)
-
-
-@pytest.mark.needs("jsonschema")
-def test_results_conform_to_the_schema_in_the_docs_which_is_that_of_the_types(run):
-    """After a change: python -c "from orchestrator.codec import *; from orchestrator.documents.results import Results;
-    print(to_json(json_schema(Results)))" > docs/results.schema.json"""
-    import jsonschema
-
-    schema = (DOCS / "results.schema.json").read_text(encoding="utf-8")
-    assert schema == to_json(json_schema(Results)) + "\n"
-    validator = jsonschema.Draft202012Validator(json.loads(schema))
-    contents = json.loads((run.folder / files.RESULTS).read_text())
-    assert not list(validator.iter_errors(contents))
-    for wrong in ({"cost": -1.0}, {"more": 1}):
-        assert list(validator.iter_errors({**contents, **wrong}))
 
 
 @pytest.mark.parametrize("form", [2, 3])

@@ -84,7 +84,15 @@ class Group:
             values = {"V": getattr(rules.cost, which)}
             values |= {name: getattr(spec, which) for name, spec in rules.criteria.items()}
             footer.append(("", words, *(values.get(column.name) for column in columns)))
-        return Table(self.title, (Column("rank"), Column("controller"), *columns), tuple(rows), tuple(footer), keys=2)
+        shown = (Column("rank"), Column("controller"), *columns)
+        good = [not entry.document.rank.reason and entry.document.rank.holds for entry in self.entries]
+        outside = frozenset(place for place, one in enumerate(good) if not one)
+        return Table(self.title, shown, tuple(rows), tuple(footer), self._caption, 2, outside)
+
+    @property
+    def _caption(self) -> str:
+        several = len(self.entries) > 1
+        return "Bold: the best values of those that meet all requirements." if several else ""
 
 
 @dataclass(frozen=True)

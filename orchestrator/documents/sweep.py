@@ -128,10 +128,9 @@ class Sweep(Document, Comparable, kw_only=True):
             )
             for trial in self.trials
         )
-        names = tuple(Column(name) for name in self.values)
-        return Table(
-            "Every combination", (*names, Column("V", best="smallest"), Column("cycle"), Column("A1-A3")), rows
-        )
+        columns = (*map(Column, self.values), Column("V", best="smallest"), Column("cycle"), Column("A1-A3"))
+        failing = frozenset(place for place, trial in enumerate(self.trials) if not trial.holds)
+        return Table("Every combination", columns, rows, outside=failing)
 
     def _over(self, name: str) -> Plot:
         """V over the values of one parameter."""

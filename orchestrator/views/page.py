@@ -28,6 +28,9 @@ LIBRARY = "echarts.common.min.js"
 FIRST, LAST = ("page.js", "charts.js"), ("plot.js", "start.js")
 """Scripts of every page, before and after its own."""
 
+MOST = 40
+"""Rows of a table that a notebook shows; the others are counted."""
+
 SCALE_END = 1.15
 """End of a scale, relative to the largest value on it."""
 
@@ -81,6 +84,7 @@ def _environment() -> Environment:
     )
     made.filters["number"] = number
     made.globals |= {"kind": lambda part: type(part).__name__, "shown": shown, "marked": _marked, "placed": _placed}
+    made.globals["MOST"] = MOST
     made.globals["widget"] = lambda part: Markup(_filled(part.template, **part.values))
     return made
 

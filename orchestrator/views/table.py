@@ -65,7 +65,7 @@ class Column:
 @dataclass(frozen=True)
 class Table:
     """Rows of cells under columns, of which the first ``keys`` name the row; ``footer`` are rows to compare with, such
-    as targets, and ``caption`` explains."""
+    as targets, and ``caption`` explains. No best value is chosen among the rows ``outside``."""
 
     title: str
     columns: tuple[Column, ...]
@@ -73,6 +73,7 @@ class Table:
     footer: tuple[tuple[Cell, ...], ...] = ()
     caption: str = ""
     keys: int = 1
+    outside: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         assert all(len(row) == len(self.columns) for row in (*self.rows, *self.footer)), self.title
@@ -89,10 +90,11 @@ class Table:
     def best(self, column: int) -> frozenset[int]:
         """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
         wanted = self.columns[column].best
-        known = {place: plain(row[column]) for place, row in enumerate(self.rows) if plain(row[column]) is not None}
+        values = {place: plain(row[column]) for place, row in enumerate(self.rows) if place not in self.outside}
+        known = {place: value for place, value in values.items() if value is not None}
         if not wanted or len(set(known.values())) < 2:
             return frozenset()
-        best = (min if wanted == "smallest" else max)(value for value in known.values() if value is not None)
+        best = (min if wanted == "smallest" else max)(known.values())
         return frozenset(place for place, value in known.items() if value == best)
 
     def without(self, columns: Sequence[int]) -> Table:
@@ -104,7 +106,7 @@ class Table:
 
         chosen = tuple(self.columns[place] for place in kept)
         keys = sum(place < self.keys for place in kept)
-        return Table(self.title, chosen, cut(self.rows), cut(self.footer), self.caption, keys)
+        return Table(self.title, chosen, cut(self.rows), cut(self.footer), self.caption, keys, self.outside)
 
     def fitting(self, widths: Sequence[float], room: float) -> Iterator[Table]:
         """The table in parts that fit into ``room``, if its columns have these ``widths``, each with the keys."""
