@@ -69,7 +69,7 @@ def test_one_line_says_which_builds_are_simulated(compiler: bool, pid_file: Path
     command = ("evaluate", "--only", ONE, "--no-report", "--json")
     told = call(*command, folder=tmp_path)
     assert told.err.splitlines().count(f"controller {pid}, plant {plant}") == 1
-    assert json.loads(told.out)["controller"]["file"] == pid.split(" ")[0]
+    assert json.loads(told.out)["head"]["controller"]["file"] == pid.split(" ")[0]
     assert (tmp_path / "runs").is_dir() and next((tmp_path / "runs").iterdir()).name.startswith("DiagonalPID-paper")
     told = call("simulate", pid_file, "--plant", pid_file, folder=tmp_path)
     assert told.code == 2, "a PID is no plant"
