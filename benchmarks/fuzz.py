@@ -46,7 +46,7 @@ from orchestrator.documents.evaluation import Evaluation  # noqa: E402
 from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
 from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
 from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
-from orchestrator.execution.isolated import Isolated, Over, Ready  # noqa: E402
+from orchestrator.execution.isolation import Isolated, Over, Ready  # noqa: E402
 from orchestrator.execution.messages import (  # noqa: E402
     Failed,
     Finished,
