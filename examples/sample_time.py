@@ -8,14 +8,15 @@ from fractions import Fraction
 from typing import ClassVar
 
 from orchestrator.benchmark.scorecard import score
+from orchestrator.cli.guard import guarded
 from orchestrator.cli.study import StudyCommand
+from orchestrator.cli.values import time
 from orchestrator.documents.document import Comparable, Document, Row
-from orchestrator.documents.facts import head_facts
 from orchestrator.pairing.controller import Controller
 from orchestrator.pairing.testbed import Testbed
 from orchestrator.study.heads import head
 from orchestrator.study.requests import Batch, Entry, Now, Save, Study, rehearsed
-from orchestrator.views.table import Column, Facts, Plot, Series, Summary, Table
+from orchestrator.views.table import Column, Plot, Series, Summary, Table
 from orchestrator.views.units import MILLIMETRE, MILLISECOND
 
 
@@ -29,28 +30,28 @@ class SampleTimes(Document, Comparable, kw_only=True):
     times: tuple[float, ...]
     B5: tuple[float | None, ...]
 
+    def _problem(self) -> str:
+        return "" if len(self.times) == len(self.B5) else "it has not one B5 for each sample time"
+
     def summary(self) -> Summary:
         """A table and a plot."""
         x, y = Column("sample time", MILLISECOND), Column("B5", MILLIMETRE, best="smallest")
         table = Table("Force error", (x, y), tuple(zip(self.times, self.B5, strict=True)))
         target = (("target", self.rules.criteria["B5"].target),)
         plot = Plot("sample-times", "B5 over the sample time", x, y, (Series("B5", self.times, self.B5),), target)
-        parts = (table, plot, Facts("This study", tuple(head_facts(self.head))))
-        return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}", parts)
+        return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}", (table, plot))
 
     def row(self, first, others) -> Row:
         """B5 at each sample time."""
-        return tuple(
-            (Column(f"B5 at {1e3 * time:g} ms", MILLIMETRE, best="smallest"), value)
-            for time, value in zip(self.times, self.B5, strict=True)
-        )
+        columns = (Column(f"B5 at {1e3 * each:g} ms", MILLIMETRE, best="smallest") for each in self.times)
+        return tuple(zip(columns, self.B5, strict=True))
 
 
 def sample_times(testbed: Testbed, controller: Controller, times: list[Fraction]) -> Study[SampleTimes]:
     """The cases that B5 is measured in, at each of ``times`` [s]."""
     begin, found = (yield Now()), []
-    for time in times:
-        controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=time))
+    for each in times:
+        controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=each))
         measured = tuple(case for case in cases if "B5" in case.test.criteria)
         yield from rehearsed(pairing, measured[0])
         (runs,) = yield Batch((Entry(testbed.rules, pairing, measured),))
@@ -62,8 +63,7 @@ def sample_times(testbed: Testbed, controller: Controller, times: list[Fraction]
 
 
 def times_option(parser) -> None:
-    """The option that is the study's own."""
-    parser.add_argument("--times", type=lambda text: [Fraction(time) for time in text.split(",")], required=True)
+    parser.add_argument("--times", type=lambda text: [time(each) for each in text.split(",")], required=True)
 
 
 main = StudyCommand(
@@ -77,4 +77,4 @@ main = StudyCommand(
 ).main
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(guarded(main))

@@ -9,10 +9,9 @@ from pathlib import Path
 from ..documents import compare_page
 from ..documents.comparison import compare
 from ..documents.files import FIGURES, prepare_folder
-from ..errors import InputError
 from ..text import printable
 from . import output
-from .loading import Loaded, kinds_in, load
+from .loading import finished
 from .values import Parser
 
 EXAMPLES = """examples:
@@ -43,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--figures", action="store_true", help="write figures for a paper as PDF, SVG and PNG, 88 or 180 mm wide"
     )
     given = parser.parse_args(arguments)
-    listed = _finished(given.runs)
+    listed = finished(given.runs)
     found = compare([(each, path) for each, path in listed])
     if given.dry_run:
         print("\n".join(printable(f"{group.title}: {len(group.entries)}") for group in found))
@@ -61,19 +60,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output.put(found, given, found.document())
     output.tell_written(given.output_dir, written)
     return max(output.shown_code(each.completeness) for each, _ in listed)
-
-
-def _finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
-    """What is finished, with a note on each path that holds nothing; raises the last reason if there is none."""
-    found: list[tuple[Loaded, Path]] = []
-    last: InputError | None = None
-    for path in paths:
-        try:
-            found += [(kind.load(path), path) for kind in kinds_in(path)] or [(load(path), path)]
-        except InputError as problem:
-            last = problem
-            if len(paths) > 1:
-                print(printable(f"left out: {problem}"), file=sys.stderr)
-    if not found and last is not None:
-        raise last
-    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..documents.evaluation import Evaluation
@@ -11,6 +13,8 @@ from ..documents.spread import Spread
 from ..documents.sweep import Sweep
 from ..documents.tuning import Tuning
 from ..documents.verification import Verification
+from ..errors import InputError
+from ..text import printable
 
 Loaded = Evaluation | Spread | Robustness | Tuning | Sweep | Verification
 
@@ -26,6 +30,25 @@ def kinds_in(path: Path) -> list[type[Loaded]]:
     return [kind for name, kind in KINDS.items() if path.name == name or (path / name).is_file()]
 
 
-def load(path: Path) -> Loaded:
-    """The document in the folder ``path``, or that file; raises :class:`InputError` if there is none."""
-    return (kinds_in(path) or [Evaluation])[0].load(path)
+def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
+    """What is finished in these folders or files, each kind of it.
+
+    What holds nothing is left out with a note on standard error; raises the last reason, an :class:`InputError`, if
+    there is nothing else.
+    """
+    found: list[tuple[Loaded, Path]] = []
+    last: InputError | None = None
+    for path in paths:
+        try:
+            kinds = kinds_in(path)
+            if not kinds and path.is_dir():
+                names = ", ".join(KINDS)
+                raise InputError(f"{path} holds none of the results that are known here: {names}.", "no-run", path)
+            found += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
+        except InputError as problem:
+            last = problem
+            if len(paths) > 1:
+                print(printable(f"left out: {problem}"), file=sys.stderr)
+    if not found and last is not None:
+        raise last
+    return found

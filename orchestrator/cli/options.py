@@ -151,9 +151,7 @@ def add_cluster(parser: argparse.ArgumentParser) -> None:
 
 def varied(given: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """What ``--vary`` gives, by name; raises :class:`InputError` for a parameter that is given twice."""
-    names = [name for name, _ in given]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"--vary gives {twice[0]} more than once.", "repeated", "--vary", twice[0])
+    refuse_repeated("--vary", given)
     return dict(given)
 
 
@@ -163,13 +161,23 @@ def refuse_idle(given: argparse.Namespace) -> None:
         raise InputError("--wait is for a cluster: give --scheduler, too.", "contradiction", "--wait")
     if given.dry_run and getattr(given, "no_report", False):
         raise InputError("--dry-run writes nothing: leave out --no-report.", "contradiction", "--no-report")
+    if given.dry_run and any(getattr(given, name, False) for name in ("figures", "parquet", "mat")):
+        raise InputError("--dry-run writes nothing: leave out --figures, --parquet and --mat.", "contradiction")
     if given.dry_run and given.form:
         message = f"--dry-run has no tables: leave out --{given.form}, or give --json."
         raise InputError(message, "contradiction", f"--{given.form}")
 
 
+def refuse_repeated(option: str, given: Sequence[tuple[str, Any]]) -> None:
+    """Raise :class:`InputError` for a name that is given twice."""
+    names = [name for name, _ in given]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"{option} gives {twice[0]} more than once.", "repeated", option, twice[0])
+
+
 def benchmark(options: argparse.Namespace) -> Benchmark:
     """The benchmark that the options describe; those that a command does not have keep their defaults."""
+    refuse_repeated("--plant-set", getattr(options, "plant_parameters", ()))
     return Benchmark(
         protocol=getattr(options, "protocol", "paper"),
         seed=getattr(options, "seed", None) or 0,
@@ -186,10 +194,8 @@ def benchmark(options: argparse.Namespace) -> Benchmark:
 
 def controller(options: argparse.Namespace) -> Controller:
     """The controller that the options describe, from files and options; options override files."""
-    given = [name for name, _ in options.connections]
-    for name in given:
-        if given.count(name) > 1:
-            raise InputError(f"--map gives {name} more than once. Map it to one variable.", "repeated", "--map", name)
+    refuse_repeated("--map", options.connections)
+    refuse_repeated("--set", options.controller_parameters)
     plain = Controller(options.controller, sample_time=options.sample_time)
     parameters: dict[str, float] = {}
     for file in options.parameter_files:

@@ -6,13 +6,14 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..codec import to_json
 from ..documents.evaluation import Evaluation
 from ..documents.files import REPORT
 from ..documents.sweep import Sweep
 from ..errors import InputError
 from ..text import printable
 from . import output, outputs, sweep
-from .loading import Loaded, load
+from .loading import Loaded, finished
 from .values import Parser
 
 EXAMPLES = """examples:
@@ -36,9 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output.add_dry_run(output.add_options(parser, "the JSON document"), "what would be written")
     given = parser.parse_args(arguments)
     outputs.check_options(given)
+    several: list[tuple[Loaded, Path]] = finished(given.runs)
+    if given.json and len(several) > 1 and not given.dry_run:
+        print(to_json([found.results if isinstance(found, Evaluation) else found for found, _ in several]))
     codes = []
-    for folder in given.runs:
-        found = load(folder)
+    for number, (found, folder) in enumerate(several):
         other = not isinstance(found, Evaluation)
         if other and (given.figures or given.parquet or given.mat):
             raise InputError(f"{folder} holds no evaluation, and there is its report only.", "no-run", folder)
@@ -49,7 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         written = _write(found, place, given.no_report)
         if isinstance(found, Evaluation):
             written += outputs.write_outputs(found, place, given)
-        output.put(found, given, found.results if isinstance(found, Evaluation) else None)
+        if number and given.form == "csv":
+            print()
+        if not given.json or len(several) == 1:
+            output.put(found, given, found.results if isinstance(found, Evaluation) else None)
         output.tell_written(place, written)
         codes.append(output.shown_code(found.completeness))
     return max(codes, default=0)

@@ -74,7 +74,7 @@ class StudyCommand:
         if self.report:
             parser.add_argument("--no-report", action="store_true", help="write no report.html")
         output.add_options(parser, "the JSON document")
-        output.add_dry_run(parser, "the number of cases, those in the store, and the estimated time")
+        output.add_dry_run(parser, "the number of different cases, those in the store, and the estimated time")
         return parser
 
     def main(self, arguments: Sequence[str] | None = None) -> int:

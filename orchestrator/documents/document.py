@@ -238,9 +238,12 @@ def _read(file: Path, kind: type[D]) -> D:
         found = kind._converted(from_json(text, dict)) if form.rpartition("/")[0] == name else None
     except Malformed as problem:
         raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
+    except (KeyError, TypeError, ValueError) as problem:  # of an older form
+        raise InputError(f"{file} does not hold results of the form {form}: {problem!r}.", "damaged", file) from None
     if found is None:
         message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
-        if form.startswith(f"{name}/") and form < kind.SCHEMA:
+        own = form.removeprefix(f"{name}/")
+        if own != form and own.isdecimal() and int(own) < int(number):
             message += f" Version {LAST_OLD} of this package reads it; or make it again."
         raise InputError(message, "other-schema", file, form)
     return found

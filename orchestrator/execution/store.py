@@ -19,6 +19,9 @@ CREATE TABLE IF NOT EXISTS records (
 """
 
 FILE = "cases.sqlite"
+MEMORY = ":memory:"
+"""SQLite's name for what is not on disk."""
+
 CHUNK = 500
 """Keys per query; SQLite has a limit on parameters."""
 
@@ -28,6 +31,11 @@ class Store:
 
     def __init__(self, connection: sqlite3.Connection, place: str) -> None:
         self._connection, self._place = connection, place
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it lasts longer than this process."""
+        return self._place != MEMORY
 
     def get(self, keys: Sequence[str]) -> dict[str, bytes]:
         """The records of those of ``keys`` that have one."""
@@ -69,7 +77,7 @@ def opened(folder: Path | None) -> Iterator[Store]:
     with contextlib.ExitStack() as stack:
         if folder is not None:
             stack.enter_context(_locked(folder))
-        place = folder / FILE if folder is not None else ":memory:"
+        place = folder / FILE if folder is not None else MEMORY
         try:
             connection = stack.enter_context(contextlib.closing(sqlite3.connect(place)))
             connection.execute("PRAGMA journal_mode = WAL")

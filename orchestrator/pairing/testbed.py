@@ -26,6 +26,9 @@ from .controller import Controller
 from .pairing import Pairing
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 
+LARGEST_SEED = 2**53
+"""What JSON's numbers hold exactly."""
+
 
 def available_cores() -> int:
     """Number of processors this process may use."""
@@ -51,8 +54,8 @@ class Testbed:
     command: str = ""
 
     def __post_init__(self) -> None:
-        if self.seed < 0 or (self.workers is not None and self.workers < 1):
-            raise InputError("The seed must not be negative, and at least one worker is needed.", "bad-number")
+        if not 0 <= self.seed <= LARGEST_SEED or (self.workers is not None and self.workers < 1):
+            raise InputError(f"The seed is from 0 to {LARGEST_SEED}, and at least one worker is needed.", "bad-number")
         for name in ("timeout", "memory_limit", "wait"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:

@@ -64,7 +64,7 @@ def run(batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = Non
     opened = [_open(entry, known) for entry in batch.entries]
     there = sum(len(each.found) for each in opened)
     total = sum(len(each.keys) for each in opened) if batch.total is None else batch.total
-    if there and on_run is not None:
+    if there and on_run is not None and known.lasting:
         logger.info("%d of %d cases are there from an earlier run", there, total, extra={"what": "stored"})
     done = batch.before
 

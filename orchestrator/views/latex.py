@@ -12,8 +12,11 @@ TEXT_WIDTH = 345.0
 """Width of the text of LaTeX's class article at 10 pt [pt], into which a table must fit."""
 
 CHARACTER, GAP = 4.3, 8.0
-"""Widths at the size footnotesize [pt]: of a character, generously (a digit has 4.25), and of the space between two
-columns, 2 tabcolsep of 4 pt."""
+"""Widths at the size footnotesize [pt]: of a small character, generously (a digit has 4.25), and of the space between
+two columns, 2 tabcolsep of 4 pt."""
+
+WIDE = 2
+"""Small characters that a capital, an m or a w counts for."""
 
 LONGEST, SHORTEST = 40, 8
 """Characters of a column of words; longer ones are broken into lines. The first one where there is room, else as many
@@ -44,7 +47,12 @@ def _length(table: Table, place: int) -> int:
     """The characters of a column's longest cell."""
     column = table.columns[place]
     cells = (shown(row[place], column.unit) for row in (*table.rows, *table.footer))
-    return max(map(len, (column.name, f"[{column.unit.shown}]" if column.unit.shown else "", *cells)))
+    return max(map(_count, (column.name, f"[{column.unit.shown}]" if column.unit.shown else "", *cells)))
+
+
+def _count(text: str) -> int:
+    """The small characters that are as wide as a text."""
+    return len(text) + sum(WIDE - 1 for char in text if char.isupper() or char in "mw@")
 
 
 def _width(length: int, most: int) -> float:

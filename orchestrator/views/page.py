@@ -28,7 +28,7 @@ LIBRARY = "echarts.common.min.js"
 FIRST, LAST = ("page.js", "charts.js"), ("plot.js", "start.js")
 """Scripts of every page, before and after its own."""
 
-MOST = 40
+MOST = 20
 """Rows of a table that a notebook shows; the others are counted."""
 
 SCALE_END = 1.15
