@@ -75,7 +75,7 @@ def test_it_has_table_page_latex_comparison_resumption_and_json(example, tmp_pat
     assert "<table>" in document._repr_html_()
 
 
-def test_what_is_wrong_is_one_line(example, tmp_path):
+def test_what_is_wrong_is_one_line_behind_the_announcement(example, tmp_path):
     main = functools.partial(guard.guarded, example.main)
     wrong = called(main, "nowhere.fmu", "--times", "0.001", "--dry-run", folder=tmp_path)
-    assert wrong.code == 2 and wrong.err.count("\n") == 1 and "There is no file nowhere.fmu" in wrong.err
+    assert wrong.code == 2 and wrong.err.count("\n") == 2 and "There is no file nowhere.fmu" in wrong.err

@@ -23,6 +23,7 @@ from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
 from orchestrator.documents.mat import mat_bytes
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
+from orchestrator.documents.spread import Spread
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
 from orchestrator.loop.trajectory import Status
@@ -67,7 +68,12 @@ def test_results_of_older_forms_are_read_with_the_verdicts_of_this_one(run, form
     file.write_text(json.dumps(old))
     assert Evaluation.load(run.folder).head.timing.computing_time is None
     file.write_text(json.dumps({**old, "schema": "flexible-manipulator-results/1"}))
-    assert "Version 0.1.0 of this package reads it" in str(refusal(Evaluation.load, run.folder))
+    assert "has the form 'flexible-manipulator-results/1'" in str(refusal(Evaluation.load, run.folder))
+    for form in (2, 3):  # damaged
+        file.write_text(json.dumps({"schema": f"flexible-manipulator-results/{form}"}))
+        assert refusal(Evaluation.load, run.folder).what == "damaged"
+    (run.folder / files.SPREAD).write_text('{"schema": "flexible-manipulator-spread/1"}')
+    assert "Version 0.1.0 of this package reads it" in str(refusal(Spread.load, run.folder))
 
 
 WRONG = {

@@ -243,7 +243,7 @@ def _read(file: Path, kind: type[D]) -> D:
     if found is None:
         message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
         own = form.removeprefix(f"{name}/")
-        if own != form and own.isdecimal() and int(own) < int(number):
+        if own != form and own.isdecimal() and int(own) == int(number) - 1:
             message += f" Version {LAST_OLD} of this package reads it; or make it again."
         raise InputError(message, "other-schema", file, form)
     return found
