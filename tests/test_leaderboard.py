@@ -11,25 +11,26 @@ from support.tools import require
 
 import build_fmus
 from benchmarks import leaderboard
+from benchmarks import leaderboard_tables as tables
 from orchestrator.fmi.archive import read_description
 
 KEPT = json.loads(leaderboard.FIGURES.read_text(encoding="utf-8"))
 
 
 def test_all_tables_show_the_figures_that_are_kept():
-    for file, text in leaderboard.pages(KEPT).items():
+    for file, text in tables.pages(KEPT).items():
         assert file.read_text(encoding="utf-8") == text, f"python benchmarks/leaderboard.py --table mends {file}"
 
 
 def test_its_controllers_are_built_and_have_a_page():
-    assert set(leaderboard.PAGES) <= set(build_fmus.NAMES)
-    assert {leaderboard.name_of(figures) for figures in KEPT} == set(leaderboard.PAGES)
+    assert set(tables.PAGES) <= set(build_fmus.NAMES)
+    assert {tables.name_of(figures) for figures in KEPT} == set(tables.PAGES)
 
 
-@pytest.mark.parametrize("figures", KEPT, ids=leaderboard.name_of)
+@pytest.mark.parametrize("figures", KEPT, ids=tables.name_of)
 def test_the_figures_were_measured_with_the_fmus_there_are(figures, plant_file, fmu_folder):
     """The GUID is a hash of an FMU's contents, sources in the place of binaries."""
-    name = leaderboard.name_of(figures)
+    name = tables.name_of(figures)
     if name.startswith("Robust"):
         require("compiler")
     description = read_description(built(name, fmu_folder))
@@ -39,14 +40,14 @@ def test_the_figures_were_measured_with_the_fmus_there_are(figures, plant_file, 
 
 @pytest.mark.parametrize("name", ["ManipulatorLQG", "DitheredLQG", "RobustLQG"])
 def test_the_model_based_controllers_meet_the_papers_target_in_its_sample(name):
-    (figures,) = (figures for figures in KEPT if leaderboard.name_of(figures) == name)
+    (figures,) = (figures for figures in KEPT if tables.name_of(figures) == name)
     assert figures["cost"] < 100.0
     assert all(requirement["passed"] for requirement in figures["stability"].values())
 
 
 def test_one_controller_holds_in_truth():
     """It meets the target with what a search of 2,000 simulations finds, which breaks none of the requirements."""
-    (figures,) = (figures for figures in KEPT if leaderboard.name_of(figures) == "RobustLQG")
+    (figures,) = (figures for figures in KEPT if tables.name_of(figures) == "RobustLQG")
     assert figures["strict"]["cost"] < 88.0 and figures["cost"] < 78.0 and figures["robustness"]["cost"] < 100.0
     found = figures["robustness"]
     assert all(entry["passed"] for entry in (*figures["stability"].values(), *found["requirements"].values()))
@@ -55,12 +56,12 @@ def test_one_controller_holds_in_truth():
 
 
 def test_those_that_were_found_to_fail_come_last():
-    (known,) = (figures for figures in KEPT if leaderboard.name_of(figures) == "TunedPID")
+    (known,) = (figures for figures in KEPT if tables.name_of(figures) == "TunedPID")
 
     def figures(name, cost, passed=True):
         found = {**known["robustness"], "cost": cost, "requirements": {"A1": {"passed": passed}}}
         return {**known, "controller": {"file": f"{name}.fmu"}, "robustness": found}
 
     kept = [figures("TunedPID", 110.0), figures("DiagonalPID", 50.0, False), figures("ManipulatorLQG", 90.0)]
-    lines = leaderboard.leaderboard(kept).splitlines()[2:]
+    lines = tables.leaderboard(kept).splitlines()[2:]
     assert [line.split("]")[0][3:] for line in lines] == ["ManipulatorLQG", "TunedPID", "DiagonalPID"]

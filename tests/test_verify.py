@@ -16,7 +16,7 @@ from msgspec import structs
 from support.refusals import refusal
 from support.tools import PRESENT
 
-from benchmarks import leaderboard
+from benchmarks import leaderboard_tables as tables
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
@@ -287,15 +287,15 @@ def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")
-    lines = leaderboard.verified_table(leaderboard.submissions(tmp_path)).splitlines()
+    lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
     assert {line.count("|") for line in lines} == {11}
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
-    assert refusal(leaderboard.submissions, tmp_path).what == "submission"
+    assert refusal(tables.submissions, tmp_path).what == "submission"
     for word, nothing in (("strict", None), ("sandbox", False)):
         lacking = structs.replace(second, **{word: nothing})
         (tmp_path / "first" / "verification.json").write_text(to_json(lacking))
-        assert word in str(refusal(leaderboard.submissions, tmp_path))
+        assert word in str(refusal(tables.submissions, tmp_path))
 
 
 def test_the_protocol_moves_what_it_lists():

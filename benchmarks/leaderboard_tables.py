@@ -1,0 +1,262 @@
+"""The tables of the leaderboard: what benchmarks/leaderboard.py writes into the README and the controllers' pages."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from orchestrator import InputError, Verification  # noqa: E402
+from orchestrator.benchmark.certificate import Figure  # noqa: E402
+from orchestrator.views.units import SHOWN, number  # noqa: E402
+
+README = ROOT / "README.md"
+PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
+BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
+
+SUBMISSIONS, VERIFIED = ROOT / "submissions", ROOT / "docs" / "publishing.md"
+"""Folders of others' controllers, each with its certificate; and where their table stands."""
+
+VERIFIED_HEAD = (
+    "| controller | V | reference | V strict | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws |\n"
+    + 10 * "|---"
+    + "|\n"
+)
+
+PAGES = {
+    "RobustLQG": "controller_fmu/robust_c",
+    "RobustLinearLQG": "controller_fmu/robust_linear",
+    "DitheredLQG": "controller_fmu/friction",
+    "ManipulatorLQG": "controller_fmu/lqg",
+    "TunedPID": "controller_fmu/pid_tuned",
+    "DiagonalPID": "controller_fmu/pid",
+}
+"""The project's controllers by the name of their FMU, and where their page is."""
+
+BASELINE = "DiagonalPID"
+HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
+WORST_HEAD = (
+    "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius |\n"
+    + 12 * "|---"
+    + "|\n"
+)
+HELD = {True: "holds", False: "fails", None: "not judged"}
+"""The verdict on a requirement, as a word of the tables."""
+
+REACHES = ("cost", "stability")
+"""Parts of the robustness radius: of V, and of A1-A3."""
+
+Figures = Mapping[str, Any]
+"""What is kept of a ``results.json``, under the same names."""
+
+
+def standing(figures: Figures) -> tuple[bool, float]:
+    """What the order goes by: those first for which no system was found that breaks a requirement, then V found."""
+    found = figures["robustness"]
+    return not all(entry["passed"] for entry in found["requirements"].values()), found["cost"]
+
+
+def name_of(figures: Figures) -> str:
+    """The name of the controller's FMU."""
+    return Path(figures["controller"]["file"]).stem
+
+
+def row(figures: Figures, name: str) -> str:
+    """A line of a table of criteria."""
+    values = " | ".join(_shown(entry) for entry in figures["criteria"].values())
+    return f"| {name} | **{figures['cost']:.1f}** | {_verdicts(figures['stability'])} | {values} |\n"
+
+
+def worst_row(figures: Figures, name: str) -> str:
+    """A line of the table of worst cases."""
+    strict, found = figures["strict"], figures["robustness"]
+    margins, radius = found["margins"], found["radius"]
+    gains, delays = (
+        " and ".join(_margin(margins[f"{kind}_{axis}"], factor) for axis in (1, 2))
+        for kind, factor in (("gain", 1.0), ("delay", 1e3))
+    )
+    cells = (
+        f"{figures['cost']:.1f}",
+        f"{strict['cost']:.1f}",
+        f"**{found['cost']:.1f}**",
+        *map(_verdicts, (figures["stability"], strict["stability"], found["requirements"])),
+        *(_shown(found["worst_case"][key]) for key in ("B5", "B6")),
+        gains,
+        delays,
+        " and ".join(number(radius[key]) if radius[key] is not None else f"> {radius['limit']:g}" for key in REACHES),
+    )
+    return f"| {name} | {' | '.join(cells)} |\n"
+
+
+def _shown(entry: Mapping[str, Any]) -> str:
+    return number(entry["value"] * SHOWN[entry["unit"]].factor)
+
+
+def _verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
+    return " ".join(HELD[entry["passed"]] for entry in requirements.values())
+
+
+def _margin(margin: Mapping[str, Any], factor: float) -> str:
+    value = margin["value"]
+    return f"> {number(factor * margin['limit'])}" if value is None else number(factor * value)
+
+
+def leaderboard(kept: Sequence[Figures]) -> str:
+    """The README's table, in the order of what was found."""
+    links = [(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing)]
+    return WORST_HEAD + "".join(worst_row(*link) for link in links)
+
+
+def scorecard(kept: Sequence[Figures], name: str) -> str:
+    """The tables of a controller's own page: its figures, their shares of V, those on ``strict``, the baseline's; and
+    the worst cases found, with the commands that repeat them; the spread over seeds."""
+    own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
+    shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
+    compared = "" if name == BASELINE else row(baseline, BASELINE)
+    return (
+        f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
+        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}"
+        f"{_seeds(own)}\n{largest(own['robustness'])}"
+    )
+
+
+def _seeds(figures: Figures) -> str:
+    """How V varies with the seed, and what a step costs."""
+    seeds, step = figures.get("seeds"), figures.get("computing_time")
+    if seeds is None or step is None:
+        return ""
+    cost = seeds["cost"]
+    held = ", ".join(f"{name} for {entry['seeds']}" for name, entry in seeds["requirements"].items())
+    return (
+        f"\nOver {seeds['count']} seeds of `paper`, V is {number(cost['mean'])} ± {number(cost['deviation'])}, from "
+        f"{number(cost['smallest'])} to {number(cost['largest'])}; there hold {held}. A step of the FMU takes "
+        f"{number(step['median'], 1e6)} µs (median; {number(step['percentile_99'], 1e6)} µs for 99 of 100).\n"
+    )
+
+
+def broken(found: Mapping[str, Any]) -> str:
+    """What a search found against the requirements, with the commands."""
+    failures: dict[str, tuple[Mapping[str, Any], list[str]]] = {}
+    for name, entry in found["requirements"].items():
+        if entry["passed"] is False:
+            failures.setdefault(entry["command"], (entry, []))[1].append(name)
+    if not failures:
+        return f"No system that breaks A1, A2 or A3 was found in {found['simulations']} simulations.\n"
+    return "\n".join(
+        f"**{' and '.join(names)} fail{'s' if len(names) == 1 else ''}** for a system within Table 1: {entry['kind']}, "
+        f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz, with "
+        f"{entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n```sh\n{command}\n```\n"
+        for command, (entry, names) in failures.items()
+    )
+
+
+def largest(found: Mapping[str, Any]) -> str:
+    """The worst cases found, and those that the margins are of, with their commands."""
+    lines = [
+        f"# {name} {_shown(entry)} {SHOWN[entry['unit']].shown}\n{entry['command']}"
+        for name, entry in found["worst_case"].items()
+    ]
+    for name, entry in found["margins"].items():
+        if entry["value"] is not None:
+            kind, factor, unit = ("delay", 1e3, " ms") if name.startswith("delay") else ("gain", 1.0, " times")
+            where = "axis " + name.removeprefix(f"{kind}_").replace("_down", ", downwards")
+            lines.append(f"# {kind} margin of {where}: {number(factor * entry['value'])}{unit}\n{entry['command']}")
+    return "The worst cases found, and what the margins were found with:\n\n```sh\n" + "\n".join(lines) + "\n```\n"
+
+
+def submissions(folder: Path) -> list[tuple[str, Verification]]:
+    """The certificates in the folders inside ``folder`` with their names, the best first.
+
+    Raises :class:`InputError` for one that is damaged or not complete, or has neither its FMU nor a recipe beside it.
+    """
+    found = []
+    for place in sorted(path for path in folder.glob("*") if path.is_dir()):
+        known = Verification.load(place / "verification.json")
+        hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in place.glob("*.fmu")]
+        if not (known.complete and known.sandbox and known.cost.mean is not None):
+            raise InputError(f"{place.name}: the verification is not complete, or had no sandbox.", "submission", place)
+        if known.strict is None or BASELINE not in known.references:
+            raise InputError(f"{place.name}: the list of strict, or {BASELINE}, is missing.", "submission", place)
+        if hashes != [known.controller.sha256] and (hashes or not (place / "README.md").is_file()):
+            raise InputError(f"{place.name} has neither the FMU of its certificate nor a recipe.", "submission", place)
+        found.append((place.name, known))
+    return sorted(found, key=place_of)
+
+
+def place_of(submission: tuple[str, Verification]) -> tuple[bool, float]:
+    """What the order of submissions goes by."""
+    known = submission[1]
+    return not all(entry.passed for entry in known.requirements.values()), known.cost.mean or 0.0
+
+
+def verified_table(found: Sequence[tuple[str, Verification]]) -> str:
+    """The table of the submissions; mean and standard deviation over the draws."""
+    lines = []
+    for name, known in found:
+        verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
+        values = " | ".join(
+            spread(known.criteria[key], SHOWN[known.criteria[key].unit].factor) for key in ("B5", "B6", "B7")
+        )
+        compared = (known, known.references[BASELINE])
+        cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))
+        lines.append(f"| {name} | {' | '.join(cells)} | {verdicts} | {values} | {known.source} |\n")
+    return VERIFIED_HEAD + "".join(lines)
+
+
+def spread(figure: Figure, factor: float = 1.0) -> str:
+    """Mean and standard deviation."""
+    return number(figure.mean, factor) + ("" if figure.sd is None else f" ± {number(figure.sd, factor)}")
+
+
+def draw(kept: Sequence[Figures], file: Path) -> None:
+    """V on ``strict`` against the factor on all tolerances at which a requirement fails: low and right is good."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, panel = plt.subplots(figsize=(6.3, 3.6), layout="constrained")
+    panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
+    panel.axvline(1.0, color="0.6", lw=0.8, ls="--")
+    panel.annotate("target", (0.0, 100.0), xycoords=("axes fraction", "data"), fontsize=7, color="0.4", va="bottom")
+    for each in kept:
+        cost, radius = each["strict"]["cost"], each["robustness"]["radius"]
+        reach = radius["limit"] if radius["stability"] is None else radius["stability"]
+        point = ">" if radius["stability"] is None else "o"
+        (mark,) = panel.plot(reach, cost, point, ms=8)
+        panel.plot(2 * [reach], [cost, each["robustness"]["cost"]], "-", color=mark.get_color(), lw=1.2)
+        panel.plot(reach, each["robustness"]["cost"], "_", color=mark.get_color(), ms=10)
+        panel.annotate(
+            f" {name_of(each)}", (reach, cost), fontsize=8, va="top", xytext=(4, -3), textcoords="offset points"
+        )
+    panel.set_xlabel("robustness radius: factor on Table 1 at which A1, A2 or A3 fails (arrow: not found)", fontsize=8)
+    panel.set_ylabel("V on strict, up to V found", fontsize=8)
+    panel.set_xlim(right=1.45)
+    panel.set_ylim(bottom=0.0)
+    figure.savefig(file, dpi=150)
+
+
+def with_table(text: str, table: str) -> str:
+    """``text`` with ``table`` put between its marks."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    assert begin and end, "the marks are missing"
+    return before + BEGIN + table + END + after
+
+
+def pages(kept: Sequence[Figures]) -> dict[Path, str]:
+    """The files that hold a table, with what they should say."""
+    tables = {README: leaderboard(kept), VERIFIED: verified_table(submissions(SUBMISSIONS))}
+    known = {name_of(each) for each in kept}
+    tables |= {
+        ROOT / folder / "README.md": scorecard(kept, name)
+        for name, folder in PAGES.items()
+        if {name, BASELINE} <= known
+    }
+    return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
