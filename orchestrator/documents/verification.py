@@ -135,9 +135,10 @@ class Verification(Document, Comparable, kw_only=True):
         if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
             return "a V is not that of its draws"
         scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
-        for own_score, *others in (tried, [each.strict for each in tried if each.strict] or [self]):
-            for each in others:
-                if own_score.criteria.keys() - each.criteria or own_score.requirements.keys() - each.requirements:
+        listed: list[tuple[Verification | Score, ...]] = [tried, tuple(each.strict for each in tried if each.strict)]
+        for same in listed:
+            for each in same[1:]:
+                if same[0].criteria.keys() - each.criteria or same[0].requirements.keys() - each.requirements:
                     return "a reference lacks criteria or requirements of the controller"
         if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
             return "it is complete or not, other than its cases"
