@@ -58,3 +58,12 @@ def tell_written(folder: Path, names: Iterable[str]) -> None:
 def shown_code(completeness: Completeness) -> int:
     """The exit code of showing again what was found: whether something of it is not judged."""
     return EXIT_NOT_JUDGED if completeness == "not judged" else EXIT_OK
+
+
+def free(folder: Path) -> Path:
+    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
+    number = 2
+    found = folder
+    while found.exists():
+        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
+    return found

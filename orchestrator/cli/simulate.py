@@ -23,7 +23,7 @@ from ..pairing.controller import Controller
 from ..text import file_name
 from . import options, output
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
-from .study import free
+from .output import free
 from .values import Parser, number
 from .variation import add_options, variation
 

@@ -145,12 +145,3 @@ def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namesp
     if any(unusual):
         readable += "-" + hashlib.sha256(repr(unusual).encode()).hexdigest()[:6]
     return file_name(name + readable)
-
-
-def free(folder: Path) -> Path:
-    """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
-    number = 2
-    found = folder
-    while found.exists():
-        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
-    return found

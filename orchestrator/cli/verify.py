@@ -23,8 +23,9 @@ from ..study.verify import verify
 from ..text import printable
 from . import output
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
+from .output import free
 from .progress import progress
-from .study import StudyCommand, free
+from .study import StudyCommand
 from .values import Parser
 
 FRESH, ALL, PROTOCOL, DRAWS = "fresh", "all", "verification", 3
