@@ -249,14 +249,29 @@ def platform_names(text: str) -> tuple[str, ...]:
     return tuple(PLATFORMS) if text == "all" else tuple(filter(None, text.split(",")))
 
 
-def build_all(names: Sequence[str], output_dir: Path, platforms: Platforms = (), variants: bool = False) -> int:
-    """Build ``names``, or NAMES if there are none, or KNOWN with ``variants``; print what is built, and return the exit
-    code of :func:`main`."""
+def chosen(names: Sequence[str], variants: bool = False) -> Sequence[str]:
+    """``names``, or NAMES if there are none, or KNOWN with ``variants``."""
+    return names or (KNOWN if variants else NAMES)
+
+
+def show(file: Path) -> None:
+    """Print a file at once, also into a pipe."""
+    print(file, flush=True)
+
+
+def build_all(
+    names: Sequence[str],
+    output_dir: Path,
+    platforms: Platforms = (),
+    variants: bool = False,
+    tell: Callable[[Path], None] = show,
+) -> int:
+    """Build what was :func:`chosen`, ``tell`` each file that is built, and return the exit code of :func:`main`."""
     unknown = [name for name in names if name not in KNOWN]
     code = EXIT_OK
-    for name in unknown or names or (KNOWN if variants else NAMES):
+    for name in unknown or chosen(names, variants):
         try:
-            print(build(name, output_dir, platforms), flush=True)
+            tell(build(name, output_dir, platforms))
         except NoCompilerError as error:
             print(f"skipped {error}", file=sys.stderr)
             code = max(code, EXIT_FAILED if name in names else EXIT_OK)

@@ -22,6 +22,7 @@ from support.reports import ABOUT, head_of
 from support.tools import PRESENT, require
 
 import orchestrator
+from controller_fmu import starters
 from orchestrator.benchmark.results import CaseResult
 from orchestrator.cli import simulate
 from orchestrator.cli import verify as verify_command
@@ -74,6 +75,8 @@ def test_a_finished_evaluation_in_every_form(command: str, pid_file: Path, folde
     assert call(command, *words, "--csv", "--json", folder=folder).code == 2
 
 
+STARTER = Path(starters.__file__).parent / "python"
+
 PLANNED = {
     "evaluate": ("--quick", 24),
     "evaluate --seeds": ("--seeds 0-2 --quick", 72),
@@ -114,12 +117,26 @@ def test_a_dry_run_of_a_command_that_is_no_study_says_what_it_would_do(folder: P
         ("simulate", "--duration", "0.05"): "1 case to simulate: free.nominal.disturbance, 0.05 s",
         ("report", folder): f"{folder}: Evaluation of DiagonalPID.fmu",
         ("compare", folder): "Evaluations: ",
+        ("new", "python", "my_law"): "my_law/README.md\nmy_law/my_law_fmu.py\n",
+        ("build", "TunedPID", "--output-dir", "out"): "out/TunedPID.fmu\n",
+        ("build", STARTER): f"{STARTER}/Python.fmu\n",
     }
     for words, told in whole.items():
         planned = call(*words, "--dry-run", folder=tmp_path)
         assert planned.code == 0 and planned.out.startswith(told), planned
         assert call(*words, "--dry-run", "--json", folder=tmp_path).code == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_written_is_a_list_in_json(tmp_path: Path) -> None:
+    made = call("new", "python", "my_law", "--json", folder=tmp_path)
+    files = ["my_law/README.md", "my_law/my_law_fmu.py"]
+    assert made.code == 0 and json.loads(made.out) == {"written": files}
+    assert sorted(str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*.*")) == files
+    built = call("build", "my_law", "--json", folder=tmp_path)
+    assert json.loads(built.out) == {"written": ["my_law/MyLaw.fmu"]} and (tmp_path / "my_law/MyLaw.fmu").is_file()
+    named = call("build", "DiagonalPID", "--output-dir", ".", "--json", folder=tmp_path)
+    assert json.loads(named.out) == {"written": ["DiagonalPID.fmu"]} and (tmp_path / "DiagonalPID.fmu").is_file()
 
 
 def test_the_report_of_several_seeds_is_made_again(quick_pid_file: Path, tmp_path: Path) -> None:

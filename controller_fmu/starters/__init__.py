@@ -37,20 +37,27 @@ def copy(kind: str, folder: Path) -> Path:
         FolderTakenError: the folder is not empty, is a file, or has no parent folder.
         StarterError: the folder cannot be written.
     """
+    texts, data = contents(kind, folder)
+    try:
+        folder.mkdir(exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        for path in data:
+            shutil.copyfile(path, folder / path.name)
+    except OSError as problem:
+        raise StarterError(f"cannot be written: {problem.strerror or problem}", str(folder)) from None
+    return folder
+
+
+def contents(kind: str, folder: Path) -> tuple[dict[str, str], list[Path]]:
+    """The texts by file name that :func:`copy` would write into ``folder``, and the data files that it would copy
+    there; raises the same errors, and writes nothing."""
     texts = renamed(kit(kind), folder.resolve().name)
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise FolderTakenError("the folder is not empty" if folder.is_dir() else "is not a folder", str(folder))
     if not folder.parent.is_dir():
         raise FolderTakenError("the folder to create it in does not exist", str(folder), value=str(folder.parent))
-    try:
-        folder.mkdir(exist_ok=True)
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        for path in _files(kind, DATA):
-            shutil.copyfile(path, folder / path.name)
-    except OSError as problem:
-        raise StarterError(f"cannot be written: {problem.strerror or problem}", str(folder)) from None
-    return folder
+    return texts, _files(kind, DATA)
 
 
 def kit(kind: str) -> dict[str, str]:

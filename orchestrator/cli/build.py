@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +14,8 @@ from controller_fmu.export.folder import file_name
 
 from ..errors import InputError
 from ..text import printable
-from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK
+from . import output
+from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE
 from .values import Parser
 
 BAD_INPUT = (DialectError, PlatformError, SourceError, TargetError)
@@ -32,22 +34,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 hint = "Its FMUs are" if near == build_fmus.NAMES else "There are"
                 what = f"{word} is neither a folder nor an FMU of the benchmark. {hint}: {', '.join(near)}."
                 raise InputError(what, "no-fmu", word, word, near)
-        return build_fmus.build_all(given.what, given.output_dir or build_fmus.DEFAULT_OUTPUT_DIR, platforms, given.all)
+        output_dir = given.output_dir or build_fmus.DEFAULT_OUTPUT_DIR
+        if given.dry_run:
+            return output.put_files((output_dir / f"{n}.fmu" for n in build_fmus.chosen(given.what, given.all)), given)
+        built: list[Path] = []
+        code = build_fmus.build_all(
+            given.what, output_dir, platforms, given.all, built.append if given.json else build_fmus.show
+        )
+        if given.json:
+            output.put_files(built, given)
+        return code
     if len(given.what) > 1:
         parser.error(f"{folders[0]} is a folder, which is built alone: leave out the other words")
     if given.all:
         parser.error(f"--all is for the benchmark's own FMUs, and {folders[0]} is a folder")
-    return _built(Path(folders[0]), given.output_dir, platforms)
+    return _built(Path(folders[0]), platforms, given)
 
 
-def _built(folder: Path, output_dir: Path | None, platforms: Sequence[str]) -> int:
-    target = None if output_dir is None else output_dir / file_name(folder)
+def _built(folder: Path, platforms: Sequence[str], given: argparse.Namespace) -> int:
+    target = (given.output_dir or folder) / file_name(folder)
     try:
-        print(build_folder(folder, target, platforms=platforms))
+        return output.put_files([target if given.dry_run else build_folder(folder, target, platforms=platforms)], given)
     except (BuildError, OSError) as error:
         print(f"error: {printable(str(error))}", file=sys.stderr)
         return EXIT_BAD_INPUT if isinstance(error, BAD_INPUT) else EXIT_INCOMPLETE
-    return EXIT_OK
 
 
 def _parser() -> Parser:
@@ -73,6 +83,7 @@ exit codes: 0 built, 1 a build failed, 2 bad input""",
         f"of FMUs of the benchmark (default: the first {len(build_fmus.NAMES)} below); a folder comes before an FMU of "
         "the same name",
     )
+    output.add_files(parser)
     parser.add_argument("--all", action="store_true", help="without a folder: build for the other kinds of FMI, too")
     parser.add_argument(
         "--platforms",

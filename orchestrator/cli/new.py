@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from controller_fmu.export.state_space import INTERPOLATIONS
 from controller_fmu.export.systems import METHODS
 
 from ..errors import EnvironmentFault, InputError
+from . import output
 from .guard import EXIT_OK
 from .values import Parser, number
 
@@ -33,31 +34,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.kind in (STATE_SPACE, MLP):
         beside = given.folder.parent / f"{given.folder.stem}.fmu"
-        return _built(given.kind, given.folder, given.out or beside, vars(given))
+        return _built(given.kind, given.folder, given.out or beside, given)
     if given.out is not None:
         parser.error(f"--out is for {STATE_SPACE} and {MLP}")
     try:
+        texts, data = starters.contents(given.kind, given.folder)
+        written = sorted(given.folder / name for name in (*texts, *(path.name for path in data)))
+        if given.dry_run:
+            return output.put_files(written, given)
         starters.copy(given.kind, given.folder)
     except ControllerFmuError as problem:
         raise InputError(str(problem), "bad-starter", given.folder) from None
-    files = ", ".join(sorted(file.name for file in given.folder.iterdir()))
-    print(f"written to {given.folder}: {files}", file=sys.stderr)
+    if given.json:
+        return output.put_files(written, given)
+    output.tell_written(given.folder, (file.name for file in written))
     print(f"flexible-manipulator build {given.folder}")
     return EXIT_OK
 
 
-def _built(kind: str, file: Path, out: Path, given: dict[str, object]) -> int:
-    how = {name: given[name] for name in ("T_s", "method", "interpolation")}
+def _built(kind: str, file: Path, out: Path, given: argparse.Namespace) -> int:
+    how = {name: getattr(given, name) for name in ("T_s", "method", "interpolation")}
+    if given.dry_run:
+        return output.put_files([out], given)
     try:
-        if kind == MLP:
-            print(controller_from_mlp(file, out=out))
-        else:
-            print(controller_from_state_space(file, out=out, **how))  # type: ignore[arg-type]  # as the parser says
+        built = controller_from_mlp(file, out=out) if kind == MLP else controller_from_state_space(file, out=out, **how)
+        return output.put_files([built], given)
     except NoCompilerError as problem:
         raise EnvironmentFault(str(problem), "cannot-build") from None
     except ControllerFmuError as problem:
         raise InputError(str(problem), "bad-system", problem.where or file, problem.value, problem.nearest) from None
-    return EXIT_OK
 
 
 def _parser() -> Parser:
@@ -77,6 +82,7 @@ def _parser() -> Parser:
     )
     help = f"for {STATE_SPACE} and {MLP}, the FMU to write (default: beside the file)"
     parser.add_argument("--out", type=Path, metavar="FMU", help=help)
+    output.add_files(parser)
     group = parser.add_argument_group(STATE_SPACE)
     group.add_argument(
         "--sample-time",

@@ -50,6 +50,18 @@ def put(shown: Shown, given: argparse.Namespace, document: Any = None) -> None:
         show(shown.summary(), terminal())
 
 
+def add_files(parser: Parser) -> None:
+    """Options of a command whose answer is the files that it writes."""
+    add_dry_run(add_options(parser, "the files written", forms=False), "which files would be written")
+
+
+def put_files(files: Iterable[Path], given: argparse.Namespace) -> int:
+    """Print the files that were written, or would be; returns the exit code."""
+    listed = [str(file) for file in files]
+    print(to_json({"written": listed}) if given.json else printable("\n".join(listed)))
+    return EXIT_OK
+
+
 def tell_written(folder: Path, names: Iterable[str]) -> None:
     """Say on standard error what was written."""
     print(printable(f"written to {folder}: {', '.join(names) or 'nothing'}"), file=sys.stderr)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from ..loop.trajectory import Status
 from ..views.table import VERDICTS, Note
+
+SHOWN_FAILURES = 3
+"""Cases that failed whose messages a summary shows."""
 
 
 class Reason(NamedTuple):
@@ -28,3 +32,14 @@ def reason_text(name: str, passed: bool | None, where: str, why: str) -> str:
 def reason_notes(reasons: Iterable[Reason]) -> tuple[Note, ...]:
     """The reasons as lines of a summary."""
     return tuple(Note(str(each), warning=False) for each in reasons)
+
+
+def failure_notes(failed: Sequence[tuple[str, Status, str]], file: str) -> tuple[Note, ...]:
+    """The names, statuses and messages of the first cases that ``failed``; ``file`` has the others."""
+    notes = [Note(f"{name}: {status.value}: {message}") for name, status, message in failed[:SHOWN_FAILURES]]
+    more = (
+        [Note(f"... and {len(failed) - SHOWN_FAILURES} more; see {file}.", warning=False)]
+        if len(failed) > SHOWN_FAILURES
+        else []
+    )
+    return *notes, *more

@@ -11,12 +11,10 @@ from ..views.units import SHOWN
 from .commands import again, simulate_command
 from .document import Row
 from .facts import head_facts
-from .reasons import Reason, reason_notes, reason_text
+from .files import CASES
+from .reasons import SHOWN_FAILURES, Reason, failure_notes, reason_notes, reason_text
 from .results import Results
 from .wording import computing_time, loop_delay, remarks, requirement_rows
-
-MESSAGES = 3
-"""Failed cases that are named; the others are counted."""
 
 BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
 """Facts that a terminal shows."""
@@ -30,10 +28,8 @@ CRITERIA = (
 def summary(results: Results) -> Summary:
     """Criteria, requirements, what failed with the commands that repeat it, and what a reader must know."""
     parts: list[Part] = [Facts("This run", tuple(facts(results)), BRIEF), criteria(results), requirements(results)]
-    failed = [case for case in results.cases if case.status is not Status.DONE]
-    parts += [Note(f"{case.id}: {case.status.value}: {case.message}") for case in failed[:MESSAGES]]
-    if len(failed) > MESSAGES:
-        parts.append(Note(f"... and {len(failed) - MESSAGES} more; see cases.csv.", warning=False))
+    failed = [(case.id, case.status, case.message) for case in results.cases if case.status is not Status.DONE]
+    parts += failure_notes(failed, CASES)
     parts += [*reason_notes(reasons(results)), Commands("to repeat the other cases above", tuple(_others(results)))]
     parts += [Note(remark) for remark in remarks(results)]
     return Summary(results.controller.file, conditions(results), tuple(parts))
@@ -134,7 +130,7 @@ def poses(results: Results) -> dict[int, str]:
 def _others(results: Results) -> Iterator[tuple[str, str]]:
     """The commands that repeat the first cases that failed and the worst of the requirements, but for those that stand
     with a reason."""
-    failed = [case for case in results.cases if case.status is not Status.DONE][:MESSAGES]
+    failed = [case for case in results.cases if case.status is not Status.DONE][:SHOWN_FAILURES]
     shown = {entry.tally.first for entry in results.stability.values() if entry.passed is False}
     worst = [row.judged.worst_case for row in requirement_rows(results) if row.judged.passed is False]
     named = [*(case.id for case in failed if case.status is not Status.SKIPPED), *worst]

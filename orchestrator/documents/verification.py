@@ -19,17 +19,14 @@ from ..benchmark.certificate import (
 )
 from ..codec import plain
 from ..loop.trajectory import Status
-from ..views.table import VERDICTS, Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.table import VERDICTS, Cell, Column, Facts, Part, Quantity, Summary, Table, Value, Verdict
 from ..views.units import SHOWN
 from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
 from .facts import head_facts
 from .files import REPORT, VERIFICATION
-from .reasons import Reason, reason_notes, reason_text
+from .reasons import Reason, failure_notes, reason_notes, reason_text
 from .scorecard import criterion_column
-
-SHOWN_CASES = 3
-"""Failed cases that are named; the others are counted."""
 
 VERIFY_AGAIN = "to run it again, verify again"
 
@@ -115,12 +112,12 @@ class Verification(Document, Comparable, kw_only=True):
             known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
             parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, known))
         listed = (*self.cases, *(self.strict.cases if self.strict else ()))
-        failed = [case for case in listed if case.status is not Status.DONE]
-        parts += [
-            Note(f"{in_draw(case.id, case.seed)}: {case.status.value}: {case.message}") for case in failed[:SHOWN_CASES]
+        failed = [
+            (in_draw(case.id, case.seed), case.status, case.message)
+            for case in listed
+            if case.status is not Status.DONE
         ]
-        if len(failed) > SHOWN_CASES:
-            parts.append(Note(f"... and {len(failed) - SHOWN_CASES} more; see {self.FILE}.", warning=False))
+        parts += failure_notes(failed, self.FILE)
         parts += reason_notes(verification_reasons(self))
         return Summary(self.controller.file, kicker, tuple(parts))
 
