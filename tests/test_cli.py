@@ -333,7 +333,8 @@ REFUSED = {
     "--map q_m[1]=a --map q_m[1]=b | --map In1 | --mapping absent.toml | --parameters huge.toml | "
     "--sample-time 0.0004 | --sample-time 1e400 | --sample-time 1/0 | --plant-set m_3=1 | --only c99.* | --jobs 0 | "
     "--seed -1 | --timeout inf | --memory-limit 1e300 | --protocol papper | . | --nonsense | --wait 3 | "
-    "--seed 1 --seeds 1 | --dry-run --no-report | --dry-run --latex | --list --only c00.* | --list --json",
+    "--seed 1 --seeds 1 | --dry-run --no-report | --dry-run --latex | "
+    "--dry-run --set K_q[1]=4 | --list --only c00.* | --list --json",
     "verify": "--seed 1 | --repeat absent.json --output-dir out | --repeat absent.json --dry-run | --wait 3",
     "simulate": "--configuration 0 200 | --case c01.compliant.noise --system sticky | --t-1 5 --t-2 4 | "
     "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "

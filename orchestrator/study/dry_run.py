@@ -15,6 +15,7 @@ from ..benchmark.results import Judgement, Measurements
 from ..codec import Struct
 from ..execution import store
 from ..loop.trajectory import Status
+from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from . import batch, rehearsal, stored
 from .batch import Execute
@@ -40,11 +41,12 @@ class Plan(Struct):
 
 
 def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
-    """What ``study`` would do with what is stored in ``folder``; one case is simulated to measure the time.
+    """What ``study`` would do with what is stored in ``folder``; the first sample of one case is simulated, which
+    refuses what the study would refuse, and one whole case to measure the time.
 
     A case that is asked for again counts once, as it is in the store by then.
     """
-    cases, times, first, asked = 0, list[float](), list[Entry](), set[str]()
+    cases, times, first, asked, rehearsed = 0, list[float](), list[Entry](), set[str](), list[Pairing]()
     with ExitStack() as stack:
         known = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
 
@@ -56,7 +58,10 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
                     runs = [run_all(*each) for each in zip(entries, keys, strict=True)]
                     asked.update(*keys)
                     return runs
-                case Rehearse():
+                case Rehearse(pairing, case):
+                    if not rehearsed:  # once, so that input which the study would refuse is refused here
+                        rehearsal.rehearse(case, pairing, probe=False)
+                        rehearsed.append(pairing)
                     return rehearsal.Rehearsal()
                 case Record():
                     return ()
