@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 from hostile.commands import (
     CASES,
@@ -143,7 +144,9 @@ def test_processes_are_killed_now_and_then(look, tmp_path, uninterrupted):
         with started(command(folder, *NOISE)) as process:
             for rows in range(1, CASES, 7):
                 assert wait_for(lambda: stored(folder) >= rows or process.poll() is not None)  # noqa: B023
-                for victim in chance.sample(found := look(process.pid), min(1, len(found))):
+                found: list[psutil.Process] = []
+                assert wait_for(lambda: found.extend(look(process.pid)) or found or process.poll() is not None)  # noqa: B023
+                for victim in chance.sample(found, min(1, len(found))):
                     kill(victim)
                     kills += 1
             assert "Traceback" not in process.communicate()[1]
