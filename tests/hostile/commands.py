@@ -101,8 +101,8 @@ def _descendants(pid: int) -> Iterator[psutil.Process]:
 
 
 def _children(pid: int) -> list[psutil.Process]:
-    """From the kernel's own list on Linux: psutil looks through all processes, which takes longer on a busy machine than
-    a simulation lives."""
+    """From the kernel's own list on Linux: psutil looks through all processes, and on a busy machine that takes longer
+    than a simulation lives."""
     found: list[psutil.Process] = []
     with suppress(psutil.Error, OSError):
         if not os.path.isdir("/proc/self/task"):
