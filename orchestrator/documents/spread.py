@@ -10,7 +10,7 @@ from msgspec.structs import asdict
 from ..benchmark.spread import Holding, SeedScore, Statistic, paired, seed_score, summary
 from ..benchmark.tally import reason
 from ..codec import Natural
-from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value, Verdict
 from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -20,6 +20,9 @@ from .head import Head
 from .reasons import Reason, reason_notes, reason_text
 from .results import Results
 from .scorecard import criterion_column
+
+FAILS = "a requirement is not met"
+"""What is marked in a plot over seeds."""
 
 
 class Spread(Document, Comparable, kw_only=True):
@@ -98,6 +101,7 @@ class Spread(Document, Comparable, kw_only=True):
         """Mean, standard deviation and range of V and the criteria, and with how many seeds the requirements hold."""
         seeds = ", ".join(str(score.seed) for score in self.seeds) or "none"
         parts: list[Part] = [Facts("This spread", tuple(head_facts(self.head))), _statistics(self), _held(self)]
+        parts.append(_over_seeds(self))
         parts += [*reason_notes(spread_reasons(self)), *(Note(remark) for remark in spread_remarks(self))]
         return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}, seeds {seeds}", tuple(parts))
 
@@ -140,6 +144,17 @@ def _statistics(spread: Spread) -> Table:
 
 def _row(of: Statistic, target: float, unit: Unit) -> tuple[Value, ...]:
     return tuple(Value(each, unit=unit) for each in (of.mean, of.deviation, of.smallest, of.largest, target))
+
+
+def _over_seeds(spread: Spread) -> Plot:
+    """V over the seeds, those marked with which a requirement is not met."""
+    scores = sorted(spread.seeds, key=lambda score: score.seed)
+    x, y = tuple(float(score.seed) for score in scores), tuple(score.cost for score in scores)
+    marked = tuple(False in score.requirements.values() for score in scores)
+    levels = (("target", spread.rules.cost.target), ("paper's PID", spread.rules.cost.paper))
+    return Plot(
+        "spread-plot", "V over the seeds", Column("seed"), Column("V"), (Series("V", x, y, marked),), levels, FAILS
+    )
 
 
 def _held(spread: Spread) -> Table:

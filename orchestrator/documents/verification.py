@@ -19,7 +19,7 @@ from ..benchmark.certificate import (
 )
 from ..codec import plain
 from ..loop.trajectory import Status
-from ..views.table import VERDICTS, Cell, Column, Facts, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.table import VERDICTS, Cell, Column, Facts, Part, Plot, Quantity, Series, Summary, Table, Value, Verdict
 from ..views.units import SHOWN
 from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
@@ -111,6 +111,10 @@ class Verification(Document, Comparable, kw_only=True):
         if self.strict is not None:
             known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
             parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, known))
+        tried: dict[str, Verification | Reference] = {self.controller.file: self, **self.references}
+        series = tuple(_over_draws(name, each.draws) for name, each in tried.items())
+        levels = (("target", self.rules.cost.target),)
+        parts.append(Plot("draws-plot", "V over the draws", Column("draw"), Column("V"), series, levels))
         listed = (*self.cases, *(self.strict.cases if self.strict else ()))
         failed = [
             (in_draw(case.id, case.seed), case.status, case.message)
@@ -194,6 +198,11 @@ def _own(found: Verification, score: Verification | Score, protocol: str, where:
             place = "" if "{" in where else where
             advice = VERIFY_AGAIN if entry.tally.interrupted else ""
             yield Reason(reason_text(name, entry.passed, place, entry.reason), advice=advice)
+
+
+def _over_draws(name: str, draws: Sequence[Draw]) -> Series:
+    """V in each draw."""
+    return Series(name, tuple(map(float, range(1, len(draws) + 1))), tuple(draw.cost for draw in draws))
 
 
 def _table(title: str, found: Score | Verification, others: Mapping[str, Score]) -> Table:
