@@ -100,7 +100,7 @@ class FlexibleManipulator(Fmi2Slave):
         try:
             parameters.check(table)
             arm, joints = coefficients.arm(table), (coefficients.joint(table, 1), coefficients.joint(table, 2))
-            integrator.check_substep(joints)
+            integrator.check_substep(table, arm, joints)
         except (ValueError, ArithmeticError) as problem:
             self.log(str(problem), Fmi2Status.error)
             raise

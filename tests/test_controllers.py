@@ -31,7 +31,7 @@ def test_pose_is_recovered_from_the_steady_state(q_a):
     found = lqg.pose(rest.q_m, rest.u_m)
     assert_allclose(found.q_a, q_a, rtol=0, atol=1e-12)
     for i, joint in enumerate(joints):
-        delta = q_a[i] - rest.q_m[i] / joint.n
+        delta = q_a[i] - rest.q_m[i] * joint.per_n
         slope = (spring(joint, delta + 1e-9) - spring(joint, delta - 1e-9)) / 2e-9
         assert found.slope[i] == pytest.approx(slope, rel=1e-5)
 
@@ -47,7 +47,7 @@ def test_pose_of_an_uncertain_manipulator_is_found_to_milliradians(values, q_a):
 def test_model_is_the_linearized_manipulator(q_a):
     values = {**table(f_c=0.0), "g": 0.0}
     arm, joints = constants(values)
-    rest = (*q_a, *(joint.n * angle for joint, angle in zip(joints, q_a, strict=True)), 0.0, 0.0, 0.0, 0.0)
+    rest = (*q_a, *(angle / joint.per_n for joint, angle in zip(joints, q_a, strict=True)), 0.0, 0.0, 0.0, 0.0)
 
     def acceleration(x, tau):
         return np.array(accelerations(arm, *joints, tuple(x), *tau, 0.0, 0.0))

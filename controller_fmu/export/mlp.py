@@ -20,7 +20,7 @@ MODEL = FOLDER / "mlp" / "model.c"
 DESCRIPTION = FOLDER / "state_space" / "modelDescription.xml"
 """That of another controller with the same variables."""
 
-ACTIVATIONS = {"tanh": "tanh(x)", "relu": "((x) <= 0.0 ? 0.0 : (x))"}
+ACTIVATIONS = {"tanh": "elementary_tanh(x)", "relu": "((x) <= 0.0 ? 0.0 : (x))"}
 """In C, by name; what is not a number stays so."""
 
 TORQUES = 2

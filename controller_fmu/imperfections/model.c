@@ -211,7 +211,7 @@ void model_evaluate(void *model)
         const double tau = t - own->chirp_start;
         const double sweep =
             (own->chirp_f_stop - own->chirp_f_start) * tau * tau / (2.0 * (own->chirp_stop - own->chirp_start));
-        wave = sin(2.0 * PI * (own->chirp_f_start * tau + sweep));
+        wave = elementary_sin(2.0 * PI * (own->chirp_f_start * tau + sweep));
     }
     for (int i = 0; i < AXES; i++) {
         if (own->tick % own->per_sample == 0) own->y[i] = sensor(own, i);

@@ -3,8 +3,9 @@
 #ifndef NOISE_H
 #define NOISE_H
 
-#include <math.h>
 #include <stdint.h>
+
+#include "elementary.h"
 
 typedef struct {
     uint64_t high, low;
@@ -38,7 +39,7 @@ static void normal_pair(Wide *state, Wide increment, double pair[2])
         x[1] = 2.0 * uniform(state, increment) - 1.0;
         r_2 = x[0] * x[0] + x[1] * x[1];
     } while (r_2 >= 1.0 || r_2 == 0.0);
-    const double f = sqrt(-2.0 * log(r_2) / r_2);
+    const double f = sqrt(-2.0 * elementary_log(r_2) / r_2);
     pair[0] = f * x[1];
     pair[1] = f * x[0];
 }

@@ -2,6 +2,8 @@
 
 #include <stdio.h>
 
+#include "elementary.h"
+
 /* Places in the state: angles and speeds of links and motors, torques that disturb motors and links. */
 enum { Q_A = 0, Q_M = 2, W_A = 4, W_M = 6, JOINTS = 8, D = 8, F = 10 };
 
@@ -49,7 +51,7 @@ static Matrix linearize(const Weights *of, const Pose *at)
 {
     const double a_2 = J[1] + M[1] * XI[1] * XI[1];
     const double a_1 = J[0] + M[0] * XI[0] * XI[0] + M[1] * L[0] * L[0] + a_2;
-    const double coupling = M[1] * L[0] * XI[1] * sin(at->q_a[1]);
+    const double coupling = M[1] * L[0] * XI[1] * elementary_sin(at->q_a[1]);
     const double j_11 = a_1 - 2.0 * coupling, j_12 = a_2 - coupling, determinant = j_11 * a_2 - j_12 * j_12;
     const double inverse[4][4] = {{a_2 / determinant, -j_12 / determinant},
                                   {-j_12 / determinant, j_11 / determinant},
@@ -57,7 +59,7 @@ static Matrix linearize(const Weights *of, const Pose *at)
                                   {0.0, 0.0, 0.0, 1.0 / J_M[1]}};
     double spring[4][4] = {{0.0}}, damper[4][4] = {{0.0}};
     for (int i = 0; i < AXES; i++) {
-        const double stiffness = of->stiffness[i] * K_LOW[i] * pow(at->slope[i] / K_LOW[i], of->hardening);
+        const double stiffness = of->stiffness[i] * K_LOW[i] * elementary_pow(at->slope[i] / K_LOW[i], of->hardening);
         double to_gear[4] = {0.0};
         to_gear[i] = 1.0;
         to_gear[AXES + i] = -1.0 / RATIO;
@@ -171,10 +173,10 @@ static bool feedback(const Weights *of, const Pose *at, Matrix A, double gain[AX
                      double tool[AXES][N])
 {
     const double q_12 = at->q_a[0] + at->q_a[1];
-    const double elbow_x = -L[1] * sin(q_12), elbow_z = -L[1] * cos(q_12);
-    tool[0][0] = L[0] * cos(at->q_a[0]) + elbow_x;
+    const double elbow_x = -L[1] * elementary_sin(q_12), elbow_z = -L[1] * elementary_cos(q_12);
+    tool[0][0] = L[0] * elementary_cos(at->q_a[0]) + elbow_x;
     tool[0][1] = elbow_x;
-    tool[1][0] = -L[0] * sin(at->q_a[0]) + elbow_z;
+    tool[1][0] = -L[0] * elementary_sin(at->q_a[0]) + elbow_z;
     tool[1][1] = elbow_z;
     Matrix rows = {{{0.0}}}, B = {{{0.0}}}, scaled = {{{0.0}}}, X;
     for (int i = 0; i < AXES; i++) {
@@ -221,7 +223,7 @@ bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXE
     const Matrix zero = {{{0.0}}}, slope = linearize(of, &at);
     Matrix model;
     if (!exponential(sum(T_s, &slope, &zero), &model)) return refuse_design(message);
-    const double fade = exp(-T_s / of->push_time);
+    const double fade = elementary_exp(-T_s / of->push_time);
     /* The inputs of the joints become the disturbances' states. */
     Matrix A = model;
     for (int i = 0; i < AXES; i++)

@@ -5,6 +5,7 @@
 
 #include "checks.h"
 #include "design.h"
+#include "elementary.h"
 
 typedef struct {
     Variables of;
@@ -34,7 +35,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     if (!check_ranges(of, message)) return false;
     lqg->period = of->period / of->T_s;
     lqg->full = of->off + of->rise;
-    lqg->forget = exp(-of->T_s / of->memory);
+    lqg->forget = elementary_exp(-of->T_s / of->memory);
     Weights weights;
     memcpy(&weights, of->stiffness, sizeof weights);
     return design(&weights, of->q_m_ref, of->u_m0, of->T_s, &lqg->law, message);
@@ -50,9 +51,9 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     apply(&lqg->law, lqg->vector, next);
     for (int i = 0; i < AXES; i++)
         if (!check_torque(i, next[U + i], t, message)) return false;
-    lqg->level = fmax(hypot(next[E], next[E + 1]), lqg->forget * lqg->level);
+    lqg->level = fmax(elementary_hypot(next[E], next[E + 1]), lqg->forget * lqg->level);
     const double strength = fmin(fmax((lqg->level - of->off) / (lqg->full - of->off), 0.0), 1.0);
-    const double shake = strength * sin(2.0 * PI * fmod(lqg->sample, lqg->period) / lqg->period);
+    const double shake = strength * elementary_sin(2.0 * PI * fmod(lqg->sample, lqg->period) / lqg->period);
     lqg->sample += 1.0;
     for (int i = 0; i < AXES; i++) {
         const double wanted = lqg->u_0[i] + next[U + i] + of->amplitude[i] * shake;

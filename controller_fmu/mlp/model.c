@@ -5,9 +5,9 @@
  */
 #include "model.h"
 
-#include <math.h>
 #include <stdio.h>
 
+#include "elementary.h"
 #include "weights.h" /* written by the build: LAYERS, WIDTH, SIZE, WEIGHTS, ACTIVATION */
 
 enum { AXES = 2 };

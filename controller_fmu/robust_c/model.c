@@ -31,7 +31,7 @@ ASSERT_LAYOUT(switching_is_side_by_side,
 static double reach(const double q_m_ref[AXES])
 {
     const double first = 1.0, second = 1.5, ratio = 200.0;
-    return sqrt(first * first + second * second - 2.0 * first * second * sin(q_m_ref[1] / ratio)) / (first + second);
+    return sqrt(first * first + second * second - 2.0 * first * second * elementary_sin(q_m_ref[1] / ratio)) / (first + second);
 }
 
 const size_t model_size = sizeof(RobustLqg);

@@ -2,7 +2,7 @@
 #ifndef SWITCHING_H
 #define SWITCHING_H
 
-#include <math.h>
+#include "elementary.h"
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
@@ -40,22 +40,22 @@ static inline double faded(const Switching *by, double since)
 /* Takes the estimated TCP error [m] of this sample. */
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], double T_s)
 {
-    const double jump = hypot(error[0] - on->average[0], error[1] - on->average[1]);
+    const double jump = elementary_hypot(error[0] - on->average[0], error[1] - on->average[1]);
     /* What the dither itself does is no new event: after one, only a larger jump is. */
     const bool is_event = jump > by->threshold && jump > by->contrast * fmax(on->unrest, on->peak);
     on->since_event = is_event ? 0.0 : on->since_event + T_s;
     /* A constant error is no sway: the dither may cause one, and would keep itself up. */
-    const bool sways = hypot(on->average[0] - on->offset[0], on->average[1] - on->offset[1]) > by->sway;
+    const bool sways = elementary_hypot(on->average[0] - on->offset[0], on->average[1] - on->offset[1]) > by->sway;
     on->since_sway = sways ? 0.0 : on->since_sway + T_s;
     const double event = faded(by, on->since_event), sway = faded(by, on->since_sway);
-    on->peak *= exp(-T_s / by->fatigue);
+    on->peak *= elementary_exp(-T_s / by->fatigue);
     if (fmax(event, sway) > 0.0) on->peak = fmax(on->peak, jump);
-    on->unrest += (jump - on->unrest) * (1.0 - exp(-T_s / by->average_time));
+    on->unrest += (jump - on->unrest) * (1.0 - elementary_exp(-T_s / by->average_time));
     for (int i = 0; i < 2; i++) {
-        on->average[i] += (error[i] - on->average[i]) * (1.0 - exp(-T_s / by->jump_time));
-        on->offset[i] += (on->average[i] - on->offset[i]) * (1.0 - exp(-T_s / by->average_time));
+        on->average[i] += (error[i] - on->average[i]) * (1.0 - elementary_exp(-T_s / by->jump_time));
+        on->offset[i] += (on->average[i] - on->offset[i]) * (1.0 - elementary_exp(-T_s / by->average_time));
     }
-    on->level = fmax(hypot(error[0], error[1]), on->level * exp(-T_s / by->memory));
+    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * elementary_exp(-T_s / by->memory));
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     /* The stiff feedback keeps the first peak lower; the damping one is for what comes after it. */
     const double passed = limited(on->since_event / by->wait - 1.0, 0.0, 1.0);

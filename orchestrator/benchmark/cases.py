@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from ..errors import InputError
+from ..loop.disturbances import force
 from ..loop.random_streams import stable_stream
 from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
 from .case import Case, Configuration, Disturbance, System, Test
@@ -182,7 +183,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
                 f_stop=disturbance.f_stop,
             ),
             pulse=Pulse(
-                force=(rules.force * math.cos(phi_F), rules.force * math.sin(phi_F)),
+                force=force(rules.force, phi_F),
                 start=rules.t_1 + disturbance.late,
                 stop=rules.t_2 + disturbance.late,
             ),

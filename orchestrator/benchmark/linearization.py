@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from plant_fmu.flexible_manipulator.coefficients import Arm, Joint, arm, joint
+from plant_fmu.flexible_manipulator.coefficients import Arm, Joint, arm, joint, sticking
 
 from ..loop.scenario import Delays, Pair
 
@@ -68,20 +68,20 @@ def linearized(parameters: Mapping[str, float], at: Rest, friction: Friction, ga
 
     links, joints = arm(parameters), (joint(parameters, 1), joint(parameters, 2))
     (s_1, c_1), (s_12, c_12) = ((math.sin(angle), math.cos(angle)) for angle in (at.q_a[0], sum(at.q_a)))
-    bent = [angle - motor / own.n for angle, motor, own in zip(at.q_a, at.q_m, joints, strict=True)]
+    bent = [angle - motor * own.per_n for angle, motor, own in zip(at.q_a, at.q_m, joints, strict=True)]
     stiffness = [
         own.k_1 + 3.0 * own.k_3 * delta**2 if abs(delta) <= own.psi else own.m_1
         for own, delta in zip(joints, bent, strict=True)
     ]
     weight = links.c_2 * s_12 * np.ones((2, 2)) - np.diag([links.c_1 * c_1, 0.0])
-    brake = [own.f_d + (own.alpha * own.f_c if friction == "sticking" else 0.0) for own in joints]
+    brake = [sticking(own) if friction == "sticking" else own.f_d for own in joints]
     s_2 = math.sin(at.q_a[1])
     pushes = ((1.0, 0.0), (0.0, 1.0))
     jacobian = np.array([tool_torque(links, s_1, c_1, s_12, c_12, *F) for F in pushes])  # type: ignore[no-untyped-call]
     B, C = np.zeros((8, 6)), np.zeros((4, 8))
     B[4:6, 4:] = np.linalg.solve(inertia(links, s_2), jacobian.T)
     for axis, own in enumerate(joints):
-        B[6 + axis, axis], B[6 + axis, 2 + axis] = gain[axis] * own.gamma / own.j_m, 1.0 / own.j_m
+        B[6 + axis, axis], B[6 + axis, 2 + axis] = gain[axis] * own.gamma * own.per_j_m, own.per_j_m
         C[axis, 2 + axis] = 1.0
     C[2:, :2] = jacobian
     return Matrices(system_matrix(links, joints, stiffness, brake, s_2, weight), B, C, np.zeros((4, 6)), STATES)
@@ -106,8 +106,8 @@ def system_matrix(
     ``stiffness`` [N.m/rad] and ``friction`` [N.m.s/rad] are the slopes of gears and motor friction, one an axis,
     ``gravity`` [N.m/rad] that of the gravity torques, shape (2, 2); ``s_2`` = sin q_a2.
     """
-    j_m, n, d = (np.array([getattr(own, name) for own in joints]) for name in ("j_m", "n", "d"))
-    bending = np.hstack([np.eye(2), -np.diag(1.0 / n)])  # of the gears, by the angles of links and motors
+    per_j_m, per_n, d = (np.array([getattr(own, name) for own in joints]) for name in ("per_j_m", "per_n", "d"))
+    bending = np.hstack([np.eye(2), -np.diag(per_n)])  # of the gears, by the angles of links and motors
     torques = np.hstack([np.asarray(stiffness)[:, None] * bending, d[:, None] * bending])
     braking = np.hstack([np.zeros((2, 6)), np.diag(friction)])
     falling = np.hstack([gravity * np.ones((2, 2)), np.zeros((2, 6))])
@@ -115,7 +115,7 @@ def system_matrix(
         [
             np.hstack([np.zeros((4, 4)), np.eye(4)]),
             -np.linalg.solve(inertia(links, s_2), torques + falling),
-            (torques / n[:, None] - braking) / j_m[:, None],
+            (torques * per_n[:, None] - braking) * per_j_m[:, None],
         ]
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plant_fmu.flexible_manipulator.coefficients import arm, joint
+from plant_fmu.flexible_manipulator.coefficients import arm, joint, sticking
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..errors import InputError
@@ -66,13 +66,13 @@ def _is_integrable(nominal: Mapping[str, float], uncertainty: Mapping[str, float
     try:
         links, joints = arm(fastest), (joint(fastest, 1), joint(fastest, 2))
         coefficients = np.array([*links, *joints[0], *joints[1]])
-        sticking = [own.f_d + own.alpha * own.f_c for own in joints]
-        substep = longest_substep(joints)
+        brakes = [sticking(own) for own in joints]
+        substep = longest_substep(links, joints)
         if not np.all(np.isfinite(coefficients)) or substep * MOST_SUBSTEPS < MAX_SUBSTEP:
             return False
         with np.errstate(all="ignore"):
             return all(
-                _growth(substep * system_matrix(links, joints, stiffness, sticking, s_2)) <= GROWTH
+                _growth(substep * system_matrix(links, joints, stiffness, brakes, s_2)) <= GROWTH
                 for stiffness in ([own.k_1 for own in joints], [own.m_1 for own in joints])
                 for s_2 in (-1.0, 0.0, 1.0)
             )

@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeVar
 
+from plant_fmu.flexible_manipulator.formulas import hypot
+
 from ..errors import InputError
+from ..loop.disturbances import force
 from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor
 from .protocol import Protocol
 
@@ -70,10 +73,7 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
         sensor, drive = Sensor(), Drive()
     if wanted.chirp_amplitude is not None and not chirp.stop:  # a test without a chirp gets the fixed one
         chirp = Chirp(start=fixed.t_3, stop=rules.t_4, f_start=fixed.f_start, f_stop=fixed.f_stop)
-    direction = fixed.phi_F
-    if pulse.stop:
-        direction = math.atan2(scenario.pulse.force[1], scenario.pulse.force[0])
-    elif wanted.force is not None:
+    if wanted.force is not None and not pulse.stop:
         pulse = Pulse(start=rules.t_1, stop=rules.t_2)
 
     sigma = sensor.noise.sigma
@@ -85,11 +85,6 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
     if wanted.torque_bits is not None:
         first, second = (_quantum(2 * value, wanted.torque_bits) for value in loop.torque_limit)
         torque_quantum = (first, second)
-    F_x, F_z = pulse.force
-    if wanted.force is not None or wanted.phi_F is not None:
-        size = _given(wanted.force, math.hypot(F_x, F_z))
-        direction = _given(wanted.phi_F, direction)
-        F_x, F_z = size * math.cos(direction), size * math.sin(direction)
     f_start, f_stop = _given(wanted.chirp_frequencies, (chirp.f_start, chirp.f_stop))
     varied = replace(
         scenario,
@@ -112,13 +107,27 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
             f_start=f_start,
             f_stop=f_stop,
         ),
-        pulse=Pulse((F_x, F_z), _given(wanted.t_1, pulse.start), _given(wanted.t_2, pulse.stop)),
+        pulse=Pulse(
+            _force(pulse.force, wanted, scenario.pulse.force, fixed.phi_F),
+            _given(wanted.t_1, pulse.start),
+            _given(wanted.t_2, pulse.stop),
+        ),
     )
     for name, signal in (("force", varied.pulse), ("chirp", varied.chirp)):
         if signal.stop < signal.start:
             message = f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s."
             raise InputError(message, "ends-before-start", name, signal.stop)
     return varied
+
+
+def _force(before: Pair, wanted: Variation, planned: Pair, phi_F: float) -> Pair:
+    """``before`` [N] with another size or direction; without a force, that of ``planned``, and else ``phi_F`` [rad]."""
+    if wanted.force is None and wanted.phi_F is None:
+        return before
+    size, length = _given(wanted.force, hypot(*before)), hypot(*planned)
+    if wanted.phi_F is None and length > 0.0:
+        return size * (planned[0] / length), size * (planned[1] / length)
+    return force(size, _given(wanted.phi_F, phi_F))
 
 
 def _given(value: T | None, default: T) -> T:

@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .scenario import Chirp, Pulse
+from plant_fmu.flexible_manipulator.formulas import sin_cos
+
+from .scenario import Chirp, Pair, Pulse
 
 
 class ChirpSignal(NamedTuple):
@@ -41,6 +43,12 @@ def pulse_signal(pulse: Pulse) -> PulseSignal:
     return PulseSignal(*pulse.force, pulse.start, pulse.stop)
 
 
+def force(size: float, phi_F: float) -> Pair:
+    """Tool force ``(F_x, F_z)`` [N] of ``size`` [N] in the direction ``phi_F`` [rad]."""
+    sine, cosine = sin_cos(phi_F)
+    return size * cosine, size * sine
+
+
 def chirp(signal: ChirpSignal, t: float) -> tuple[float, float]:
     """Motor torque disturbance ``(u_d1, u_d2)`` [N.m] at time ``t`` [s]: A sin 2 pi (f_s tau + (f_e - f_s) tau^2 /
     (2 T)) with tau = t - start and T = stop - start, zero outside start <= t < stop."""
@@ -48,7 +56,7 @@ def chirp(signal: ChirpSignal, t: float) -> tuple[float, float]:
         return 0.0, 0.0
     tau = t - signal.start
     sweep = (signal.f_stop - signal.f_start) * tau * tau / (2.0 * (signal.stop - signal.start))
-    wave = math.sin(2.0 * math.pi * (signal.f_start * tau + sweep))
+    wave, _ = sin_cos(2.0 * math.pi * (signal.f_start * tau + sweep))
     return signal.amplitude_1 * wave, signal.amplitude_2 * wave
 
 

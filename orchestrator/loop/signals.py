@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+import plant_fmu.flexible_manipulator.elementary  # noqa: F401  (lets the chirp be compiled)
+
 from ..jit import compiled
 from . import disturbances
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+from .elementary import exp, sin_cos
+from .formulas import EXP_MIN
 from .jit import compiled
 from .kinematics import tool_torque
 
@@ -45,15 +47,14 @@ def spring(joint, delta):
 def friction(joint, v):
     """Motor friction torque f / n at motor speed v, eq. (8) with sech for the scan's cosh^-1.
 
-    Both hyperbolic functions are written with exponentials of non-positive arguments, which neither
-    overflow nor cost as much as tanh and cosh.
+    Both hyperbolic functions are written with exponentials of non-positive arguments, which do not overflow, over one
+    common denominator. Below EXP_MIN the exponentials do not count.
     """
     size = abs(v)
-    slow = math.exp(-joint.beta * size)
-    fast = math.exp(-2.0 * joint.alpha * size)
-    sech = 2.0 * slow / (1.0 + slow * slow)
-    tanh = (1.0 - fast) / (1.0 + fast)
-    coulomb = joint.f_c * (joint.mu_k + (1.0 - joint.mu_k) * sech) * tanh
+    slow = exp(max(-joint.beta * size, EXP_MIN))
+    fast = exp(max(-2.0 * joint.alpha * size, EXP_MIN))
+    square = 1.0 + slow * slow
+    coulomb = (joint.f_k * square + joint.f_s * slow) * (1.0 - fast) / (square * (1.0 + fast))
     return joint.f_d * v + math.copysign(coulomb, v)
 
 
@@ -65,12 +66,12 @@ def accelerations(arm, joint_1, joint_2, x, tau_1, tau_2, F_x, F_z):
     ``F_x, F_z`` the tool force [N].
     """
     q_a1, q_a2, q_m1, q_m2, w_1, w_2, v_1, v_2 = x
-    s_1, c_1 = math.sin(q_a1), math.cos(q_a1)
-    s_2, c_2 = math.sin(q_a2), math.cos(q_a2)
+    s_1, c_1 = sin_cos(q_a1)
+    s_2, c_2 = sin_cos(q_a2)
     s_12, c_12 = s_1 * c_2 + c_1 * s_2, c_1 * c_2 - s_1 * s_2
 
-    gear_1 = spring(joint_1, q_a1 - q_m1 / joint_1.n) + joint_1.d * (w_1 - v_1 / joint_1.n)
-    gear_2 = spring(joint_2, q_a2 - q_m2 / joint_2.n) + joint_2.d * (w_2 - v_2 / joint_2.n)
+    gear_1 = spring(joint_1, q_a1 - q_m1 * joint_1.per_n) + joint_1.d * (w_1 - v_1 * joint_1.per_n)
+    gear_2 = spring(joint_2, q_a2 - q_m2 * joint_2.per_n) + joint_2.d * (w_2 - v_2 * joint_2.per_n)
 
     J_11, J_12, J_22 = inertia(arm, s_2)
     C_1, C_2 = coriolis(arm, c_2, w_1, w_2)
@@ -78,11 +79,12 @@ def accelerations(arm, joint_1, joint_2, x, tau_1, tau_2, F_x, F_z):
     u_a1, u_a2 = tool_torque(arm, s_1, c_1, s_12, c_12, F_x, F_z)
     r_1 = u_a1 - C_1 - g_1 - gear_1
     r_2 = u_a2 - C_2 - g_2 - gear_2
-    determinant = J_11 * J_22 - J_12 * J_12
+    coupling = arm.b * s_2
+    per_det = 1.0 / (arm.det - coupling * coupling)
 
     return (
-        (J_22 * r_1 - J_12 * r_2) / determinant,
-        (J_11 * r_2 - J_12 * r_1) / determinant,
-        (tau_1 + gear_1 / joint_1.n - friction(joint_1, v_1)) / joint_1.j_m,
-        (tau_2 + gear_2 / joint_2.n - friction(joint_2, v_2)) / joint_2.j_m,
+        (J_22 * r_1 - J_12 * r_2) * per_det,
+        (J_11 * r_2 - J_12 * r_1) * per_det,
+        (tau_1 + gear_1 * joint_1.per_n - friction(joint_1, v_1)) * joint_1.per_j_m,
+        (tau_2 + gear_2 * joint_2.per_n - friction(joint_2, v_2)) * joint_2.per_j_m,
     )

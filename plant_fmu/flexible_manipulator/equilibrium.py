@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from .coefficients import Arm, Joint
 from .dynamics import gravity, spring
+from .formulas import sin_cos
 
 
 class Equilibrium(NamedTuple):
@@ -37,8 +38,8 @@ def solve(arm: Arm, joints: tuple[Joint, Joint], q_a: tuple[float, float]) -> Eq
     The gear balances gravity, tau_s(Delta) = -g(q_a) by the link rows of (2), and the motor carries the gear,
     n gamma u_m = g(q_a) by the motor rows. Friction is zero at rest, since tanh(0) = 0 in (8).
     """
-    loads = gravity(arm, math.sin(q_a[0]), math.cos(q_a[0] + q_a[1]))
+    loads = gravity(arm, sin_cos(q_a[0])[0], sin_cos(q_a[0] + q_a[1])[1])
     axes = tuple(zip(joints, q_a, loads, strict=True))
-    q_m_1, q_m_2 = (joint.n * (angle - deflection(joint, -load)) for joint, angle, load in axes)
-    u_m_1, u_m_2 = (load / (joint.n * joint.gamma) for joint, _, load in axes)
+    q_m_1, q_m_2 = ((angle - deflection(joint, -load)) / joint.per_n for joint, angle, load in axes)
+    u_m_1, u_m_2 = (load * joint.per_n / joint.gamma for joint, _, load in axes)
     return Equilibrium((q_m_1, q_m_2), (u_m_1, u_m_2))

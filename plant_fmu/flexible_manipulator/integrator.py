@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from .coefficients import Arm, Joint
+from .coefficients import Arm, Joint, sticking
 from .dynamics import accelerations
 from .interface import VARIABLES
 from .jit import compiled
@@ -17,45 +17,65 @@ STATE = len(VARIABLES)
 STATE_SIZE = 8 + 1 + len(Arm._fields) + 2 * len(Joint._fields)
 """State, longest substep, constants: see :func:`state_at_rest`."""
 
-MAX_SUBSTEP = 0.25e-3 / 3
-"""Longest substep [s]: three in the benchmark's sample time keep the TCP within 1e-8 m of an adaptive solution of
-eighth order over the whole uncertainty of Table 1 (tests/test_integrator.py)."""
+MAX_SUBSTEP = 0.25e-3
+"""Longest substep [s]: the benchmark's sample time."""
 
-MAX_STIFFNESS = 1.25
+GENTLE = 0.5
+"""Product of substep and fastest rate up to which the longest substep is taken; above it, half of that."""
+
+MAX_STIFFNESS = 1.7
 """Largest product of substep and fastest rate, h lambda. Runge-Kutta's fourth order is stable up to 2.78; the
-stiffest system of Table 1 has 1.125 at MAX_SUBSTEP, and steeper friction than that gets shorter substeps."""
+stiffest system of Table 1 has 1.69 at half of MAX_SUBSTEP, and what is stiffer gets shorter substeps."""
 
 MIN_SUBSTEP = 0.25e-6
 """Shortest substep [s] that parameters may need: a thousandth of the benchmark's sample time."""
 
+TINY = 2.2250738585072014e-308
+"""Smallest normal number, in the place of a determinant that rounds to nothing."""
+
 MOST_SUBSTEPS = 1e5
-"""So many substeps a step may take: 8.3 s of the nominal system."""
+"""So many substeps a step may take: 12.5 s of the nominal system."""
 
 INPUTS = 6
 """How many inputs the memory begins with."""
 
 
-def friction_rate(joint: Joint) -> float:
-    """The fastest rate of a joint [1/s]: that of a motor whose friction (8) is linearised at zero speed."""
-    return (joint.alpha * joint.f_c + joint.f_d) / joint.j_m
+FAST = (("alpha", "s/rad"), ("f_c", "N.m"), ("f_d", "N.m.s/rad"), ("d", "N.m.s/rad"), ("j_m", "kg.m2"))
+"""What makes a joint fast, with its units."""
 
 
-def longest_substep(joints: tuple[Joint, Joint]) -> float:
-    """Longest substep [s] for these joints: the fastest rate of the system is :func:`friction_rate`."""
-    rate = max(friction_rate(joint) for joint in joints)
-    return min(MAX_SUBSTEP, MAX_STIFFNESS / rate) if rate > 0 else MAX_SUBSTEP
+def rates(arm: Arm, joints: tuple[Joint, Joint]) -> tuple[float, float]:
+    """Upper bounds of the fastest rate of each joint [1/s], from the parameters alone.
+
+    That of a motor whose friction (8) is linearised at zero speed, and that at which the gear's damping brings motor
+    and link together, with the link's largest inverse inertia of all poses.
+    """
+    det = max(arm.det - arm.b * arm.b, TINY)
+    inverses = arm.a_2 / det, (arm.a_1 + 2.0 * arm.b) / det
+    first, second = (
+        (sticking(own) + own.d * (own.per_n * own.per_n)) * own.per_j_m + own.d * inverse
+        for own, inverse in zip(joints, inverses, strict=True)
+    )
+    return first, second
 
 
-def check_substep(joints: tuple[Joint, Joint]) -> None:
-    """Raise ``ValueError`` if the joints need a substep below MIN_SUBSTEP, with the parameters that do."""
-    substep = longest_substep(joints)
+def longest_substep(arm: Arm, joints: tuple[Joint, Joint]) -> float:
+    """Longest substep [s] for these parameters: by the faster of :func:`rates`, whatever the state is."""
+    rate = max(rates(arm, joints))
+    if rate * MAX_SUBSTEP <= GENTLE:
+        return MAX_SUBSTEP
+    return min(0.5 * MAX_SUBSTEP, MAX_STIFFNESS / rate)
+
+
+def check_substep(table: Mapping[str, float], arm: Arm, joints: tuple[Joint, Joint]) -> None:
+    """Raise ``ValueError`` if the parameters of ``table``, of which ``arm`` and ``joints`` are made, need a substep
+    below MIN_SUBSTEP, with those that do."""
+    substep = longest_substep(arm, joints)
     if substep >= MIN_SUBSTEP:
         return
-    axis, joint = max(enumerate(joints, start=1), key=lambda numbered: friction_rate(numbered[1]))
-    asked = ", ".join(
-        f"{name}[{axis}] = {getattr(joint, name):g} {unit}"
-        for name, unit in (("alpha", "s/rad"), ("f_c", "N.m"), ("f_d", "N.m.s/rad"), ("j_m", "kg.m2"))
-    )
+    first, second = rates(arm, joints)
+    axis = 2 if second > first else 1
+    asked = ", ".join(f"{symbol}[{axis}] = {table[f'{symbol}[{axis}]']:g} {unit}" for symbol, unit in FAST)
     raise ValueError(f"{asked} refused: they need substeps of {substep:g} s, shorter than {MIN_SUBSTEP:g} s")
 
 
@@ -64,16 +84,16 @@ def state_at_rest(
 ) -> tuple[float, ...]:
     """What :func:`advance` finds in its memory from STATE on, for rest at link angles ``q_a`` and motor angles
     ``q_m`` [rad]: the state, the longest substep, the constants of arm and joints."""
-    return (*q_a, *q_m, 0.0, 0.0, 0.0, 0.0, longest_substep(joints), *arm, *joints[0], *joints[1])
+    return (*q_a, *q_m, 0.0, 0.0, 0.0, 0.0, longest_substep(arm, joints), *arm, *joints[0], *joints[1])
 
 
 @compiled
 def unpack(c):
     """The constants in :func:`state_at_rest`: ``(Arm, Joint 1, Joint 2)``."""
     return (
-        Arm(c[0], c[1], c[2], c[3], c[4], c[5], c[6]),
-        Joint(c[7], c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20]),
-        Joint(c[21], c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34]),
+        Arm(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]),
+        Joint(c[8], c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18], c[19], c[20], c[21]),
+        Joint(c[22], c[23], c[24], c[25], c[26], c[27], c[28], c[29], c[30], c[31], c[32], c[33], c[34], c[35]),
     )
 
 
@@ -114,7 +134,7 @@ def advance(memory, step):
     tau_2 = joint_2.gamma * memory[1] + memory[3]
     F_x, F_z = memory[4], memory[5]
     y = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
-    # A step of three substeps must not become one of four because its size was rounded up.
+    # A step of two substeps must not become one of three because its size was rounded up.
     substeps = math.ceil(step / x[8] * (1.0 - 1e-9))
     h = step / max(substeps, 1)
     for _ in range(substeps):

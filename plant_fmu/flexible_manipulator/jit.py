@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 try:
     import numba
+    import numba.extending
 except ImportError:
     numba = None
 
@@ -27,3 +28,9 @@ def compiled(function: F) -> F:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to write the cache to: compile for this process alone
         return numba.njit(**options)(function)
+
+
+def callable_from_compiled(function: Callable[..., Any]) -> None:
+    """Let compiled functions call ``function``, which itself stays as it is."""
+    if numba is not None:
+        numba.extending.register_jitable(fastmath=False, error_model="numpy")(function)

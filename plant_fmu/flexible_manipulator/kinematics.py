@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
+from .elementary import sin_cos
 from .jit import compiled
 
 
 @compiled
 def tcp(arm, q_a1, q_a2):
     """TCP position ``(x, z)`` [m], eq. (9)."""
-    q_12 = q_a1 + q_a2
-    return (
-        arm.l_1 * math.sin(q_a1) + arm.l_2 * math.cos(q_12),
-        arm.l_1 * math.cos(q_a1) - arm.l_2 * math.sin(q_12),
-    )
+    s_1, c_1 = sin_cos(q_a1)
+    s_12, c_12 = sin_cos(q_a1 + q_a2)
+    return arm.l_1 * s_1 + arm.l_2 * c_12, arm.l_1 * c_1 - arm.l_2 * s_12
 
 
 @compiled

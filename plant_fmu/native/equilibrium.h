@@ -25,10 +25,10 @@ static double deflection(const Joint *joint, double torque)
 static void solve_rest(const Arm *arm, const Joint joints[2], const double q_a[2], double q_m[2], double u_m[2])
 {
     double loads[2];
-    gravity(arm, sin(q_a[0]), cos(q_a[0] + q_a[1]), loads);
+    gravity(arm, elementary_sin(q_a[0]), elementary_cos(q_a[0] + q_a[1]), loads);
     for (int i = 0; i < 2; i++) {
-        q_m[i] = joints[i].n * (q_a[i] - deflection(&joints[i], -loads[i]));
-        u_m[i] = loads[i] / (joints[i].n * joints[i].gamma);
+        q_m[i] = (q_a[i] - deflection(&joints[i], -loads[i])) / joints[i].per_n;
+        u_m[i] = loads[i] * joints[i].per_n / joints[i].gamma;
     }
 }
 

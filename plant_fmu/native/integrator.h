@@ -5,22 +5,29 @@
 
 #include "dynamics.h"
 
-static const double MAX_SUBSTEP = 0.25e-3 / 3, MAX_STIFFNESS = 1.25;
-static const double MIN_SUBSTEP = 0.25e-6, MOST_SUBSTEPS = 1e5;
+static const double MAX_SUBSTEP = 0.25e-3, GENTLE = 0.5, MAX_STIFFNESS = 1.7;
+static const double MIN_SUBSTEP = 0.25e-6, MOST_SUBSTEPS = 1e5, TINY = 2.2250738585072014e-308;
 
-/* The fastest rate of a joint [1/s]. */
-static double friction_rate(const Joint *joint) {
-  return (joint->alpha * joint->f_c + joint->f_d) / joint->j_m;
+/* Upper bounds of the fastest rate of each joint [1/s], from the parameters alone. */
+static void rates(const Arm *arm, const Joint joints[2], double found[2])
+{
+    const double least = arm->det - arm->b * arm->b, det = least > TINY ? least : TINY;
+    const double inverses[2] = {arm->a_2 / det, (arm->a_1 + 2.0 * arm->b) / det};
+    for (int i = 0; i < 2; i++) {
+        const Joint *own = &joints[i];
+        const double sticking = own->f_d + own->alpha * (own->f_k + 0.5 * own->f_s);
+        found[i] = (sticking + own->d * (own->per_n * own->per_n)) * own->per_j_m + own->d * inverses[i];
+    }
 }
 
-/* Longest substep [s]: shorter than MAX_SUBSTEP where friction is steep at standstill. */
-static double longest_substep(const Joint joints[2])
+/* Longest substep [s], by the faster of the rates. */
+static double longest_substep(const Arm *arm, const Joint joints[2])
 {
-  const double first = friction_rate(&joints[0]),
-               second = friction_rate(&joints[1]);
-  const double rate = second > first ? second : first;
-  return rate > 0 && MAX_STIFFNESS / rate < MAX_SUBSTEP ? MAX_STIFFNESS / rate
-                                                        : MAX_SUBSTEP;
+    double of[2];
+    rates(arm, joints, of);
+    const double rate = of[1] > of[0] ? of[1] : of[0];
+    if (rate * MAX_SUBSTEP <= GENTLE) return MAX_SUBSTEP;
+    return MAX_STIFFNESS / rate < 0.5 * MAX_SUBSTEP ? MAX_STIFFNESS / rate : 0.5 * MAX_SUBSTEP;
 }
 
 /* x + h dx */
@@ -35,7 +42,7 @@ static inline State along(const State *x, double h, const State *dx)
 /* Number of substeps that a step [s] >= 0 takes, where the longest is `substep`
  * [s]. */
 static inline double substeps_in(double step, double substep) {
-  /* A step of three substeps must not become one of four because its size was
+  /* A step of two substeps must not become one of three because its size was
    * rounded up. */
   return ceil(step / substep * (1.0 - 1e-9));
 }

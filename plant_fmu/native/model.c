@@ -54,16 +54,15 @@ static bool check_substep(const Manipulator *plant,
                           char message[MODEL_MESSAGE_SIZE]) {
   if (plant->substep >= MIN_SUBSTEP)
     return true;
-  const double first = friction_rate(&plant->joints[0]),
-               second = friction_rate(&plant->joints[1]);
-  const int axis = second > first ? 1 : 0;
-  const Joint *joint = &plant->joints[axis];
+  const Variables *of = &plant->of;
+  double fastest[2];
+  rates(&plant->arm, plant->joints, fastest);
+  const int i = fastest[1] > fastest[0] ? 1 : 0;
   snprintf(message, MODEL_MESSAGE_SIZE,
-           "alpha[%d] = %g s/rad, f_c[%d] = %g N.m, f_d[%d] = %g N.m.s/rad, "
-           "j_m[%d] = %g kg.m2 refused: they need "
-           "substeps of %g s, shorter than %g s",
-           axis + 1, joint->alpha, axis + 1, joint->f_c, axis + 1, joint->f_d,
-           axis + 1, joint->j_m, plant->substep, MIN_SUBSTEP);
+           "alpha[%d] = %g s/rad, f_c[%d] = %g N.m, f_d[%d] = %g N.m.s/rad, d[%d] = %g N.m.s/rad, "
+           "j_m[%d] = %g kg.m2 refused: they need substeps of %g s, shorter than %g s",
+           i + 1, of->alpha[i], i + 1, of->f_c[i], i + 1, of->f_d[i], i + 1, of->d[i], i + 1, of->j_m[i],
+           plant->substep, MIN_SUBSTEP);
   return false;
 }
 
@@ -80,13 +79,13 @@ static void drive(const Manipulator *plant, double tau[2])
         tau[i] = plant->joints[i].gamma * plant->of.u_m[i] + plant->of.u_d[i];
 }
 
-/* NaN and infinity stay what they are, times 0 both are NaN. */
+/* Finite, and angles within what sine and cosine are made for. NaN and infinity times 0 are both NaN. */
 static bool is_finite(const State *x)
 {
     double sum = 0.0;
     for (int i = 0; i < STATES; i++)
         sum += 0.0 * x->of[i];
-    return sum == 0.0;
+    return sum == 0.0 && fabs(x->of[Q_A]) + fabs(x->of[Q_A + 1]) <= ELEMENTARY_ANGLE_MAX;
 }
 
 bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
@@ -98,7 +97,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     plant->arm = arm_of(of);
     for (int i = 0; i < 2; i++)
         plant->joints[i] = joint_of(of, i);
-    plant->substep = longest_substep(plant->joints);
+    plant->substep = longest_substep(&plant->arm, plant->joints);
     if (!check_substep(plant, message))
       return false;
     solve_rest(&plant->arm, plant->joints, of->q_a_start, of->q_m_ref, of->u_m0);
