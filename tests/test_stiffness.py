@@ -72,5 +72,5 @@ def test_the_uncertainty_counts():
             high = middle
         else:
             low = middle
-    assert not blows_up({"k_low[1]": low}) and blows_up({"k_low[1]": 2.0 * high})
+    assert not blows_up({"k_low[1]": low}) and blows_up({"k_low[1]": 20.0 * high})
     assert refusal(require_integrable, {"k_low[1]": 0.9 * low}, PAPER.uncertainty).where == "k_low[1]"
