@@ -138,8 +138,8 @@ def oscillation(
     """The figures of :data:`OSCILLATION` from half the peak-to-peak of the TCP's x and z [m] in each of the
     ``windows``, without detrending.
 
-    The amplitudes of x and z are those of the last window. After a longer simulation than the case's own, they are the
-    largest of all windows where the last one still shows a motion. Of the larger coordinate in the last window: its
+    The amplitudes of x and z are those of the last window. After a longer simulation than the case's own, in which the
+    motion goes on until the last window, they are the largest of all windows and of the last one of the case's own. Of the larger coordinate in the last window: its
     ratio to the window before, its strongest frequency [Hz], and the largest ratio of any two successive windows. Last,
     the larger amplitude at the case's own end.
     """
@@ -149,12 +149,12 @@ def oscillation(
     curve = trajectory.X[windows[-1] :, larger]
     strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
     frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
-    at_end = float(last[larger])
+    lasting = at_end = last
     if longer:
         begin = _windows(limits, trajectory.time[:own])[-1]
-        at_end = 0.5 * float(np.ptp(trajectory.X[begin:own], axis=0).max())
-    lasting = amplitudes.max(axis=0) if longer and last[larger] >= limits.doubtful else last
-    return float(lasting[0]), float(lasting[1]), ratios[-1], frequency, max(ratios), at_end
+        at_end = 0.5 * np.ptp(trajectory.X[begin:own], axis=0)
+        lasting = np.vstack((amplitudes, at_end)).max(axis=0) if last[larger] >= limits.doubtful else last
+    return float(lasting[0]), float(lasting[1]), ratios[-1], frequency, max(ratios), float(at_end.max())
 
 
 def _ratio(amplitude: float, before: float) -> float:
