@@ -139,9 +139,9 @@ def oscillation(
     ``windows``, without detrending.
 
     The amplitudes of x and z are those of the last window. After a longer simulation than the case's own, in which the
-    motion goes on until the last window, they are the largest of all windows and of the last one of the case's own. Of the larger coordinate in the last window: its
-    ratio to the window before, its strongest frequency [Hz], and the largest ratio of any two successive windows. Last,
-    the larger amplitude at the case's own end.
+    motion goes on until the last window, they are the largest of all windows and of the last one of the case's own. Of
+    the larger coordinate in the last window: its ratio to the window before, its strongest frequency [Hz], and the
+    largest ratio of any two successive windows. Last, the larger amplitude at the case's own end.
     """
     last, own = amplitudes[-1], case.scenario.samples + 1
     larger, longer = int(np.argmax(last)), trajectory.time.size > own
