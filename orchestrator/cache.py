@@ -22,7 +22,7 @@ VARIABLE = "FLEXIBLE_MANIPULATOR_CACHE"
 
 PACKAGE = Path(__file__).resolve().parent
 OWN = (PACKAGE.parent / "plant_fmu" / "flexible_manipulator", PACKAGE.parent / "controller_fmu" / "pid")
-COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "jit.py", *OWN)
+COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "benchmark" / "one_pass.py", PACKAGE / "jit.py", *OWN)
 """Sources of the compiled code."""
 
 COMPUTING = ("fmi", "loop", "benchmark", "jit.py"), ("numpy", "numba", "fmpy")

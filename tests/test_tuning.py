@@ -83,7 +83,8 @@ def test_objective_is_the_cost_with_a_penalty_where_a_requirement_fails(quick):
     rules = quick.results.rules
 
     def with_cycles(amplitude, ratio):
-        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_ratio": ratio}
+        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_at_end": amplitude}
+        cycle |= {"limit_cycle_ratio": ratio, "limit_cycle_decay": ratio}
         return [
             case
             if case.measurements.limit_cycle is None

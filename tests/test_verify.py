@@ -301,7 +301,7 @@ def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
 def test_the_protocol_moves_what_it_lists():
     first, second = (Benchmark("verification", seed=seed).cases for seed in (1, 2))
     for one, two in zip(first, second, strict=True):
-        assert one.id == two.id and one.scenario.stop_time == two.scenario.stop_time == 26
+        assert one.id == two.id and one.scenario.stop_time == two.scenario.stop_time == 60
         assert one.configuration != two.configuration and one.system.parameters != two.system.parameters
         if one.test.disturbed:
             assert one.scenario.pulse.start != two.scenario.pulse.start

@@ -8,14 +8,14 @@ from pathlib import Path
 from ..benchmark import cases as case_list
 from ..benchmark.case import Case
 from ..benchmark.linearization import rest
-from ..benchmark.metrics import judge, named
+from ..benchmark.metrics import named
 from ..benchmark.scorecard import kind
 from ..documents.files import write_bytes
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..pairing.built_in import built_in
 from ..pairing.controller import Controller
-from ..pairing.pairing import simulate as simulated
+from ..pairing.pairing import simulate_case
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
 from .simulation import Simulation
@@ -27,12 +27,12 @@ def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simu
     """See :meth:`.Benchmark.simulate`."""
     pairing, wanted = testbed.sampled(controller, case)
     scenario = wanted.scenario
-    trajectory = simulated(pairing, scenario)
-    result = named(wanted, judge(testbed.rules, wanted, trajectory))
+    found = simulate_case(pairing, testbed.rules, wanted)
+    result = named(wanted, found.judgement)
     plain = case_list.case(testbed.rules, wanted.configuration, wanted.system, wanted.test, testbed.seed).scenario
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
     return Simulation(
-        wanted, pairing.controller.name, trajectory, result, varied, kind(result, testbed.rules.stability)
+        wanted, pairing.controller.name, found.trajectory, result, varied, kind(result, testbed.rules.stability)
     )
 
 

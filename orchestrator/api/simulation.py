@@ -161,7 +161,9 @@ class Simulation(Shown):
         rows.append((Quantity("largest TCP error", MILLIMETRE), Value(float(self.tcp_error.max()), unit=MILLIMETRE)))
         parts: list[Part] = [Table("Measured", (Column("quantity"), Column("value")), tuple(rows))]
         if self.case.test.requirements:
-            parts.append(Note(f"verdict: {self.kind}", warning=False))
+            until = self.result.judged_until
+            later = f", judged until {until:g} s" if until is not None and until > self.ending.time else ""
+            parts.append(Note(f"verdict: {self.kind}{later}", warning=False))
         message = f": {ending.message}" if ending.message else ""
         return Summary(self.title, f"{ending.status.value} at {ending.time:g} s{message}", tuple(parts))
 

@@ -169,7 +169,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         ),
         abort_distance=loop.abort_distance,
         longest_hold=loop.sample_time,
-        stop_time=max(each.duration for each in protocol.tests),
+        stop_time=max(Fraction(protocol.stability.longest), *(each.duration for each in protocol.tests)),
     )
     if test.disturbed:
         phi_F = disturbance.phi_F

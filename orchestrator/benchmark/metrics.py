@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from ..loop.trajectory import Status, Trajectory
 from .case import Case
-from .protocol import Protocol
+from .protocol import Protocol, Stability
 from .results import CaseResult, Judgement, Measurements
 
-OSCILLATION = ("limit_cycle_x", "limit_cycle_z", "limit_cycle_ratio", "limit_cycle_frequency")
+# Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
+
+if TYPE_CHECKING:
+    from .one_pass import Scan
+
+OSCILLATION = (
+    "limit_cycle_x",
+    "limit_cycle_z",
+    "limit_cycle_ratio",
+    "limit_cycle_frequency",
+    "limit_cycle_decay",
+    "limit_cycle_at_end",
+)
 """The figures of :func:`oscillation`."""
+
+AT_THE_END = frozenset({"rest_error", *OSCILLATION})
+"""The figures of the end of what was simulated; the others are those of the case's own time."""
 
 LARGEST_RATIO = 1e6
 """Of a motion that was none a window before."""
 
 
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judgement:
-    """Status and figures of a simulated case."""
+    """Status and figures of a simulated case, whose trajectory may go on after the case's own end."""
     ending = trajectory.ending
     judgement = Judgement(status=ending.status, time=ending.time, message=ending.message, warnings=ending.warnings)
-    if ending.status is not Status.DONE:
+    if ending.status is not Status.DONE and ending.time <= own_end(case):
         return judgement
     measurements = measure(protocol, case, trajectory)
     limits = protocol.stability
     if measurements.rest_error is not None and measurements.rest_error > limits.rest_error:
         reason = f"the TCP error was {measurements.rest_error * 1e3:.3g} mm in the last {limits.rest_window:g} s"
         judgement = msgspec.structs.replace(judgement, status=Status.UNSTABLE, message=reason)
-    return msgspec.structs.replace(judgement, measurements=measurements)
+    until = None if measurements.limit_cycle is None else float(trajectory.time[-1])
+    return msgspec.structs.replace(judgement, measurements=measurements, judged_until=until)
 
 
 def named(case: Case, judgement: Judgement) -> CaseResult:
@@ -41,6 +58,7 @@ def named(case: Case, judgement: Judgement) -> CaseResult:
         message=judgement.message,
         measurements=judgement.measurements,
         warnings=judgement.warnings,
+        judged_until=judgement.judged_until,
         id=case.id,
         configuration=case.configuration,
         system=case.system.name,
@@ -48,11 +66,15 @@ def named(case: Case, judgement: Judgement) -> CaseResult:
     )
 
 
+def own_end(case: Case) -> float:
+    """The end of a case [s]."""
+    return float(case.scenario.samples * case.scenario.sample_time)
+
+
 def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     """Names of the figures that a simulation of ``case`` has when it reaches its end: those that its test asks for, as
     far as the scenario, which may have been varied, has what they are measured by."""
-    scenario, limits = case.scenario, protocol.stability
-    end = float(scenario.samples * scenario.sample_time)
+    scenario, limits, end = case.scenario, protocol.stability, own_end(case)
     pushed = 0.0 < scenario.pulse.stop < end
     shaken = scenario.chirp.start < min(scenario.chirp.stop, scenario.pulse.start) and scenario.pulse.start < end
     lacking = set() if pushed else {"B5", "B6"}
@@ -67,77 +89,73 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
 
 
 def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measurements:
-    """The figures of a simulation that ran to its end."""
-    wanted, limits, release = expected(protocol, case), protocol.stability, case.scenario.pulse.stop
-    found: dict[str, Any] = {name: CRITERIA[name](trajectory, case) for name in CRITERIA if name in wanted}
-    if "B6" in wanted:
-        found["B6"], found["settled"] = settling_time(trajectory, release, protocol.settling.error)
-    if "rest_error" in wanted:
-        found["rest_error"] = float(np.max(trajectory.tcp_error[_last(trajectory, limits.rest_window)]))
-    if "recovery" in wanted:
-        found["recovery"], _ = settling_time(trajectory, release, limits.recovery_error)
-    if OSCILLATION[0] in wanted:
-        found.update(zip(OSCILLATION, oscillation(trajectory, limits.limit_cycle_window), strict=True))
-    return Measurements(**found)
+    """The figures of a simulation that ran to the case's end, or on to a later one.
 
-
-def noise_torque(trajectory: Trajectory, axis: int) -> float:
-    """B1, B2: max |u_m - u_m0| of ``axis`` (1 or 2) [N.m]."""
-    return float(np.max(np.abs(trajectory.torque[:, axis - 1] - trajectory.u_m0[axis - 1])))
-
-
-def torque(trajectory: Trajectory, axis: int) -> float:
-    """B3, B4: max |u_m| of ``axis`` (1 or 2) as sent to the drive, gravity included [N.m]."""
-    return float(np.max(np.abs(trajectory.torque[:, axis - 1])))
-
-
-def force_error(trajectory: Trajectory, case: Case) -> float:
-    """B5: largest TCP error from the beginning of the force, t_1, on [m]."""
-    return float(np.max(trajectory.tcp_error[trajectory.time >= case.scenario.pulse.start]))
-
-
-def chirp_error(trajectory: Trajectory, case: Case) -> float:
-    """B7: largest TCP error from the beginning of the chirp, t_3, to that of the force, t_1 [m]."""
-    time, scenario = trajectory.time, case.scenario
-    return float(np.max(trajectory.tcp_error[(time >= scenario.chirp.start) & (time < scenario.pulse.start)]))
-
-
-def settling_time(trajectory: Trajectory, release: float, error: float) -> tuple[float, bool]:
-    """B6: time [s] from ``release`` (t_2) to the last sample with a TCP error of ``error`` [m] or more.
-
-    The second value is False if the last sample of all is such a one: then the whole remainder counts.
+    Of one that failed later, those of the case's own time.
     """
-    late = np.flatnonzero((trajectory.time > release) & (trajectory.tcp_error >= error))
-    if late.size == 0:
-        return 0.0, True
-    return float(trajectory.time[late[-1]]) - release, bool(late[-1] < trajectory.time.size - 1)
+    wanted, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
+    if trajectory.ending.status is not Status.DONE:
+        wanted -= AT_THE_END
+    windows = _windows(protocol.stability, time) if OSCILLATION[0] in wanted else np.zeros(0, dtype=np.int64)
+    read = _scan(protocol, case, trajectory, windows)
+    found: dict[str, Any] = {
+        **dict(zip(("B1", "B2", "B3", "B4"), (*read.noise, *read.torque), strict=True)),
+        "B5": read.force_error,
+        "B7": read.chirp_error,
+        "rest_error": read.rest_error,
+    }
+    for name, settled, last in (("B6", "settled", read.settling), ("recovery", "recovered", read.recovery)):
+        found[name] = 0.0 if last < 0 else float(time[last]) - release
+        found[settled] = last < case.scenario.samples
+    if windows.size:
+        figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
+        found.update(zip(OSCILLATION, figures, strict=True))
+    return Measurements(**{name: found[name] for name in wanted})
 
 
-def oscillation(trajectory: Trajectory, window: float) -> tuple[float, float, float, float]:
-    """Half the peak-to-peak of the TCP's x and z [m] over the last ``window`` [s], without detrending; and of the
-    larger of the two its ratio to that of the window before, and its strongest frequency [Hz]."""
-    last = _last(trajectory, window)
-    before = _last(trajectory, 2.0 * window) & ~last
-    amplitudes = 0.5 * np.ptp(trajectory.X[last], axis=0)
-    larger = int(np.argmax(amplitudes))
-    amplitude, earlier = float(amplitudes[larger]), 0.5 * float(np.ptp(trajectory.X[before, larger]))
-    ratio = amplitude / max(earlier, amplitude / LARGEST_RATIO) if amplitude > 0.0 else 0.0
-    curve = trajectory.X[last, larger]
+def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:
+    """The numbers of the first samples of the last windows, as many as fit into the simulation."""
+    end = float(time[-1])
+    fitting = [n for n in range(limits.limit_cycle_windows, 0, -1) if n * limits.limit_cycle_window <= end]
+    return np.searchsorted(time, [end - n * limits.limit_cycle_window for n in fitting])
+
+
+def _scan(protocol: Protocol, case: Case, trajectory: Trajectory, windows: np.ndarray) -> Scan:
+    from .one_pass import Places, scan
+
+    time, scenario, limits = trajectory.time, case.scenario, protocol.stability
+    begins = (scenario.chirp.start, scenario.pulse.start, float(time[-1]) - limits.rest_window)
+    chirp, force, rest = np.searchsorted(time, begins).tolist()
+    release = int(np.searchsorted(time, scenario.pulse.stop, side="right"))
+    places = Places(scenario.samples + 1, chirp, force, release, rest)
+    errors = protocol.settling.error, limits.recovery_error
+    return scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, windows, *errors)
+
+
+def oscillation(
+    limits: Stability, case: Case, trajectory: Trajectory, windows: np.ndarray, amplitudes: np.ndarray
+) -> tuple[float, float, float, float, float, float]:
+    """The figures of :data:`OSCILLATION` from half the peak-to-peak of the TCP's x and z [m] in each of the
+    ``windows``, without detrending.
+
+    The amplitudes of x and z are those of the last window. After a longer simulation than the case's own, in which the
+    motion goes on until the last window, they are the largest of all windows and of the last one of the case's own. Of
+    the larger coordinate in the last window: its ratio to the window before, its strongest frequency [Hz], and the
+    largest ratio of any two successive windows. Last, the larger amplitude at the case's own end.
+    """
+    last, own = amplitudes[-1], case.scenario.samples + 1
+    larger, longer = int(np.argmax(last)), trajectory.time.size > own
+    ratios = [_ratio(float(now), float(before)) for before, now in itertools.pairwise(amplitudes[:, larger])]
+    curve = trajectory.X[windows[-1] :, larger]
     strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
     frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
-    return float(amplitudes[0]), float(amplitudes[1]), ratio, frequency
+    lasting = at_end = last
+    if longer:
+        begin = _windows(limits, trajectory.time[:own])[-1]
+        at_end = 0.5 * np.ptp(trajectory.X[begin:own], axis=0)
+        lasting = np.vstack((amplitudes, at_end)).max(axis=0) if last[larger] >= limits.doubtful else last
+    return float(lasting[0]), float(lasting[1]), ratios[-1], frequency, max(ratios), float(at_end.max())
 
 
-def _last(trajectory: Trajectory, window: float) -> np.ndarray:
-    late: np.ndarray = trajectory.time >= trajectory.time[-1] - window
-    return late
-
-
-CRITERIA = {
-    "B1": lambda trajectory, case: noise_torque(trajectory, 1),
-    "B2": lambda trajectory, case: noise_torque(trajectory, 2),
-    "B3": lambda trajectory, case: torque(trajectory, 1),
-    "B4": lambda trajectory, case: torque(trajectory, 2),
-    "B5": force_error,
-    "B7": chirp_error,
-}
+def _ratio(amplitude: float, before: float) -> float:
+    return amplitude / max(before, amplitude / LARGEST_RATIO) if amplitude > 0.0 else 0.0

@@ -104,8 +104,11 @@ class Stability(Struct):
     """When a simulation counts as stable: limits [m] of the limit cycle and of the TCP error, each over the last
     seconds.
 
-    A motion that has fallen, from one window to the next, below the share ``ring_down`` is no limit cycle. The
-    controller has recovered from the force when the TCP error stays below ``recovery_error`` [m].
+    Looked at are the last ``limit_cycle_windows`` windows, as many as fit. A motion that has fallen, from each to the
+    next, below the share ``ring_down`` is no limit cycle. There is doubt about a motion of ``doubtful`` [m] and more
+    unless it has fallen below the share ``dying`` from each window to the next, or is a limit cycle with at least the
+    share ``steady`` of the window before: then the case is simulated until ``longest`` [s], if that is later than its
+    end. The controller has recovered from the force when the TCP error stays below ``recovery_error`` [m].
     """
 
     limit_cycle: Positive
@@ -114,6 +117,11 @@ class Stability(Struct):
     recovery_error: Positive
     rest_error: Positive
     rest_window: Positive
+    limit_cycle_windows: Annotated[int, msgspec.Meta(ge=2, le=100)] = 2
+    doubtful: NonNegative = 0.0
+    dying: NonNegative = 0.0
+    steady: NonNegative = 0.0
+    longest: NonNegative = 0.0
 
 
 class Settling(Struct):

@@ -21,9 +21,11 @@ class Measurements(Struct, omit_defaults=True):
 
     ``limit_cycle_x`` and ``limit_cycle_z`` are half the peak-to-peak of the TCP's coordinates at the end,
     ``rest_error`` is the largest TCP error in the last second [m]. Of the larger cycle, ``limit_cycle_ratio`` is that
-    to the amplitude one window before, and ``limit_cycle_frequency`` the strongest frequency [Hz]. ``recovery`` is the
-    time from the end of the force until the TCP error stays small [s]. ``settled`` is False if B6 ran to the end of the
-    simulation.
+    to the amplitude one window before, ``limit_cycle_decay`` the largest ratio of any two successive windows, and
+    ``limit_cycle_frequency`` the strongest frequency [Hz]. Where the case was simulated beyond its own end to judge it,
+    these are figures of the later end, and ``limit_cycle_at_end`` is the larger amplitude at the case's own [m].
+    ``recovery`` is the time from the end of the force until the TCP error stays small [s]. ``settled`` is False if B6
+    ran to the end of the case.
     """
 
     B1: NonNegative | None = None
@@ -38,6 +40,8 @@ class Measurements(Struct, omit_defaults=True):
     limit_cycle_z: NonNegative | None = None
     limit_cycle_ratio: NonNegative | None = None
     limit_cycle_frequency: NonNegative | None = None
+    limit_cycle_decay: NonNegative | None = None
+    limit_cycle_at_end: NonNegative | None = None
     rest_error: NonNegative | None = None
     recovery: NonNegative | None = None
 
@@ -53,11 +57,18 @@ class Measurements(Struct, omit_defaults=True):
             return None
         return max(self.limit_cycle_x, self.limit_cycle_z)
 
+    @property
+    def slowest_decay(self) -> float | None:
+        """The largest known ratio of two successive windows; documents of older forms have the last one alone."""
+        return max((r for r in (self.limit_cycle_ratio, self.limit_cycle_decay) if r is not None), default=None)
+
 
 class Judgement(Struct, kw_only=True):
     """What one simulation came to: its status with the simulated time [s] and the reason, and its figures.
 
-    There are no figures if the simulation did not reach its end. ``warnings`` counts FMI calls that returned a warning.
+    There are no figures if the simulation did not reach the case's end. ``warnings`` counts FMI calls that returned a
+    warning. ``judged_until`` is the end [s] of the windows that the limit cycle was looked for in: the case's own, or a
+    later one that it was simulated to in doubt.
     """
 
     status: Status
@@ -65,6 +76,7 @@ class Judgement(Struct, kw_only=True):
     message: str = ""
     measurements: Measurements = msgspec.field(default_factory=Measurements)
     warnings: Natural = 0
+    judged_until: NonNegative | None = None
 
     @property
     def simulated(self) -> bool:

@@ -129,9 +129,10 @@ def kind(result: Judgement, limits: Stability, amplitude: float | None = None) -
     if result.status is not Status.DONE or found is None:
         return "no verdict"
     if found < limits.limit_cycle:
-        return "quiet"
-    ratio = figures.limit_cycle_ratio
-    return "ring-down" if ratio is not None and ratio < limits.ring_down else "limit cycle"
+        died = (figures.limit_cycle or 0.0) < limits.limit_cycle <= (figures.limit_cycle_at_end or 0.0)
+        return "ring-down" if died else "quiet"
+    decay = figures.slowest_decay
+    return "ring-down" if decay is not None and decay < limits.ring_down else "limit cycle"
 
 
 def outcome(result: Judgement, limits: Stability, amplitude: float | None = None) -> Outcome:

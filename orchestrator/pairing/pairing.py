@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+from msgspec import structs
 
 from ..benchmark.case import Case
+from ..benchmark.doubt import doubtful, longer
 from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
@@ -98,21 +102,48 @@ def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
         FIRST_START_TIME,
         work.largest_trajectory(scenario),
     )
+    found: Trajectory = _only(job, scenario)
+    return found
+
+
+def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simulated:
+    """``case`` simulated and judged; in doubt, by a second simulation that goes on.
+
+    Raises what :func:`simulate` does.
+    """
+    job = pairing.job(
+        work.simulate_case.__name__,
+        [work.CaseTask(protocol, pairing.setup, case)],
+        [case.scenario],
+        lambda _, value: work.simulated(protocol, case, value),
+        FIRST_START_TIME,
+        work.largest_trajectory(case.scenario),
+    )
+    found: work.Simulated = _only(job, case.scenario)
+    if not doubtful(protocol, case, found.judgement):
+        return found
+    judged = _only(judging(protocol, [case], pairing, further=True), longer(protocol, case))
+    return structs.replace(found, judgement=judged)
+
+
+def _only(job: Job, scenario: Scenario) -> Any:
+    """The value of the only task of ``job``, which simulates ``scenario``."""
     (outcome,) = run_isolated(job)
     if isinstance(outcome, Died):
         raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")
     if not isinstance(outcome, Done):
         raise error_of(outcome.error)
-    found: Trajectory = outcome.value
-    return found
+    return outcome.value
 
 
-def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
-    """The job that simulates and judges a ``group`` of cases; its values are judgements."""
+def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing, further: bool = False) -> Job:
+    """The job that simulates and judges a ``group`` of cases, ``further`` than their own ends if wanted; its values are
+    judgements."""
+    tasks = [work.CaseTask(protocol, pairing.setup, case, further) for case in group]
     return pairing.job(
         work.judge_case.__name__,
-        [work.CaseTask(protocol, pairing.setup, case) for case in group],
-        [case.scenario for case in group],
+        tasks,
+        [task.scenario for task in tasks],
         lambda index, value: work.judgement(protocol, group[index], value),
         START_TIME,
     )

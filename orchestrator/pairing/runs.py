@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from msgspec import structs
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import named
+from ..benchmark.metrics import AT_THE_END, named
 from ..benchmark.results import CaseResult, Judgement
 from ..execution.job import Died, Done, Outcome
 from ..fmi.trace import CONTROLLER, PLANT, Place
@@ -26,8 +26,10 @@ class CaseRun:
     kind: str = ""
 
 
-def case_run(case: Case, outcome: Outcome) -> CaseRun:
-    """The run of a case from what its process had to say, or left behind."""
+def case_run(case: Case, outcome: Outcome, further: Scenario | None = None) -> CaseRun:
+    """The run of a case from what its process had to say, or left behind; simulated by the scenario ``further`` if it
+    was not by its own."""
+    scenario = further or case.scenario
     if isinstance(outcome, Done):
         judgement: Judgement = outcome.value
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
@@ -35,15 +37,27 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
     if isinstance(outcome, Died):
         # What somebody else has ended, or kept from ending in time, is no failure of the controller.
         status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED
-        outcome = structs.replace(outcome, place=_plausible(outcome.place, case.scenario))
-        time = float(outcome.place.sample * case.scenario.sample_time)
-        judgement = Judgement(status=status, time=time, message=account(outcome, case.scenario))
+        outcome = structs.replace(outcome, place=_plausible(outcome.place, scenario))
+        time = float(outcome.place.sample * scenario.sample_time)
+        judgement = Judgement(status=status, time=time, message=account(outcome, scenario))
         return CaseRun(case, named(case, judgement), outcome.wall_time, outcome.kind)
     error = outcome.error
     kind = f"{error.call} failed" if error.call else _first_line(error.message)
     # Errors are raised before the first sample; a trajectory tells those that come later.
     judgement = Judgement(status=Status.ERROR, time=0.0, message=error.message)
     return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+
+
+def settled(first: CaseRun, later: CaseRun) -> CaseRun:
+    """The run of a case in doubt, from the ``first`` simulation and the ``later`` one that went on.
+
+    The criteria of the case's own time stay, also where the later simulation failed.
+    """
+    result, own = later.result, first.result.measurements
+    if not result.measurements.names:
+        kept = structs.replace(own, **dict.fromkeys(AT_THE_END))
+        result = structs.replace(result, measurements=kept)
+    return replace(later, result=result, wall_time=first.wall_time + later.wall_time)
 
 
 def account(death: Died, scenario: Scenario) -> str:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import expected, judge
+from ..benchmark.doubt import longer
+from ..benchmark.metrics import AT_THE_END, expected, judge, own_end
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
 from ..codec import Malformed, Natural, Struct, pack, unpack
@@ -28,11 +29,24 @@ if TYPE_CHECKING:  # it loads the compiler, which only workers need
 
 
 class CaseTask(Struct, frozen=True):
-    """Simulate a case and judge it by a protocol."""
+    """Simulate a case and judge it by a protocol; ``further`` until the latest time that it may be judged at."""
 
     protocol: Protocol
     setup: Setup
     case: Case
+    further: bool = False
+
+    @property
+    def scenario(self) -> Scenario:
+        """What is simulated."""
+        return longer(self.protocol, self.case) if self.further else self.case.scenario
+
+
+class Simulated(Struct, frozen=True):
+    """What a case came to, with its trajectory."""
+
+    judgement: Judgement
+    trajectory: Trajectory
 
 
 class RecordTask(Struct, frozen=True):
@@ -60,15 +74,24 @@ class TimingRecord(Struct, frozen=True):
 
 def prepare() -> None:
     """Import and compile everything a simulation needs."""
+    from ..benchmark import one_pass
     from ..loop.warm_up import warm_up
 
     warm_up()
+    one_pass.warm_up()
 
 
 def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judgement`."""
     wanted = unpack(task, CaseTask)
-    return pack(judge(wanted.protocol, wanted.case, _simulate(plant, controller, wanted.case.scenario, wanted.setup)))
+    return pack(judge(wanted.protocol, wanted.case, _simulate(plant, controller, wanted.scenario, wanted.setup)))
+
+
+def simulate_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`CaseTask`; gives a :class:`Simulated`."""
+    wanted = unpack(task, CaseTask)
+    trajectory = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
+    return pack(Simulated(judge(wanted.protocol, wanted.case, trajectory), trajectory))
 
 
 def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
@@ -115,7 +138,10 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
 
 def judgement(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
-    found = unpack(value, Judgement)
+    return _checked(protocol, case, unpack(value, Judgement))
+
+
+def _checked(protocol: Protocol, case: Case, found: Judgement) -> Judgement:
     if found.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
         raise Malformed(f"the status {found.status.value}, which only the supervision gives")
     check_judgement(protocol, case, found)
@@ -124,11 +150,14 @@ def judgement(protocol: Protocol, case: Case, value: bytes) -> Judgement:
 
 def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
-    names, wanted = found.measurements.names, expected(protocol, case)
-    possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset())}
-    if names not in possible.get(found.status, (frozenset(),)):
+    names, wanted, end = found.measurements.names, expected(protocol, case), own_end(case)
+    early = wanted - AT_THE_END if found.time > end else frozenset[str]()  # it failed after the case's own end
+    possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset(), early)}
+    if names not in possible.get(found.status, (frozenset(), early)):
         raise Malformed(f"the status {found.status.value} with the figures {', '.join(sorted(names)) or 'none'}")
-    if found.time > float(case.scenario.samples * case.scenario.sample_time):
+    scenario = longer(protocol, case) if wanted & AT_THE_END else case.scenario
+    latest = float(scenario.samples * scenario.sample_time)
+    if found.time > latest or (found.judged_until or 0.0) > latest:
         raise Malformed(f"a time of {found.time:g} s, beyond the end")
 
 
@@ -150,9 +179,22 @@ def recording(value: bytes) -> Recording:
     return found
 
 
+def simulated(protocol: Protocol, case: Case, value: bytes) -> Simulated:
+    """What a worker sent for a :class:`CaseTask` with its trajectory, checked."""
+    found = unpack(value, Simulated)
+    _check_trajectory(case.scenario.samples, OBSERVED, found.trajectory)
+    _checked(protocol, case, found.judgement)
+    return found
+
+
 def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajectory:
     """What a worker sent for a :class:`ScenarioTask`, checked."""
     found = unpack(value, Trajectory)
+    _check_trajectory(samples, observe, found)
+    return found
+
+
+def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory) -> None:
     if found.time.ndim != 1 or not 1 <= len(found.time) <= samples + 1:
         raise Malformed("a trajectory of another length than the scenario's")
     states = len(found.time)
@@ -165,7 +207,6 @@ def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajecto
         raise Malformed("a time or a steady state that is not finite")
     if (np.diff(found.time) < 0.0).any():
         raise Malformed("times that do not increase")
-    return found
 
 
 def _first_sample(plant: Slave, controller: Slave, wanted: ScenarioTask) -> Trajectory:

@@ -126,8 +126,8 @@ def penalty(result: CaseResult, limits: Stability) -> float:
     if figures.limit_cycle is None:
         return NO_CYCLE
     excess = CYCLE * math.log(max(figures.limit_cycle / limits.limit_cycle, 1.0))
-    if found == "limit cycle" and figures.limit_cycle_ratio is not None:
-        excess = min(excess, RING_DOWN * math.log(figures.limit_cycle_ratio / limits.ring_down))
+    if found == "limit cycle" and figures.slowest_decay is not None:
+        excess = min(excess, RING_DOWN * math.log(figures.slowest_decay / limits.ring_down))
     return LEAST + excess
 
 

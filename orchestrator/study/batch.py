@@ -8,13 +8,14 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
+from ..benchmark.doubt import doubtful, longer
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
 from ..execution.job import Job, Outcome
 from ..execution.store import Store
 from ..loop.trajectory import Status
 from ..pairing.pairing import GROUP_SIZE, judging
-from ..pairing.runs import CaseRun, case_run
+from ..pairing.runs import CaseRun, case_run, settled
 from . import stored
 from .requests import Batch, Entry
 
@@ -29,11 +30,12 @@ OnRun = Callable[[CaseRun, int, int], None]
 
 @dataclass
 class _Open:
-    """An entry whose cases are on their way: the runs so far by number, and the strikes."""
+    """An entry whose cases are on their way: the runs so far by number, those in doubt, and the strikes."""
 
     entry: Entry
     keys: list[str]
     found: dict[int, CaseRun]
+    doubts: dict[int, CaseRun] = field(default_factory=dict)
     strikes: Counter[tuple[Status, str]] = field(default_factory=Counter)
 
     @property
@@ -84,7 +86,7 @@ def run(batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = Non
             if number not in each.found:
                 _keep(each, number, failure, known)
                 tell(failure)
-    for each, number, found in _simulated(opened, execute):
+    for each, number, found in _judged(opened, execute):
         _keep(each, number, found, known)
         tell(found)
     for each in opened:
@@ -111,27 +113,43 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
     own.take(number, run)
 
 
-def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
-    """The runs of what is waiting, as they come, until no entry wants more."""
+def _judged(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
+    """The runs of what is waiting, as they come; those in doubt at last, simulated further."""
+    for each, number, found in _simulated(opened, execute):
+        if doubtful(each.entry.protocol, found.case, found.result):
+            each.doubts[number] = found
+        else:
+            yield each, number, found
+    for each, number, found in _simulated(opened, execute, further=True):
+        yield each, number, settled(each.doubts[number], found)
+
+
+def _simulated(
+    opened: Sequence[_Open], execute: Execute, further: bool = False
+) -> Iterator[tuple[_Open, int, CaseRun]]:
+    """The runs of what is waiting, or of what is in doubt ``further`` than its own end, as they come, until no entry
+    wants more."""
     jobs: list[Job] = []
-    places: list[tuple[_Open, list[int]]] = []
+    places: list[tuple[_Open, list[int], set[int]]] = []
     for each in opened:
-        waiting = [] if each.reason else each.waiting
-        alone = each.entry.patience == 1
+        waiting = [] if each.reason else sorted(each.doubts) if further else each.waiting
+        alone, left = each.entry.patience == 1, set(waiting)
         size = max(1, len(waiting)) if alone else GROUP_SIZE
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
             cases = [each.entry.cases[number] for number in numbers]
-            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
-            places.append((each, numbers))
+            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing, further), give_up=alone))
+            places.append((each, numbers, left))
     if not jobs:
         return
     with closing(execute(jobs)) as outcomes:
         for job, outcome in outcomes:
-            own, numbers = places[job]
+            own, numbers, left = places[job]
             number = numbers[outcome.index]
-            if number in own.found or own.reason:
+            if number not in left or own.reason:
                 continue  # a cluster may run a job twice
-            yield own, number, case_run(own.entry.cases[number], outcome)
-            if all(each.reason or not each.waiting for each in opened):
+            left.remove(number)
+            case, protocol = own.entry.cases[number], own.entry.protocol
+            yield own, number, case_run(case, outcome, longer(protocol, case) if further else None)
+            if all(each.reason or not left for each, _, left in places):
                 return

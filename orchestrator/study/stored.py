@@ -79,6 +79,7 @@ def keep(store: Store, key: str, run: CaseRun, pairing: Pairing) -> None:
             message=result.message,
             measurements=result.measurements,
             warnings=result.warnings,
+            judged_until=result.judged_until,
         )
         stored = StoredRun(judgement, run.wall_time, run.kind, pairing.restrictions)
         store.put(key, run.case.id, to_json(stored, indent=None).encode())

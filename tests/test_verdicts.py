@@ -1,0 +1,227 @@
+"""Verdicts by four windows, and the longer simulation of a case in doubt."""
+
+import functools
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from msgspec import structs
+from support.closed_loops import PAPER, case
+from support.results import trajectory
+
+import build_fmus
+from orchestrator import Benchmark, Controller, Variation
+from orchestrator.benchmark import one_pass
+from orchestrator.benchmark.doubt import doubtful, longer
+from orchestrator.benchmark.metrics import AT_THE_END, expected, judge
+from orchestrator.benchmark.scorecard import kind, outcome
+from orchestrator.codec import Malformed, unpack
+from orchestrator.execution import store
+from orchestrator.execution.job import Died, Done
+from orchestrator.fmi.trace import CONTROLLER, Place
+from orchestrator.loop.trajectory import Ending, Status
+from orchestrator.pairing.work import CaseTask, check_judgement
+from orchestrator.search.member import Member, case_of, names, symbol_of
+from orchestrator.study import batch
+from orchestrator.study.requests import Batch, Entry
+
+GAIN, DISTURBANCE = case(3, "slippery", "gain_1"), case(3, "compliant", "disturbance")
+LIMITS = PAPER.stability
+DYING, SLOW, LASTING = (200.0, 60.0, 40.0, 20.0), (40.0, 34.0, 28.0, 21.0), (40.0, 21.0, 20.0, 20.0)
+IRREGULAR = (32.6, 13.6, 18.1, 13.9)
+
+
+def moving(*amplitudes, frequency=5.0):
+    """A motion with these amplitudes [µm] in windows of 3 s, of which four end with the case, at 26 s."""
+    begin = 26.0 - 3.0 * 4
+
+    def signal(t):
+        windows = np.clip(np.ceil((t - begin) / 3.0) - 1, 0, len(amplitudes) - 1).astype(int)
+        return 1e-6 * np.array(amplitudes)[windows] * np.sin(2 * math.pi * frequency * t)
+
+    return signal
+
+
+def judged(*amplitudes, duration=26.0, case=GAIN):
+    return judge(PAPER, case, trajectory(error_x=moving(*amplitudes), duration=duration))
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "verdict", "doubt"),
+    [
+        ((200.0, 100.0, 50.0, 4.9), "quiet", False),
+        (DYING, "ring-down", True),
+        ((200.0, 60.0, 30.0, 15.0), "ring-down", False),
+        ((200.0, 60.0, 20.0, 7.0), "quiet", False),
+        (LASTING, "limit cycle", False),
+        (SLOW, "limit cycle", True),
+        (IRREGULAR, "limit cycle", True),
+        ((9.0, 8.0, 9.0, 8.0), "quiet", True),
+        ((9.0, 8.0, 8.0, 9.0), "quiet", True),
+        ((60.0, 44.0, 32.0, 24.0), "ring-down", True),
+    ],
+)
+def test_the_end_of_a_case_is_judged_by_four_windows(amplitudes, verdict, doubt):
+    found = judged(*amplitudes)
+    assert (kind(found, LIMITS), doubtful(PAPER, GAIN, found), found.judged_until) == (verdict, doubt, 26.0)
+
+
+@pytest.mark.parametrize(
+    ("later", "verdict", "amplitude"),
+    [
+        ((10.0, 5.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5), "ring-down", 0.5),
+        ((14.0, 15.0, 12.0, 11.0, 10.0, 14.0, 14.0, 14.0, 14.0, 14.0, 16.0, 9.0), "limit cycle", 16.0),
+        ((14.0, 15.0, 12.0, 11.0, 10.0, 14.0, 9.0, 9.0, 9.0, 8.0, 9.0, 9.0), "limit cycle", 13.9),
+    ],
+)
+def test_a_longer_simulation_is_judged_at_its_own_end(later, verdict, amplitude):
+    found, own = judged(*IRREGULAR, *later, duration=60.0), judged(*IRREGULAR)
+    assert found.judged_until == 60.0 and not doubtful(PAPER, GAIN, found)
+    assert kind(found, LIMITS) == verdict
+    assert found.measurements.limit_cycle == pytest.approx(1e-6 * amplitude, rel=0.01)
+    assert found.measurements.limit_cycle_at_end == own.measurements.limit_cycle
+    check_judgement(PAPER, GAIN, found)
+
+
+def test_a_motion_that_was_small_and_stays_small_is_quiet():
+    assert kind(judged(9.0, 8.0, 8.0, 9.0, *(9.0,) * 12, duration=60.0), LIMITS) == "quiet"
+
+
+def test_criteria_are_those_of_the_cases_own_time():
+    spike = moving(*IRREGULAR, *(14.0,) * 12)
+
+    def later(t):
+        return spike(t) + np.where(np.abs(t - 40.0) < 1.0, 0.5e-3, 0.0)
+
+    found, own = (
+        judge(PAPER, DISTURBANCE, trajectory(error_x=later, torque=(np.sqrt, 1.0), duration=end))
+        for end in (60.0, 26.0)
+    )
+    for name in expected(PAPER, DISTURBANCE) - AT_THE_END:
+        assert getattr(found.measurements, name) == getattr(own.measurements, name)
+
+
+@pytest.mark.parametrize("status", [Status.UNSTABLE, Status.ERROR])
+def test_what_fails_in_the_longer_simulation_fails_but_keeps_its_criteria(status):
+    ended = replace(trajectory(duration=40.0), ending=Ending(status, 40.0, "because"))
+    found = judge(PAPER, DISTURBANCE, ended)
+    assert (found.status, found.time, found.judged_until) == (status, 40.0, None)
+    assert found.measurements.names == expected(PAPER, DISTURBANCE) - AT_THE_END
+    check_judgement(PAPER, DISTURBANCE, found)
+    assert outcome(found, LIMITS) == {"unstable": "left the workspace"}.get(status.value, "error")
+    with pytest.raises(Malformed):
+        check_judgement(PAPER, DISTURBANCE, structs.replace(found, time=20.0))
+    with pytest.raises(Malformed):
+        check_judgement(PAPER, DISTURBANCE, structs.replace(found, time=61.0))
+
+
+def test_there_is_no_doubt_while_a_disturbance_lasts_or_where_there_is_no_later_end():
+    found = judged(*SLOW)
+    assert doubtful(PAPER, GAIN, found)
+    pushed = replace(GAIN, scenario=replace(GAIN.scenario, pulse=replace(GAIN.scenario.pulse, stop=27.0)))
+    ends = structs.replace(PAPER, stability=structs.replace(LIMITS, longest=26.0))
+    assert not doubtful(PAPER, pushed, found) and not doubtful(ends, GAIN, found)
+    assert longer(PAPER, GAIN) == replace(GAIN.scenario, duration=Fraction(60))
+    assert longer(PAPER, GAIN).announced == GAIN.scenario.announced == 60.0
+
+
+def test_one_pass_has_the_same_bits_with_and_without_compilation(monkeypatch):
+    def noise(t):
+        return 1e-4 * np.random.default_rng(t.size).standard_normal(t.size)
+
+    noisy = trajectory(error_x=noise, error_z=noise, torque=(noise, noise), u_m0=(1e-5, -1e-5), duration=26.0)
+    compiled = judge(PAPER, DISTURBANCE, noisy)
+    monkeypatch.setattr(one_pass, "pass_over", one_pass.pass_over.py_func)
+    assert judge(PAPER, DISTURBANCE, noisy) == compiled
+    error = noisy.tcp_error
+    assert error[noisy.time >= 10.0].max() == compiled.measurements.B5
+    assert compiled.measurements.rest_error == error[noisy.time >= 25.0].max()
+    assert compiled.measurements.limit_cycle_x == 0.5 * np.ptp(noisy.X[noisy.time >= 23.0, 0])
+
+
+# The longer simulation in a batch
+
+
+@pytest.fixture(scope="session")
+def pairing():
+    bench = Benchmark()
+    return bench.prepared(Controller.built_in("DiagonalPID"))[1]
+
+
+@pytest.mark.parametrize("how", ["limit cycle", "died"])
+def test_a_batch_simulates_cases_in_doubt_further_and_stores_what_that_came_to(how, pairing):
+    asked = []
+
+    def execute(jobs):
+        for number, job in enumerate(jobs):
+            for index, task in enumerate(unpack(task, CaseTask) for task in job.tasks):
+                asked.append((task.case.id, task.further, job.time_limits[index]))
+                amplitudes = (*SLOW, *(14.0,) * 12) if task.further else SLOW if task.case == GAIN else LASTING
+                if task.further and how == "died":
+                    yield number, Died(index, False, "it died", "it died", 1.0, Place(160_000, CONTROLLER, "step"))
+                else:
+                    end = 60.0 if task.further else 26.0
+                    yield number, Done(index, judged(*amplitudes, duration=end, case=task.case), 1.0)
+
+    other = case(4, "slippery", "gain_2")
+    with store.opened(None) as known:
+        run = functools.partial(batch.run, Batch((Entry(PAPER, pairing, (GAIN, other)),)), execute, known)
+        ((first, second),) = run()
+        assert [each[:2] for each in asked] == [(GAIN.id, False), (other.id, False), (GAIN.id, True)]
+        assert asked[2][2] - asked[0][2] == pytest.approx(60.0 * 34 / 26), "a longer simulation may take longer"
+        assert run() == [[first, second]] and len(asked) == 3
+    assert first.wall_time == 2.0 and kind(second.result, LIMITS) == "limit cycle"
+    if how == "died":
+        assert (first.result.status, first.result.time) == (Status.CRASHED, 40.0)
+        assert first.result.measurements.names == expected(PAPER, GAIN) - AT_THE_END
+    else:
+        assert (first.result.judged_until, kind(first.result, LIMITS)) == (60.0, "limit cycle")
+
+
+# Closed loops
+
+STRICT = Benchmark("strict")
+SMALL_FRICTION = {"f_c[1]": 0.418, "f_c[2]": 1.765, "mu_k[1]": 0.2576, "mu_k[2]": 0.2504}
+
+
+def changed(system, parameters):
+    """Deviations of all parameters of a system, with some ``parameters`` [SI] changed."""
+    signs, rules, nominal = STRICT.rules.systems[system], STRICT.rules, STRICT.nominal
+    found = {name: float(signs.get(symbol_of(name), 0)) for name in names(rules)}
+    found |= {
+        name: (value / nominal[name] - 1) / rules.uncertainty[symbol_of(name)] for name, value in parameters.items()
+    }
+    return tuple(found.items())
+
+
+def swept(*frequencies, test, gain):
+    member = Member((104.28, -46.41), test, changed("slippery", SMALL_FRICTION), gain=(gain, 1.0))
+    return case_of(replace(member, sweep=frequencies), STRICT.rules, STRICT.nominal)
+
+
+def at(q_a, system, gain=None):
+    return STRICT.case_at(tuple(map(math.radians, q_a)), system, "gain_1", Variation(gain=gain))
+
+
+@pytest.mark.slow
+@pytest.mark.needs("compiler")
+@pytest.mark.parametrize(
+    ("controller", "case", "verdict", "until"),
+    [
+        ("DiagonalPID_C", at((72.0, -50.0), "slippery", (8.25, 1.0)), "limit cycle", 60.0),
+        ("DitheredLQG_C", at((-90.0, -90.0), "sticky"), "ring-down", 60.0),
+        ("RobustLQG", swept(0.0, 15.0, test="disturbance_90", gain=3.427), "limit cycle", 60.0),
+        ("RobustLQG", swept(0.0, 15.0, test="gain_1", gain=4.0), "limit cycle", 60.0),
+        ("RobustLQG", swept(15.0, 0.0, test="gain_1", gain=4.0), "limit cycle", 26.0),
+    ],
+)
+def test_verdicts_of_closed_loops(controller, case, verdict, until, fmu_folder):
+    own = Controller(build_fmus.build(controller, fmu_folder))
+    found = STRICT.simulate(own, case)
+    assert (found.kind, found.result.judged_until, found.ending.time) == (verdict, until, 26.0)
+    if controller == "DitheredLQG_C":
+        (result,) = STRICT.evaluate(own, only=["c20.sticky.gain_1"], recordings=False).cases
+        assert (result.status, result.judged_until, result.time) == (Status.DONE, 60.0, 60.0)
+        assert result.measurements == found.result.measurements
