@@ -34,16 +34,16 @@ from orchestrator import Benchmark, Controller
 GOLDEN = Path(__file__).parent / "golden"
 INPUTS = json.loads((GOLDEN / "inputs.json").read_text(encoding="utf-8"))
 COSTS = {
-    ("DiagonalPID", "quick"): 122.18622803044019,
-    ("DiagonalPID", "paper-c07"): 161.94956208867694,
-    ("DiagonalPID", "strict-c00"): 190.3664306953895,
-    ("TunedPID", "quick"): 97.1564385948146,
-    ("TunedPID", "paper-c07"): 154.20114268682178,
-    ("ManipulatorLQG", "quick"): 68.24850431642342,
-    ("ManipulatorLQG", "paper-c07"): 107.47667180839346,
-    ("DitheredLQG", "quick"): 75.34159659414776,
-    ("DitheredLQG", "paper-c07"): 109.84614838866723,
-    ("RobustLQG", "strict-c00"): 79.90717501623362,
+    ("DiagonalPID", "quick"): 122.18535525998455,
+    ("DiagonalPID", "paper-c07"): 161.9613190217972,
+    ("DiagonalPID", "strict-c00"): 190.35622144371413,
+    ("TunedPID", "quick"): 97.15806033789835,
+    ("TunedPID", "paper-c07"): 154.22091229495413,
+    ("ManipulatorLQG", "quick"): 68.2490612149161,
+    ("ManipulatorLQG", "paper-c07"): 107.47859636978656,
+    ("DitheredLQG", "quick"): 75.335310703297,
+    ("DitheredLQG", "paper-c07"): 109.84446557215205,
+    ("RobustLQG", "strict-c00"): 79.91008195326398,
 }
 """V by controller and run."""
 
