@@ -25,8 +25,8 @@ INEXACT = frozenset(
     )
     for kind in ("", "f", "l")
 )
-"""Mathematical functions of C whose results IEEE 754 does not define. The others, such as sqrt, fabs, floor, ceil, rint,
-fmod, fmin, fmax, copysign, ldexp, frexp and fma, are exact or correctly rounded."""
+"""Mathematical functions of C whose results IEEE 754 does not define. The others, such as sqrt, fabs, floor, ceil,
+rint, fmod, fmin, fmax, copysign, ldexp, frexp and fma, are exact or correctly rounded."""
 
 
 def inexact(library):
