@@ -344,6 +344,7 @@ REFUSED = {
     "sweep": "--vary K_p[1]=1:2 | --vary K_q=1,2",
     "report": "nowhere",
     "compare": "nowhere elsewhere",
+    "selftest": "--nonsense | --latex | --json --dry-run",
     "new": "python my/controller | python my_arm --out x.fmu | statespace absent.mat | mlp absent.npz | statespace . | "
     "python /proc/nowhere | python /dev/null/x",
     "build": "my_controller | DiagonalPDI | . --all | . DiagonalPID | . --nonsense | . | "

@@ -1,7 +1,6 @@
 """The plant in C against the plant in Python: one interface, one steady state, one motion, to the last bit.
 
-Equal bits are expected wherever both call the same sine, cosine and exponential: where the C library of a binary is
-that of Python. Binaries for other systems are held to a tolerance.
+Both have their own sine, cosine and exponential, so that equal bits are expected on every system.
 """
 
 import ctypes

@@ -3,18 +3,16 @@
 Linux on x86-64 is run here and Windows under wine; what is for macOS and for Linux on arm64 is linked, and not run.
 """
 
-import os
 import struct
 import subprocess
 import sys
 import zipfile
-from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import fmpy
 import numpy as np
 import pytest
+from support.targets import wine_prefix
 
 import build_fmus
 from controller_fmu import errors
@@ -22,9 +20,6 @@ from controller_fmu.export import FMI_HEADERS, platforms
 
 DRIVER = Path(__file__).parent / "stubs" / "drive_plant.c"
 STEPS = 4000
-
-ACROSS_SYSTEMS = 1e-9
-"""Largest difference [rad, m] after a second in open loop where another C library has other sines and exponentials."""
 
 slow = pytest.mark.slow  # the first binary for a platform compiles that platform's C library, for minutes on Windows
 
@@ -81,20 +76,6 @@ def test_its_bytes_are_the_same_every_time(everywhere, tmp_path):
     assert again.read_bytes() == everywhere[0].read_bytes()
 
 
-@contextmanager
-def wine_prefix():
-    """The environment of a new installation of Wine: 700 MB, which go with it, as does its server."""
-    with TemporaryDirectory() as folder:
-        # Without the two packages that Wine would ask for on a screen.
-        wine = {"WINEPREFIX": folder, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
-        environment = {**os.environ, **wine}
-        try:
-            yield environment
-        finally:
-            subprocess.run(["wineserver", "--kill"], env=environment, check=False)
-            subprocess.run(["wineserver", "--wait"], env=environment, check=False)
-
-
 def driven(fmu, platform, folder, *runner, environment=None):
     """What the driver, compiled for ``platform``, prints of the binary for it; in columns q_m, q_a, X."""
     folder.mkdir()
@@ -133,13 +114,12 @@ def test_the_windows_binary_moves_as_the_linux_one(everywhere, tmp_path):
         windows = driven(everywhere[0], "x86_64-windows", tmp_path / "windows", "wine", environment=environment)
     assert windows.shape == linux.shape == (STEPS, 6)
     assert np.ptp(linux[:, 4:], axis=0).min() > 0.05, "the tool moves"
-    np.testing.assert_allclose(windows, linux, rtol=0, atol=ACROSS_SYSTEMS)
+    np.testing.assert_array_equal(windows, linux)
 
 
 @pytest.mark.needs("ziglang", "x86_64-linux")
 @slow
 def test_zig_gives_the_bits_of_this_machines_compiler(everywhere, native_plant_file, tmp_path):
-    """On the same C library, that is."""
     by_zig = driven(everywhere[0], "x86_64-linux", tmp_path / "zig")
     np.testing.assert_array_equal(driven(native_plant_file, "x86_64-linux", tmp_path / "own"), by_zig)
 

@@ -169,7 +169,7 @@ static inline double elementary_tanh(double x)
     return copysign((1.0 - fast) / (1.0 + fast), x);
 }
 
-/* x to a power, for x > 0: within (1 + |power log x|) units in the last place. */
+/* x to a power, for x > 0: within 2 (1 + |power log x|) units in the last place. */
 static inline double elementary_pow(double x, double power) { return elementary_exp(power * elementary_log(x)); }
 
 #endif

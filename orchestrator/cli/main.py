@@ -20,6 +20,7 @@ COMMANDS = {
     "compare": "finished evaluations side by side",
     "report": "the report of a finished evaluation again, or figures of it",
     "new": "begin a controller from a starter kit",
+    "selftest": "whether this machine gives the published bits",
     "build": "build a controller's FMU from its folder, or the benchmark's own",
 }
 

@@ -83,6 +83,8 @@ TOOLS: Mapping[str, Tool] = {
     "gcc": _program("gcc", "needs gcc"),
     "clang": _program("clang", "needs clang"),
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
+    "musl-gcc": _program("musl-gcc", "needs musl (musl-gcc)"),
+    "qemu-aarch64": _program("qemu-aarch64", "needs QEMU for programs of Linux on arm64 (qemu-aarch64)"),
     "wine": _program("wine", "needs Wine (wine)"),
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
     "readelf": _program("readelf", "needs readelf (binutils)"),

@@ -1,0 +1,55 @@
+"""Tell whether this machine gives the published bits."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+
+from ..api.selftest import selftest
+from ..benchmark.bits import CASES, PAIRS, Comparison
+from ..codec import to_json
+from . import output
+from .guard import EXIT_INCOMPLETE, EXIT_OK
+from .values import Parser
+
+EPILOG = """examples:
+  python -m orchestrator.selftest
+  python -m orchestrator.selftest --json
+
+exit codes: 0 all bits are the published ones, 1 some are not"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    parser = Parser(
+        "selftest", "Simulate short closed loops and compare them, bit by bit, with the published ones.", EPILOG
+    )
+    output.add_dry_run(output.add_options(parser, "the hashes", forms=False), "what would be simulated")
+    given = parser.parse_args(arguments)
+    if given.dry_run:
+        print("\n".join(f"{pair.name}/{case}" for pair in PAIRS for case in CASES))
+        return EXIT_OK
+    found = selftest()
+    print(to_json(_document(found)) if given.json else _words(found))
+    return EXIT_OK if found.equal else EXIT_INCOMPLETE
+
+
+def _document(found: Comparison) -> dict[str, object]:
+    return {
+        "equal": found.equal,
+        "differing": found.differing,
+        "skipped": found.skipped,
+        "machine": platform.platform(),
+        "found": dict(found.found),
+    }
+
+
+def _words(found: Comparison) -> str:
+    lines = [f"skipped {name}: there is no C compiler" for name in found.skipped]
+    lines += [f"differs {name}" for name in found.differing]
+    count, other = len(found.found), len(found.differing)
+    if found.equal:
+        lines.append(f"This machine gives the published bits: {count} trajectories are equal.")
+    else:
+        lines.append(f"This machine gives other bits: {other} of {count} trajectories differ.")
+    return "\n".join(lines)

@@ -1,0 +1,6 @@
+"""``python -m orchestrator.selftest``: see :mod:`orchestrator.cli.selftest`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("selftest"))
