@@ -125,8 +125,8 @@ def _found(found: Robustness) -> dict[str, Any]:
     worst = {
         name: {**kept["criteria"][name]["worst_case"], "unit": kept["criteria"][name]["unit"]} for name in SEARCHED
     }
-    parts = {name: kept[name] for name in ("cost", "simulations", "seed", "requirements", "margins", "radius")}
-    return {**parts, "worst_case": worst}
+    parts = {name: kept[name] for name in ("cost", "simulations", "requirements", "margins", "radius")}
+    return {**parts, "seed": found.head.seed, "worst_case": worst}
 
 
 def _part(of: object, *names: str) -> dict[str, Any]:

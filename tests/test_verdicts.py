@@ -214,7 +214,7 @@ def at(q_a, system, gain=None):
         ("DitheredLQG_C", at((-90.0, -90.0), "sticky"), "ring-down", 60.0),
         ("RobustLQG", swept(0.0, 15.0, test="disturbance_90", gain=3.427), "limit cycle", 60.0),
         ("RobustLQG", swept(0.0, 15.0, test="gain_1", gain=4.0), "limit cycle", 60.0),
-        ("RobustLQG", swept(15.0, 0.0, test="gain_1", gain=4.0), "limit cycle", 26.0),
+        ("RobustLQG", swept(15.0, 0.0, test="gain_1", gain=4.0), "limit cycle", 60.0),
     ],
 )
 def test_verdicts_of_closed_loops(controller, case, verdict, until, fmu_folder):

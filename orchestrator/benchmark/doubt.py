@@ -17,12 +17,15 @@ from .results import Judgement
 
 def doubtful(protocol: Protocol, case: Case, judgement: Judgement) -> bool:
     """Whether the case has to be simulated further: its last windows show a motion that is neither dying away for sure
-    nor lasting for sure, and there is time left to look at it at rest."""
+    nor lasting for sure, or the arm is not at rest yet, and there is time left to look at it."""
     figures, limits, end = judgement.measurements, protocol.stability, own_end(case)
     amplitude, ratio, decay = figures.limit_cycle, figures.limit_cycle_ratio, figures.limit_cycle_decay
-    if amplitude is None or ratio is None or decay is None or amplitude < limits.doubtful or decay < limits.dying:
+    if amplitude is None or ratio is None or decay is None or amplitude < limits.doubtful:
         return False
-    lasting = amplitude >= limits.limit_cycle and ratio >= limits.steady
+    rests = figures.rest_error is None or figures.rest_error <= limits.rest_error
+    if decay < limits.dying and rests:
+        return False
+    lasting = amplitude >= limits.limit_cycle and limits.steady <= ratio <= 1.0 / limits.steady
     own = judgement.judged_until is not None and judgement.judged_until <= end
     return not lasting and own and end < limits.longest and _left_alone(case.scenario, end)
 
