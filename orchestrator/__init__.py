@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .documents.evaluation import Evaluation
+    from .documents.reliability import Reliability
     from .documents.robustness import Robustness
     from .documents.spread import Spread
     from .documents.sweep import Sweep
@@ -39,6 +40,7 @@ __all__ = [
     "FmuError",
     "InputError",
     "LinearModel",
+    "Reliability",
     "Robustness",
     "Simulation",
     "Spread",
@@ -57,6 +59,7 @@ _HOMES = {
     "Controller": ".pairing.controller",
     "Evaluation": ".documents.evaluation",
     "LinearModel": ".api.linear_model",
+    "Reliability": ".documents.reliability",
     "Robustness": ".documents.robustness",
     "Simulation": ".api.simulation",
     "Spread": ".documents.spread",

@@ -24,6 +24,7 @@ from orchestrator.study.dry_run import on_target
 from orchestrator.study.engine import Engine
 from orchestrator.study.evaluate import evaluate, spread
 from orchestrator.study.rehearsal import Rehearsal
+from orchestrator.study.reliability import reliability
 from orchestrator.study.requests import (
     Batch,
     Entry,
@@ -259,6 +260,7 @@ def studies(folder):
         "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
         "search": lambda own: answer_of(worst_case(bench, pid, 150, protocol=tiny, recordings=True)),
         "sweep": lambda own: sweep(short_bench, pid, values),
+        "sample": lambda own: reliability(short_bench, pid, 70, 0.01, 0.99, "box"),
         "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own and own / "study.log"),
         "verification": lambda own: verify(bench, pid, "a beacon", 2, False, ("TunedPID",), False),
     }
@@ -271,6 +273,7 @@ def studies(folder):
         ("spread", "spread.json"),
         ("search", "robustness.json"),
         ("sweep", "sweep.json"),
+        ("sample", "reliability.json"),
         pytest.param("tuning", "tuning.json", marks=pytest.mark.needs("optuna", "cmaes")),
     ],
 )
@@ -303,7 +306,7 @@ def test_a_study_that_was_interrupted_writes_the_bytes_of_one_that_was_not(name,
 @pytest.mark.parametrize(
     "name",
     [
-        *("evaluation", "spread", "search", "sweep", "verification"),
+        *("evaluation", "spread", "search", "sweep", "sample", "verification"),
         pytest.param("tuning", marks=pytest.mark.needs("optuna", "cmaes")),
     ],
 )

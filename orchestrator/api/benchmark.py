@@ -21,10 +21,12 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
 
     from ..benchmark.case import Case
     from ..benchmark.linearization import Friction
+    from ..benchmark.reliability import Distribution
     from ..benchmark.variation import Variation
     from ..conformance.finding import Finding
     from ..documents.evaluation import Evaluation
     from ..documents.findings import Findings
+    from ..documents.reliability import Reliability
     from ..documents.robustness import Robustness
     from ..documents.spread import Spread
     from ..documents.sweep import Sweep
@@ -254,6 +256,55 @@ class Benchmark(Testbed):
         own = recordings and folder is not None
         study = answer_of(worst_case(self, Controller.of(controller), budget, minutes, protocol, only, from_list, own))
         return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
+
+    def reliability(
+        self,
+        controller: Given = None,
+        *,
+        draws: int | None = None,
+        probability: float = 0.01,
+        confidence: float = 0.99,
+        distribution: Distribution = "box",
+        folder: str | Path | None = None,
+        on_result: OnResult | None = None,
+    ) -> Reliability:
+        """How likely a failure is at most: independent draws of arm, pose, direction of the force, sweep and noise.
+
+        Parameters
+        ----------
+        controller : Controller or path, optional
+            By default the paper's PID.
+        draws : int, optional
+            By default as many as bound the probability of failure by ``probability`` if none fails. Draw k depends on
+            k, the seed and the distribution alone.
+        probability, confidence : float
+            Of the bounds of the criteria; the confidence also of those of the probabilities of failure.
+        distribution : "box" or "corners"
+            Of the uncertain parameters: uniform within Table 1, or each at one of its two ends.
+        folder : path, optional
+            Where finished simulations are stored as they come and found again; the answer is saved there, too.
+        on_result : callable, optional
+            ``on_result(result, done, total)`` is called for each case.
+
+        Returns
+        -------
+        Reliability
+
+        Raises
+        ------
+        InputError
+            If controller, numbers, protocol or folder cannot be used.
+        FmuError, Crash
+            If the controller refuses, or does not survive, its first sample.
+        EnvironmentFault
+            If this machine or the cluster fails; what is finished is kept in ``folder``.
+        """
+        from ..benchmark.reliability import draws_needed
+        from ..study.reliability import reliability
+
+        count = draws_needed(probability, confidence) if draws is None else draws
+        study = reliability(self, Controller.of(controller), count, probability, confidence, distribution)
+        return self.engine(folder, on_result).run(study)
 
     def tune(
         self,

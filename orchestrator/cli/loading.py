@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..documents.evaluation import Evaluation
 from ..documents.files import RESULTS
+from ..documents.reliability import Reliability
 from ..documents.robustness import Robustness
 from ..documents.spread import Spread
 from ..documents.sweep import Sweep
@@ -16,11 +17,11 @@ from ..documents.verification import Verification
 from ..errors import InputError
 from ..text import printable
 
-Loaded = Evaluation | Spread | Robustness | Tuning | Sweep | Verification
+Loaded = Evaluation | Spread | Robustness | Reliability | Tuning | Sweep | Verification
 
 KINDS: dict[str, type[Loaded]] = {
     RESULTS: Evaluation,
-    **{kind.FILE: kind for kind in (Spread, Robustness, Tuning, Sweep, Verification)},
+    **{kind.FILE: kind for kind in (Spread, Robustness, Reliability, Tuning, Sweep, Verification)},
 }
 """What a folder may hold, by the name of the file."""
 

@@ -12,6 +12,7 @@ COMMANDS = {
     "evaluate": "run a protocol, print the scorecard, write results and report",
     "simulate": "one case in full: signals, plot, figures",
     "robustness": "the worst case: search, margins, robustness radius",
+    "reliability": "a bound of the probability of failure, by independent draws",
     "verify": "the result one can trust: draws nobody knew, a judge nobody reaches",
     "tune": "search for parameters of a controller that make V small",
     "sweep": "V and stability over a grid of parameter values",

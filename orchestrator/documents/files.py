@@ -24,6 +24,9 @@ SWEEP = "sweep.json"
 ROBUSTNESS = "robustness.json"
 """What a search for the worst case writes."""
 
+RELIABILITY = "reliability.json"
+"""What a sample of independent draws writes."""
+
 VERIFICATION = "verification.json"
 """The certificate of a verification."""
 

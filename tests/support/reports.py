@@ -9,6 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from orchestrator.benchmark.certificate import Draw, Reference, Score, identity, overall, seeds
+from orchestrator.benchmark.reliability import Failure, failing, quantile
 from orchestrator.benchmark.results import CaseResult, Rules
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
@@ -19,6 +20,7 @@ from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.findings import Findings
 from orchestrator.documents.head import BoundRecord, ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
 from orchestrator.documents.recording import About, Recording
+from orchestrator.documents.reliability import Reliability
 from orchestrator.documents.results import LoopDelay, Results
 from orchestrator.documents.robustness import Robustness
 from orchestrator.documents.spread import Spread, spread_of
@@ -272,6 +274,24 @@ def swept(*counts: int, **controller: Any) -> Sweep:
     return Sweep(schema=Sweep.SCHEMA, head=head_of(controller=controller), values=axes, trials=tuple(trials))
 
 
+def sampled(**controller: Any) -> Reliability:
+    """Of five draws, of which the second one breaks A2."""
+    names, failure = tuple(RULES.criteria), Failure(1, "delay_2", "limit cycle", "python -m orchestrator.simulate x")
+    costs = [80.0, 90.0, 100.0, 110.0, 120.0]
+    values = {name: [cost / 100.0 * RULES.criteria[name].target for cost in costs] for name in names}
+    return Reliability(
+        schema=Reliability.SCHEMA,
+        head=head_of(controller=controller),
+        distribution="box",
+        draws=5,
+        probability=0.5,
+        confidence=0.9,
+        requirements={name: failing([failure] if name == "A2" else [], 5, 0.9) for name in ("A1", "A2", "A3")},
+        criteria={name: quantile(each, 0.5, 0.9) for name, each in values.items()},
+        cost=quantile(costs, 0.5, 0.9),
+    )
+
+
 def verified(
     draws: Sequence[Sequence[CaseResult]],
     strict: Sequence[CaseResult],
@@ -322,6 +342,7 @@ def documents(**controller: Any) -> dict[str, Shown]:
         "search": hunted(**controller)[0],
         "tuning": tuned(**controller),
         "sweep": swept(4, **controller),
+        "sample": sampled(**controller),
         "verification": verified([everything(TABLE_2), some], some, some, **controller),
     }
     ranked = Evaluation(scaled(0.9, controller=controller))

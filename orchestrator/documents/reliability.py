@@ -1,0 +1,133 @@
+"""The answer of a sample of independent draws: what ``reliability.json`` holds, and its words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from ..benchmark.reliability import Distribution, Failing, Probability, Quantile, failing, quantile
+from ..codec import Natural
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value
+from ..views.units import NONE, SHOWN, number
+from .document import Comparable, Completeness, Document, Rank, Row
+from .facts import head_facts
+from .files import RELIABILITY, REPORT
+from .reasons import Reason, reason_notes
+
+SHOWN_FAILURES = 20
+"""So many failures are shown; the document has all of them."""
+
+HEAVY = 3
+"""Criteria whose distribution is drawn, those of the largest weights."""
+
+
+class Reliability(Document, Comparable, kw_only=True):
+    """What a sample of independent draws of arm, pose, direction of the force, sweep and noise came to; shows itself in
+    a notebook. All values are in SI units.
+
+    With the ``confidence``, the probability that a draw breaks a requirement is at most the ``bound`` of
+    ``requirements``, and at most the share ``probability`` of all draws exceed the ``bound`` of a criterion, or of V of
+    a draw (``cost``).
+    """
+
+    FILE: ClassVar[str] = RELIABILITY
+    SCHEMA: ClassVar[str] = "flexible-manipulator-reliability/1"
+    KIND: ClassVar[str] = "Samples of independent draws, upper bounds"
+    DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
+
+    distribution: Distribution
+    draws: Natural
+    probability: Probability
+    confidence: Probability
+    requirements: dict[str, Failing]
+    criteria: dict[str, Quantile]
+    cost: Quantile
+
+    @property
+    def completeness(self) -> Completeness:
+        """See :attr:`.Document.completeness`."""
+        judged = all(entry.judged == self.draws for entry in self.requirements.values())
+        return "complete" if judged else "not judged"
+
+    def _problem(self) -> str:
+        for entry in self.requirements.values():
+            if entry != failing(entry.failures, entry.judged, self.confidence):
+                return "a bound is not that of its failures"
+        for each in (self.cost, *self.criteria.values()):
+            without = [None] * (each.judged - len(each.values))
+            if each != quantile([*each.values, *without], self.probability, self.confidence):
+                return "a quantile is not that of its values"
+        return "" if self.criteria.keys() == self.rules.criteria.keys() else "its criteria are not those of its rules"
+
+    @property
+    def rank(self) -> Rank:
+        """See :class:`.Comparable`."""
+        held = not any(entry.failures for entry in self.requirements.values())
+        reason = "" if self.cost.bound is not None else "no bound of V: too few draws, or one is unstable"
+        return Rank(self.cost.bound, held, reason)
+
+    def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
+        """The bounds of the probabilities of failure, and of V."""
+        found: list[tuple[Column, Cell]] = [(Column("draws"), f"{self.draws} ({self.distribution})")]
+        found += [(Column(f"{name} fails"), Value(each.bound, beyond="<")) for name, each in self.requirements.items()]
+        return *found, (Column("V", best="smallest"), Value(self.cost.bound, beyond="<"))
+
+    def summary(self) -> Summary:
+        """Probabilities of failure, quantiles, their distribution, and the failures with their commands."""
+        level = f"{self.confidence:g} confidence"
+        parts: list[Part] = [Facts("This sample", tuple(head_facts(self.head))), self._failing(level)]
+        parts += [self._quantiles(level), self._distribution(), *reason_notes(reliability_reasons(self))]
+        if self.cost.bound is None:
+            parts.append(Note("V has no bound: there are too few draws, or too many without a V.", warning=True))
+        kicker = (
+            f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.draws} independent draws, "
+            f"distribution {self.distribution}"
+        )
+        return Summary(self.controller.file, kicker, tuple(parts))
+
+    def _failing(self, level: str) -> Table:
+        columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))
+        rows = tuple(
+            (name, each.judged, len({one.draw for one in each.failures}), each.estimate, Value(each.bound, given=True))
+            for name, each in self.requirements.items()
+        )
+        return Table(f"Probability of failure, at {level}", columns, rows)
+
+    def _quantiles(self, level: str) -> Table:
+        share = f"{self.probability:g} exceed at most"
+        columns = (Column(""), Column("median"), Column("largest"), Column(share), Column("target"))
+        rows: list[tuple[Cell, ...]] = []
+        for name, spec in self.rules.criteria.items():
+            unit, each = SHOWN[spec.unit], self.criteria[name]
+            values = (Value(value, unit=unit) for value in (each.median, each.largest, each.bound, spec.target))
+            rows.append((Quantity(name, unit), *values))
+        rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
+        return Table(f"What a share of {self.probability:g} of all draws exceeds, at {level}", columns, tuple(rows))
+
+    def _distribution(self) -> Plot:
+        by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
+        found = {"V": (self.cost, self.rules.cost.target)}
+        found |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
+        series = tuple(_exceeding(name, each, target) for name, (each, target) in found.items())
+        axes = Column("value, in times of its target", NONE), Column("share of the draws that exceed it", NONE)
+        levels = (("probability", self.probability),)
+        return Plot("exceedance-plot", "How many draws exceed a value", *axes, series, levels)
+
+    def __repr__(self) -> str:
+        bounds = ", ".join(f"{name} fails < {number(each.bound)}" for name, each in self.requirements.items())
+        return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
+
+
+def _exceeding(name: str, each: Quantile, target: float) -> Series:
+    """The share of the draws above each value of the sample."""
+    shares = tuple(1.0 - place / each.judged for place in range(1, len(each.values) + 1))
+    return Series(name, tuple(value / target for value in each.values), shares)
+
+
+def reliability_reasons(found: Reliability) -> list[Reason]:
+    """The first failures of each requirement."""
+    return [
+        Reason(f"{name} fails in draw {failure.draw}, {failure.test}: {failure.outcome}", failure.command)
+        for name, each in found.requirements.items()
+        for failure in each.failures[:SHOWN_FAILURES]
+    ]

@@ -1,0 +1,6 @@
+"""``python -m orchestrator.reliability``: see :mod:`orchestrator.cli.reliability`."""
+
+from .cli.guard import run
+
+if __name__ == "__main__":
+    raise SystemExit(run("reliability"))

@@ -1,0 +1,117 @@
+"""A sample of independent draws: how likely a failure is, and what the criteria do not exceed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from ..benchmark.protocol import Protocol
+from ..benchmark.reliability import Distribution, Failing, Failure, failing, quantile
+from ..benchmark.results import CaseResult
+from ..benchmark.scorecard import outcome
+from ..benchmark.tally import UNJUDGED
+from ..documents.commands import member_command, setting
+from ..documents.reliability import Reliability
+from ..errors import InputError
+from ..pairing.controller import Controller
+from ..pairing.testbed import Testbed
+from ..search.draws import members
+from ..search.member import Member, case_of, parameters
+from .heads import head
+from .requests import Batch, Entry, Now, Save, Study, rehearsed
+
+AT_ONCE = 64
+"""Draws in a batch."""
+
+
+def reliability(
+    testbed: Testbed,
+    controller: Controller,
+    draws: int,
+    probability: float,
+    confidence: float,
+    distribution: Distribution,
+) -> Study[Reliability]:
+    """See :meth:`.Benchmark.reliability`."""
+    for name, value in (("probability", probability), ("confidence", confidence)):
+        if not 0.0 < value < 1.0:
+            raise InputError(f"The {name} must lie between 0 and 1, not {value:g}.", "bad-number", name, value)
+    if draws < 1:
+        raise InputError(f"The number of draws must be positive, not {draws}.", "bad-number", "draws", draws)
+    controller, pairing, T_s, listed = testbed.prepared(controller)
+    protocol, nominal = testbed.rules, testbed.nominal
+    begin = yield Now()
+    yield from rehearsed(pairing, listed[0])
+    sample = [members(protocol, distribution, testbed.seed, number) for number in range(draws)]
+    found: list[list[CaseResult]] = []
+    total = sum(map(len, sample))
+    while len(found) < draws:
+        chunk = sample[len(found) : len(found) + AT_ONCE]
+        cases = [case_of(member, protocol, nominal) for drawn in chunk for member in drawn]
+        at_rate = tuple(replace(case, scenario=replace(case.scenario, sample_time=T_s)) for case in cases)
+        before = sum(map(len, found))
+        (runs,) = yield Batch((Entry(protocol, pairing, at_rate, patience=None),), before, total)
+        results = iter(run.result for run in runs)
+        found += [[next(results) for _ in drawn] for drawn in chunk]
+    end = yield Now()
+    made = head(testbed, controller, pairing, T_s, begin, end)
+
+    def command(member: Member) -> str:
+        return member_command(setting(made), member, parameters(member, protocol, nominal))
+
+    figures = {name: [_value(name, results) for results in found] for name in protocol.criteria}
+    costs = [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
+    answer = Reliability(
+        schema=Reliability.SCHEMA,
+        head=made,
+        distribution=distribution,
+        draws=draws,
+        probability=probability,
+        confidence=confidence,
+        requirements={
+            name: _failing(protocol, name, sample, found, command, confidence)
+            for name in sorted({each for test in protocol.tests for each in test.requirements})
+        },
+        criteria={name: quantile(values, probability, confidence) for name, values in figures.items()},
+        cost=quantile(costs, probability, confidence),
+    )
+    yield Save(answer)
+    return answer
+
+
+def _value(name: str, results: Sequence[CaseResult]) -> float | None:
+    """The criterion in a draw: the largest of its tests; None if one has none."""
+    values = [getattr(result.measurements, name) for result in results]
+    known = [value for value in values if value is not None]
+    return max(known, default=None)
+
+
+def _cost(protocol: Protocol, values: dict[str, float | None]) -> float | None:
+    """V of eq. (15) of one draw."""
+    total = 0.0
+    for name, spec in protocol.criteria.items():
+        value = values[name]
+        if value is None:
+            return None
+        total += spec.weight * value / spec.target
+    return total
+
+
+def _failing(
+    protocol: Protocol,
+    name: str,
+    sample: Sequence[Sequence[Member]],
+    found: Sequence[Sequence[CaseResult]],
+    command: Callable[[Member], str],
+    confidence: float,
+) -> Failing:
+    """How often a requirement fails in a draw; one with a test that was lost is not judged, unless another fails."""
+    tests = {test.name for test in protocol.tests if name in test.requirements}
+    limits, judged = protocol.stability, 0
+    failures: list[Failure] = []
+    for number, (drawn, results) in enumerate(zip(sample, found, strict=True)):
+        own = [(m, outcome(result, limits)) for m, result in zip(drawn, results, strict=True) if m.test in tests]
+        failed = [(member, end) for member, end in own if end not in ("holds", *UNJUDGED)]
+        judged += bool(failed) or all(end == "holds" for _, end in own)
+        failures += [Failure(number, member.test, end, command(member)) for member, end in failed]
+    return failing(failures, judged, confidence)

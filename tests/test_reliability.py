@@ -1,0 +1,162 @@
+"""Bounds from independent draws: the statistics, the draws, and the study that puts them together."""
+
+import math
+import shlex
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom, kstest
+from support.closed_loops import PAPER
+from support.command_lines import call
+from support.refusals import refusal
+from test_study import Player, answered, on_target
+
+from orchestrator import Benchmark, Controller, Reliability
+from orchestrator.benchmark.reliability import draws_needed, probability_bound, quantile, rank_from_top
+from orchestrator.errors import InputError
+from orchestrator.loop.trajectory import Status
+from orchestrator.search.draws import members
+from orchestrator.search.member import names
+from orchestrator.study.reliability import reliability
+from orchestrator.study.requests import Batch
+
+CONFIDENCE = 0.99
+
+
+# The statistics
+
+
+@pytest.mark.parametrize(
+    ("probability", "failures", "draws"),
+    [(0.01, 0, 459), (0.001, 0, 4603), (0.001, 1, 6636), (0.001, 2, 8403), (0.001, 3, 10042)],
+)
+def test_the_number_of_draws_is_that_of_the_tables(probability, failures, draws):
+    assert draws_needed(probability, CONFIDENCE, failures) == draws
+    assert probability_bound(failures, draws, CONFIDENCE) <= probability < probability_bound(failures, draws - 1, 0.99)
+
+
+@given(p=st.floats(0.001, 0.999), draws=st.integers(1, 300))
+def test_the_bound_covers_the_truth_as_often_as_it_says(p, draws):
+    """Summed over all numbers of failures, exactly."""
+    counts = np.arange(draws + 1)
+    bounds = np.array([probability_bound(int(count), draws, CONFIDENCE) for count in counts])
+    assert binom.pmf(counts[bounds >= p], draws, p).sum() >= CONFIDENCE - 1e-12
+    assert np.all(np.diff(bounds) >= 0.0) and bounds[-1] == 1.0
+
+
+@given(draws=st.integers(1, 2000), probability=st.floats(0.005, 0.3))
+def test_the_bound_of_a_quantile_is_an_order_statistic(draws, probability):
+    """The value at that place is beyond the quantile unless fewer draws than that are, which is unlikely enough."""
+    place = rank_from_top(draws, probability, CONFIDENCE)
+    assert not place or binom.cdf(place - 1, draws, probability) <= 1.0 - CONFIDENCE
+    assert binom.cdf(place, draws, probability) > 1.0 - CONFIDENCE
+
+
+def test_the_largest_of_459_draws_bounds_the_highest_hundredth():
+    assert (rank_from_top(458, 0.01, CONFIDENCE), rank_from_top(459, 0.01, CONFIDENCE)) == (0, 1)
+    values = [float(value) for value in range(459)]
+    found = quantile(values, 0.01, CONFIDENCE)
+    assert (found.median, found.largest, found.bound) == (229.0, 458.0, 458.0)
+    assert quantile([*values[:-1], None], 0.01, CONFIDENCE).bound is None, "what has no value is worse than all others"
+    assert quantile([*values, *values, None], 0.01, CONFIDENCE).bound == 458.0
+
+
+# The draws
+
+
+@pytest.mark.parametrize("distribution", ["box", "corners"])
+def test_a_draw_depends_on_seed_and_number_alone(distribution):
+    drawn = [members(PAPER, distribution, 0, number) for number in range(200)]
+    assert drawn[7] == members(PAPER, distribution, 0, 7) != members(PAPER, distribution, 1, 7)
+    assert [member.test for member in drawn[0]] == [test.name for test in PAPER.tests]
+    first = [draw[-1] for draw in drawn]
+    assert len({member.seed for member in first}) == 200
+    assert all(len({(m.q_a, m.deviations, m.seed) for m in draw}) == 1 for draw in drawn), "one arm in one pose"
+    values = np.array([[value for _, value in member.deviations] for member in first])
+    assert values.shape == (200, len(names(PAPER)))
+    if distribution == "corners":
+        assert set(np.unique(values)) == {-1.0, 1.0}
+    else:
+        assert kstest(values.ravel(), "uniform", (-1.0, 2.0)).pvalue > 1e-3
+    for place, (low, high) in enumerate((PAPER.workspace.q_a1_deg, PAPER.workspace.q_a2_deg)):
+        assert kstest([member.q_a[place] for member in first], "uniform", (low, high - low)).pvalue > 1e-3
+    assert kstest([member.phi_F for member in first], "uniform", (0.0, 2.0 * math.pi)).pvalue > 1e-3
+    assert abs(Counter(member.sweep for member in first)[PAPER.disturbance.chirp_frequencies] - 100) < 40
+    assert np.abs(np.corrcoef(values.T) - np.eye(values.shape[1])).max() < 0.35
+
+
+# The study
+
+
+def heavy(case):
+    """Whether the first link is among the heaviest tenth: a failure of known probability."""
+    return dict(case.scenario.parameters)["m[1]"] > 50.0 * (1.0 + 0.1 * 0.8)
+
+
+class Sampled(Player):
+    """Loops that leave the workspace where the first link is heavy."""
+
+    def __call__(self, request):
+        if not isinstance(request, Batch):
+            return super().__call__(request)
+        self.asked.append(request)
+        ends = {True: Status.UNSTABLE, False: Status.DONE}
+        return [[on_target(e.protocol, case, ends[heavy(case)], 1.0) for case in e.cases] for e in request.entries]
+
+
+def test_the_bound_covers_a_known_probability_of_failure():
+    """In 99 of 100 samples at least, up to chance: an exact binomial test."""
+    bench, covered = Benchmark("quick"), 0
+    for seed in range(100):
+        study = reliability(replace(bench, seed=seed), Controller(), 30, 0.2, CONFIDENCE, "box")
+        found = answered(study, Sampled())
+        assert {entry.judged for entry in found.requirements.values()} == {30}
+        covered += found.requirements["A1"].bound >= 0.1
+    assert binom.cdf(covered, 100, CONFIDENCE) > 1e-3
+
+
+def test_failures_quantiles_and_progress():
+    player = Sampled()
+    found = answered(reliability(Benchmark("quick"), Controller(), 100, 0.05, CONFIDENCE, "box"), player)
+    failed = {failure.draw for failure in found.requirements["A1"].failures}
+    known = {n for n in range(100) if dict(members(PAPER, "box", 0, n)[0].deviations)["m[1]"] > 0.8}
+    assert failed == known and 0 < len(failed) < 30
+    assert found.requirements["A1"].estimate == len(failed) / 100
+    assert found.cost.judged == 100 and len(found.cost.values) == 100 - len(failed)
+    assert found.cost.bound is None and found.cost.largest is None and found.cost.median == pytest.approx(100.0)
+    assert [(batch.before, batch.total) for batch in player.of(Batch)] == [(0, 600), (384, 600)]
+    assert found.completeness == "complete" and not found.rank.holds
+    lost = answered(reliability(Benchmark("quick"), Controller(), 2, 0.5, 0.5, "box"), Player(status=Status.LOST))
+    assert lost.completeness == "not judged" and lost.requirements["A3"].bound == 1.0
+
+
+def test_numbers_that_are_none_are_refused():
+    bench = Benchmark("quick")
+    for name, wrong in (("draws", 0), ("probability", 1.0), ("confidence", 0.0)):
+        options = {"draws": 3, "probability": 0.01, "confidence": 0.99, "distribution": "box", name: wrong}
+        error = refusal(answered, reliability(bench, Controller(), **options), Player(), kind=InputError)
+        assert error.what == "bad-number" and error.where == name
+
+
+@pytest.mark.slow
+def test_a_sample_grows_and_each_failure_has_a_command_that_repeats_it(quick_pid_file, tmp_path):
+    """The PID with so large a gain that it fails."""
+    words = ("reliability", quick_pid_file, "--set", "K_p[1]=2000", "--output-dir", "own", "--no-report")
+    first = call(*words, "--draws", "2", "--jobs", "1", folder=tmp_path)
+    more = call(*words, "--more", "2", "--jobs", "2", folder=tmp_path)
+    assert (first.code, more.code) == (0, 0)
+    grown = Reliability.load(tmp_path / "own")
+    at_once = call(*words[:-3], "--output-dir", "other", "--no-report", "--draws", "4", folder=tmp_path)
+    same = Reliability.load(tmp_path / "other")
+    assert at_once.code == 0 and (grown.requirements, grown.criteria, grown.cost) == (
+        *(same.requirements, same.criteria, same.cost),
+    )
+    failures = grown.requirements["A1"].failures
+    assert grown.draws == 4 and failures and grown.requirements["A1"].bound > 0.5
+    _, _, module, *rest = shlex.split(failures[0].command)
+    repeated = call(module.split(".")[1], *rest, folder=tmp_path)
+    assert failures[0].outcome.split()[0] in repeated.out
