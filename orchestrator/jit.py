@@ -14,6 +14,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -84,7 +85,8 @@ def _arithmetic(_typingctx: Any) -> tuple[Any, Callable[..., Any]]:
             return builder.and_(
                 builder.call(builder.module.declare_intrinsic(name, (), ir.FunctionType(word, ())), ()), mask
             )
-        memory, pointer = builder.alloca(i32), ir.IntType(8).as_pointer()
+        # In the frame of the function that this is copied into: one in a loop would take stack in each pass.
+        memory, pointer = cgutils.alloca_once(builder, i32), ir.IntType(8).as_pointer()
         store = builder.module.declare_intrinsic(name, (), ir.FunctionType(ir.VoidType(), [pointer]))
         builder.call(store, [builder.bitcast(memory, pointer)])
         return builder.and_(builder.zext(builder.load(memory), word), mask)

@@ -153,3 +153,10 @@ def test_a_controller_that_does_not_want_to_end_costs_a_warning(probe_plant_file
 
 
 UNWILLING = Fault("status:3", "terminate", 0.0)
+
+
+@pytest.mark.slow
+def test_a_simulation_of_a_million_samples_needs_no_more_stack(probe_plant_file, feedthrough_file):
+    """Compiled code that takes stack in each sample ends a process after some hundred thousand."""
+    (found,) = simulate_all(probe_plant_file, feedthrough_file, [quiet("250", {})])
+    assert found.ending.status is Status.DONE and found.time.size == 1_000_001

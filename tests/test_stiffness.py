@@ -56,6 +56,12 @@ def test_coefficients_beyond_all_numbers_are_refused(name, value):
     assert (error.what, error.where) == ("bad-plant-parameter", name)
 
 
+def test_a_member_with_little_friction_takes_longer_substeps_and_is_looked_at_as_well():
+    """With these gears the most damped member is followed in two substeps; the least damped one blows up in one."""
+    error = refusal(require_integrable, {"k_low[1]": 6.6e9, "k_high[1]": 1.98e10}, PAPER.uncertainty)
+    assert error.what == "bad-plant-parameter"
+
+
 @pytest.mark.parametrize(("name", "value"), [("alpha[2]", 1e6), ("d[1]", 1e12), ("j_m[1]", 1e-9)])
 def test_what_takes_more_than_a_hundred_substeps_is_refused(name, value):
     assert refusal(require_integrable, {name: value}, PAPER.uncertainty).where == name

@@ -13,8 +13,9 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..errors import InputError
 from .linearization import system_matrix
 
-FAST = ("k_low", "k_high", "d", "f_d", "f_c", "alpha")
-"""Uncertain parameters whose upper end makes the manipulator's motion faster; of the others only the masses matter."""
+STIFF, DAMPED = ("k_low", "k_high"), ("d", "f_d", "f_c", "alpha")
+"""Uncertain parameters whose upper end makes the manipulator's motion faster, and those whose upper end asks for shorter
+substeps, but whose lower end lets a motion grow; of the others only the masses matter."""
 
 MOST_SUBSTEPS = 100
 """Largest number of substeps in place of one, where friction is steep: a simulation takes as many times longer."""
@@ -27,8 +28,9 @@ def require_integrable(changes: Mapping[str, float], uncertainty: Mapping[str, f
     """Refuse manipulators that the plant's integration cannot follow.
 
     The equations of motion are linearized at rest, without gravity, where friction is steepest; Runge-Kutta's fourth
-    order must not amplify any of their motions at the plant's own substep. This is done for the lightest, stiffest and
-    most damped member of the uncertainty, with gears bent or not and the second link in any direction.
+    order must not amplify any of their motions at the plant's own substep. This is done for the lightest and stiffest
+    members of the uncertainty, the most and the least damped one, with gears bent or not and the second link in any
+    direction.
 
     Parameters
     ----------
@@ -56,15 +58,26 @@ def require_integrable(changes: Mapping[str, float], uncertainty: Mapping[str, f
 
 
 def _is_integrable(nominal: Mapping[str, float], uncertainty: Mapping[str, float]) -> bool:
+    signs = dict.fromkeys(STIFF, 1.0)
+    members = (signs | dict.fromkeys(DAMPED, damping) for damping in (1.0, -1.0))
+    return all(_is_followed(_member(nominal, uncertainty, signs)) for signs in members)
+
+
+def _member(
+    nominal: Mapping[str, float], uncertainty: Mapping[str, float], signs: Mapping[str, float]
+) -> dict[str, float]:
+    """The parameters at the ends of their ranges: at the lower one unless ``signs`` say otherwise."""
+    return {
+        name: value * (1.0 + signs.get(symbol := name.partition("[")[0], -1.0) * uncertainty.get(symbol, 0.0))
+        for name, value in nominal.items()
+    }
+
+
+def _is_followed(member: Mapping[str, float]) -> bool:
     from plant_fmu.flexible_manipulator.integrator import MAX_SUBSTEP, longest_substep  # loads Numba
 
-    fastest = {}
-    for name, value in nominal.items():
-        symbol = name.partition("[")[0]
-        sign = 1.0 if symbol in FAST else -1.0
-        fastest[name] = value * (1.0 + sign * uncertainty.get(symbol, 0.0))
     try:
-        links, joints = arm(fastest), (joint(fastest, 1), joint(fastest, 2))
+        links, joints = arm(member), (joint(member, 1), joint(member, 2))
         coefficients = np.array([*links, *joints[0], *joints[1]])
         brakes = [sticking(own) for own in joints]
         substep = longest_substep(links, joints)
