@@ -14,8 +14,8 @@ from ..errors import InputError
 from .linearization import system_matrix
 
 STIFF, DAMPED = ("k_low", "k_high"), ("d", "f_d", "f_c", "alpha")
-"""Uncertain parameters whose upper end makes the manipulator's motion faster, and those whose upper end asks for shorter
-substeps, but whose lower end lets a motion grow; of the others only the masses matter."""
+"""Uncertain parameters whose upper end makes the manipulator's motion faster, and those whose upper end asks for
+shorter substeps, but whose lower end lets a motion grow; of the others only the masses matter."""
 
 MOST_SUBSTEPS = 100
 """Largest number of substeps in place of one, where friction is steep: a simulation takes as many times longer."""
