@@ -17,6 +17,9 @@ from .reasons import Reason, reason_notes
 SHOWN_FAILURES = 20
 """So many failures are shown; the document has all of them."""
 
+POINTS = 100
+"""So many values of a distribution are drawn."""
+
 HEAVY = 3
 """Criteria whose distribution is drawn, those of the largest weights."""
 
@@ -88,21 +91,20 @@ class Reliability(Document, Comparable, kw_only=True):
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))
         rows = tuple(
-            (name, each.judged, len({one.draw for one in each.failures}), each.estimate, Value(each.bound, given=True))
+            (name, each.judged, len({one.draw for one in each.failures}), each.estimate, each.bound)
             for name, each in self.requirements.items()
         )
         return Table(f"Probability of failure, at {level}", columns, rows)
 
     def _quantiles(self, level: str) -> Table:
-        share = f"{self.probability:g} exceed at most"
-        columns = (Column(""), Column("median"), Column("largest"), Column(share), Column("target"))
+        columns = (Column(""), Column("median"), Column("largest"), Column("bound"), Column("target"))
         rows: list[tuple[Cell, ...]] = []
         for name, spec in self.rules.criteria.items():
             unit, each = SHOWN[spec.unit], self.criteria[name]
             values = (Value(value, unit=unit) for value in (each.median, each.largest, each.bound, spec.target))
             rows.append((Quantity(name, unit), *values))
         rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
-        return Table(f"What a share of {self.probability:g} of all draws exceeds, at {level}", columns, tuple(rows))
+        return Table(f"Bounds that at most {self.probability:g} of all draws exceed, at {level}", columns, tuple(rows))
 
     def _distribution(self) -> Plot:
         by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
@@ -119,9 +121,11 @@ class Reliability(Document, Comparable, kw_only=True):
 
 
 def _exceeding(name: str, each: Quantile, target: float) -> Series:
-    """The share of the draws above each value of the sample."""
-    shares = tuple(1.0 - place / each.judged for place in range(1, len(each.values) + 1))
-    return Series(name, tuple(value / target for value in each.values), shares)
+    """The share of the draws above values of the sample, of which at most POINTS are shown, evenly chosen."""
+    count = len(each.values)
+    places = sorted({round(step * (count - 1) / (POINTS - 1)) for step in range(POINTS)}) if count else []
+    shares = tuple(1.0 - (place + 1) / each.judged for place in places)
+    return Series(name, tuple(each.values[place] / target for place in places), shares)
 
 
 def reliability_reasons(found: Reliability) -> list[Reason]:
