@@ -338,7 +338,8 @@ REFUSED = {
     "--dry-run --set K_q[1]=4 | --list --only c00.* | --list --json",
     "verify": "--seed 1 | --repeat absent.json --output-dir out | --repeat absent.json --dry-run | --wait 3",
     "simulate": "--configuration 0 200 | --case c01.compliant.noise --system sticky | --t-1 5 --t-2 4 | "
-    "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | --test nose | "
+    "--duration 1e9999999999 | --torque-bits 5000 | --torque-limit -1 3 | --phi-F nan | "
+    "--phi-F 1e9 | --chirp-frequencies 0 1e6 | --test nose | "
     "--from nowhere --case c00.compliant.noise",
     "linearize": "--configuration 0 200 | --system soft | --output absent.txt | --friction dry",
     "tune": "--vary K_p[1]=2:1",

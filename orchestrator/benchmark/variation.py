@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeVar
 
-from plant_fmu.flexible_manipulator.formulas import hypot
+from plant_fmu.flexible_manipulator.formulas import ANGLE_MAX, hypot
 
 from ..errors import InputError
 from ..loop.disturbances import force
@@ -63,7 +63,7 @@ class Variation:
 def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
     """``scenario`` with the variation applied, the sweeping ones (undisturbed, ideal) first.
 
-    Raises :class:`InputError` if a disturbance would end before it starts.
+    Raises :class:`InputError` if a disturbance would end before it starts, or has an angle without a sine.
     """
     rules, fixed, loop = protocol.disturbance, protocol.fixed_disturbance, protocol.loop
     sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
@@ -117,6 +117,11 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
         if signal.stop < signal.start:
             message = f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s."
             raise InputError(message, "ends-before-start", name, signal.stop)
+    turns = max(abs(varied.chirp.f_start), abs(varied.chirp.f_stop)) * (varied.chirp.stop - varied.chirp.start)
+    for name, angle in (("direction of the force", wanted.phi_F or 0.0), ("chirp", 2.0 * math.pi * turns)):
+        if not abs(angle) <= ANGLE_MAX:
+            message = f"The {name} comes to {angle:g} rad: its sine is computed up to {ANGLE_MAX:g} rad."
+            raise InputError(message, "bad-number", name, angle)
     return varied
 
 
