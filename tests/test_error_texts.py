@@ -123,6 +123,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: variation.Variation(duration=Fraction(-1)),
         lambda: variation.Variation(angle_bits=99),
         lambda: variation.vary(empty, PAPER, variation.Variation(force=1.0, t_2=1.0)),
+        lambda: variation.vary(empty, PAPER, variation.Variation(phi_F=2e6)),
     )  # fmt: skip
 
 
