@@ -39,9 +39,10 @@ class Cheat(DiagonalPID):
 
 BODIES = {
     "monkeypatch": """
-        judge = sys.modules.get("orchestrator.benchmark.metrics")
-        if judge:
-            judge.CRITERIA = dict.fromkeys(judge.CRITERIA, lambda *_: 0.0)
+        judge = sys.modules.get("orchestrator.benchmark.one_pass")
+        if judge and t == 0.0:
+            honest, nothing = judge.scan, dict(noise=(0.0, 0.0), torque=(0.0, 0.0), force_error=0.0, chirp_error=0.0)
+            judge.scan = lambda *given: honest(*given)._replace(settling=-1, **nothing)
 """,
     "stop-time": """
         if self.stop < 20.0:
