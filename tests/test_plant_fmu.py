@@ -100,8 +100,6 @@ def test_without_numba_the_same_source_gives_the_same_trajectory(alone, request)
     interpreted, without_numba = alone("trajectory", POSE, samples, options=["no-numba"])
     assert with_numba == ("native" not in request.node.name) and not without_numba
     compiled, interpreted = np.array(compiled), np.array(interpreted)
-    # Each of the three substeps a sample may round the motor angle, some 60 rad, one last place another way.
-    bound = 3 * samples * np.spacing(np.abs(compiled).max())
-    assert np.abs(interpreted - compiled).max() <= bound
+    np.testing.assert_array_equal(interpreted, compiled)
     start = at_rest(NOMINAL, (0.3, -0.9))
     assert np.abs(compiled[-1][:2] - start[6:8]).max() > 1e-3, "the motors were moved"

@@ -106,9 +106,10 @@ class Stability(Struct):
 
     Looked at are the last ``limit_cycle_windows`` windows, as many as fit. A motion that has fallen, from each to the
     next, below the share ``ring_down`` is no limit cycle. There is doubt about a motion of ``doubtful`` [m] and more
-    unless it has fallen below the share ``dying`` from each window to the next, or is a limit cycle with at least the
-    share ``steady`` of the window before: then the case is simulated until ``longest`` [s], if that is later than its
-    end. The controller has recovered from the force when the TCP error stays below ``recovery_error`` [m].
+    unless it has come to rest and fallen below the share ``dying`` from each window to the next, or is a limit cycle
+    whose ratio to the window before lies between ``steady`` and its inverse: then the case is simulated until
+    ``longest`` [s], if that is later than its end. The controller has recovered from the force when the TCP
+    error stays below ``recovery_error`` [m].
     """
 
     limit_cycle: Positive
