@@ -54,7 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def run(name: str, plant: Slave, controller: Slave) -> float:
         begin = time.process_time()
-        found[name] = [judge(quick.rules, case, simulate(plant, controller, case.scenario)) for case in quick.cases]
+        judged = [judge(quick.rules, case, simulate(plant, controller, case.scenario)) for case in quick.cases]
+        found[name] = [each.judgement for each in judged]
         return time.process_time() - begin
 
     contenders = {

@@ -9,7 +9,7 @@ from support.closed_loops import PAPER, case
 from support.results import trajectory
 
 from orchestrator.benchmark import metrics
-from orchestrator.benchmark.results import Judgement
+from orchestrator.benchmark.results import Judged, Judgement
 from orchestrator.loop.trajectory import Ending, Status
 
 DISTURBANCE = case(3, "compliant", "disturbance")
@@ -27,7 +27,7 @@ def spike(at, height, rest=0.0):
 
 
 def measured(case, **signals):
-    return metrics.measure(PAPER, case, trajectory(**signals))
+    return metrics.measure(PAPER, case, trajectory(**signals))[0]
 
 
 def test_B1_and_B2_are_distances_from_the_start_torque():
@@ -72,7 +72,7 @@ def test_B6_counts_an_error_that_comes_back():
 
 def test_B6_counts_an_error_of_exactly_the_limit():
     at_limit = replace(trajectory(), X=np.where(np.arange(104001)[:, None] == 60000, (0.1e-3, 0.0), (0.0, 0.0)))
-    figures = metrics.measure(PAPER, DISTURBANCE, at_limit)
+    figures, _ = metrics.measure(PAPER, DISTURBANCE, at_limit)
     assert (figures.B6, figures.settled) == (4.5, True)
 
 
@@ -104,19 +104,20 @@ def test_limit_cycle_looks_at_the_last_three_seconds_and_rest_error_at_the_last(
 
 
 def test_a_loop_that_does_not_come_to_rest_is_unstable_and_still_measured():
-    verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3))
+    verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3)).judgement
     assert verdict.status is Status.UNSTABLE and "0.2 mm in the last 1 s" in verdict.message
     assert pytest.approx(0.2e-3, abs=EXACT) == verdict.measurements.B5
-    calm = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3))
+    calm = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3)).judgement
     assert (calm.status, calm.message) == (Status.DONE, "")
-    asked = metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0))
+    asked = metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0)).judgement
     assert asked.status is Status.DONE, "a test without requirements asks for no rest"
 
 
 @pytest.mark.parametrize("status", [Status.UNSTABLE, Status.ERROR])
 def test_what_ended_early_is_not_measured(status):
     ended = replace(trajectory(), ending=Ending(status, 3.5, "because", 2))
-    assert metrics.judge(PAPER, DISTURBANCE, ended) == Judgement(status=status, time=3.5, message="because", warnings=2)
+    expected = Judgement(status=status, time=3.5, message="because", warnings=2)
+    assert metrics.judge(PAPER, DISTURBANCE, ended) == Judged(expected)
 
 
 @pytest.mark.parametrize("case", [NOISE, DISTURBANCE, GAIN], ids=lambda case: case.test.name)

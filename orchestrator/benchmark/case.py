@@ -84,3 +84,8 @@ class Case:
         """Unique within a protocol, such as ``c07.compliant.gain_1``; ``free`` in place of c07 off the grid."""
         pose = f"c{self.configuration.index:02d}" if self.configuration.index >= 0 else "free"
         return f"{pose}.{self.system.name}.{self.test.name}"
+
+    @property
+    def end(self) -> float:
+        """The end of the case [s]."""
+        return float(self.scenario.samples * self.scenario.sample_time)

@@ -5,33 +5,32 @@ The longer simulation repeats the case to the last bit and goes on: FMUs are tol
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 from ..loop.scenario import Scenario
 from .case import Case
-from .metrics import own_end
+from .motion import at_rest, lasts
 from .protocol import Protocol
-from .results import Judgement
 
 
-def doubtful(protocol: Protocol, case: Case, judgement: Judgement) -> bool:
-    """Whether the case has to be simulated further: its last windows show a motion that is neither dying away for sure
-    nor lasting for sure, or the arm is not at rest yet, and there is time left to look at it."""
-    figures, limits, end = judgement.measurements, protocol.stability, own_end(case)
-    amplitude, ratio, decay = figures.limit_cycle, figures.limit_cycle_ratio, figures.limit_cycle_decay
-    if amplitude is None or ratio is None or decay is None or amplitude < limits.doubtful:
+def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]], rest_error: float | None) -> bool:
+    """Whether a case that was simulated to its own end has to be simulated further.
+
+    ``windows`` are the amplitudes [m] of x and of z in the last windows. There is a doubt if neither coordinate has a
+    limit cycle for sure, one of them does not come to rest for sure, or the TCP creeps to where its ``rest_error`` [m]
+    is none; and there is time left to look at it.
+    """
+    limits, scenario, end = protocol.stability, case.scenario, case.end
+    left = int((limits.longest - end) / limits.limit_cycle_window)
+    if left <= 0 or not windows[0] or scenario.chirp.stop > end or scenario.pulse.stop > end:
         return False
-    rests = figures.rest_error is None or figures.rest_error <= limits.rest_error
-    if decay < limits.dying and rests:
+    if any(lasts(limits, each, left) for each in windows):
         return False
-    lasting = amplitude >= limits.limit_cycle and limits.steady <= ratio <= 1.0 / limits.steady
-    own = judgement.judged_until is not None and judgement.judged_until <= end
-    return not lasting and own and end < limits.longest and _left_alone(case.scenario, end)
-
-
-def _left_alone(scenario: Scenario, end: float) -> bool:
-    return scenario.chirp.stop <= end and scenario.pulse.stop <= end
+    creep = 2.0 * left * max(each[-1] for each in windows)
+    creeps = rest_error is not None and 0.0 < rest_error - limits.rest_error <= creep
+    return creeps or not all(at_rest(limits, each, left) for each in windows)
 
 
 def longer(protocol: Protocol, case: Case) -> Scenario:

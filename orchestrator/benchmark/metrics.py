@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -10,8 +9,10 @@ import numpy as np
 
 from ..loop.trajectory import Status, Trajectory
 from .case import Case
+from .doubt import doubtful
+from .motion import falls, ratios
 from .protocol import Protocol, Stability
-from .results import CaseResult, Judgement, Measurements
+from .results import CaseResult, Judged, Judgement, Measurements
 
 # Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
 
@@ -31,23 +32,23 @@ OSCILLATION = (
 AT_THE_END = frozenset({"rest_error", *OSCILLATION})
 """The figures of the end of what was simulated; the others are those of the case's own time."""
 
-LARGEST_RATIO = 1e6
-"""Of a motion that was none a window before."""
 
-
-def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judgement:
-    """Status and figures of a simulated case, whose trajectory may go on after the case's own end."""
+def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judged:
+    """Status and figures of a simulated case, whose trajectory may go on after the case's own end; and whether it ends
+    at that and leaves a doubt."""
     ending = trajectory.ending
     judgement = Judgement(status=ending.status, time=ending.time, message=ending.message, warnings=ending.warnings)
-    if ending.status is not Status.DONE and ending.time <= own_end(case):
-        return judgement
-    measurements = measure(protocol, case, trajectory)
+    if ending.status is not Status.DONE and ending.time <= case.end:
+        return Judged(judgement)
+    measurements, windows = measure(protocol, case, trajectory)
     limits = protocol.stability
     if measurements.rest_error is not None and measurements.rest_error > limits.rest_error:
         reason = f"the TCP error was {measurements.rest_error * 1e3:.3g} mm in the last {limits.rest_window:g} s"
         judgement = msgspec.structs.replace(judgement, status=Status.UNSTABLE, message=reason)
     until = None if measurements.limit_cycle is None else float(trajectory.time[-1])
-    return msgspec.structs.replace(judgement, measurements=measurements, judged_until=until)
+    own = trajectory.time.size == case.scenario.samples + 1
+    doubt = own and doubtful(protocol, case, windows, measurements.rest_error)
+    return Judged(msgspec.structs.replace(judgement, measurements=measurements, judged_until=until), doubt)
 
 
 def named(case: Case, judgement: Judgement) -> CaseResult:
@@ -66,15 +67,10 @@ def named(case: Case, judgement: Judgement) -> CaseResult:
     )
 
 
-def own_end(case: Case) -> float:
-    """The end of a case [s]."""
-    return float(case.scenario.samples * case.scenario.sample_time)
-
-
 def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     """Names of the figures that a simulation of ``case`` has when it reaches its end: those that its test asks for, as
     far as the scenario, which may have been varied, has what they are measured by."""
-    scenario, limits, end = case.scenario, protocol.stability, own_end(case)
+    scenario, limits, end = case.scenario, protocol.stability, case.end
     pushed = 0.0 < scenario.pulse.stop < end
     shaken = scenario.chirp.start < min(scenario.chirp.stop, scenario.pulse.start) and scenario.pulse.start < end
     lacking = set() if pushed else {"B5", "B6"}
@@ -88,10 +84,11 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     return frozenset(names)
 
 
-def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measurements:
-    """The figures of a simulation that ran to the case's end, or on to a later one.
+def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> tuple[Measurements, list[list[float]]]:
+    """The figures of a simulation that ran to the case's end, or on to a later one; and the amplitudes [m] of x and of
+    z in the last windows, none where no limit cycle is looked for.
 
-    Of one that failed later, those of the case's own time.
+    Of one that failed later, the figures of the case's own time.
     """
     wanted, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
     if trajectory.ending.status is not Status.DONE:
@@ -110,7 +107,7 @@ def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measureme
     if windows.size:
         figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
         found.update(zip(OSCILLATION, figures, strict=True))
-    return Measurements(**{name: found[name] for name in wanted})
+    return Measurements(**{name: found[name] for name in wanted}), read.amplitudes.T.tolist()
 
 
 def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:
@@ -138,24 +135,30 @@ def oscillation(
     """The figures of :data:`OSCILLATION` from half the peak-to-peak of the TCP's x and z [m] in each of the
     ``windows``, without detrending.
 
-    The amplitudes of x and z are those of the last window. After a longer simulation than the case's own, in which the
-    motion goes on until the last window, they are the largest of all windows and of the last one of the case's own. Of
-    the larger coordinate in the last window: its ratio to the window before, its strongest frequency [Hz], and the
-    largest ratio of any two successive windows. Last, the larger amplitude at the case's own end.
+    The amplitudes of x and z are those of the last window; after a longer simulation than the case's own, in which a
+    motion goes on until the last window and does not fall in each, the largest of all windows and of the last one of
+    the case's own. Of the larger coordinate, or of the one that does not die away: its ratio to the window before, its
+    strongest frequency [Hz], and the largest ratio of any two successive windows. Last, the larger amplitude at the
+    case's own end.
     """
-    last, own = amplitudes[-1], case.scenario.samples + 1
-    larger, longer = int(np.argmax(last)), trajectory.time.size > own
-    ratios = [_ratio(float(now), float(before)) for before, now in itertools.pairwise(amplitudes[:, larger])]
-    curve = trajectory.X[windows[-1] :, larger]
+    own, curves = case.scenario.samples + 1, amplitudes.T.tolist()
+    last = at_end = [curve[-1] for curve in curves]
+    if trajectory.time.size > own:
+        begin = _windows(limits, trajectory.time[:own])[-1]
+        at_end = (0.5 * np.ptp(trajectory.X[begin:own], axis=0)).tolist()
+        goes_on = [curve[-1] >= limits.doubtful and not falls(curve) for curve in curves]
+        last = [
+            max(*curve, before) if lasting else curve[-1]
+            for curve, before, lasting in zip(curves, at_end, goes_on, strict=True)
+        ]
+
+    def severity(axis: int) -> tuple[bool, float]:
+        slow = max(ratios(curves[axis]), default=1.0) >= limits.ring_down
+        return slow and last[axis] >= limits.limit_cycle, last[axis]
+
+    worst = max((0, 1), key=severity)
+    shares = ratios(curves[worst])
+    curve = trajectory.X[windows[-1] :, worst]
     strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
     frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
-    lasting = at_end = last
-    if longer:
-        begin = _windows(limits, trajectory.time[:own])[-1]
-        at_end = 0.5 * np.ptp(trajectory.X[begin:own], axis=0)
-        lasting = np.vstack((amplitudes, at_end)).max(axis=0) if last[larger] >= limits.doubtful else last
-    return float(lasting[0]), float(lasting[1]), ratios[-1], frequency, max(ratios), float(at_end.max())
-
-
-def _ratio(amplitude: float, before: float) -> float:
-    return amplitude / max(before, amplitude / LARGEST_RATIO) if amplitude > 0.0 else 0.0
+    return last[0], last[1], shares[-1], frequency, max(shares), max(at_end)

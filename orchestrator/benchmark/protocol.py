@@ -105,11 +105,10 @@ class Stability(Struct):
     seconds.
 
     Looked at are the last ``limit_cycle_windows`` windows, as many as fit. A motion that has fallen, from each to the
-    next, below the share ``ring_down`` is no limit cycle. There is doubt about a motion of ``doubtful`` [m] and more
-    unless it has come to rest and fallen below the share ``dying`` from each window to the next, or is a limit cycle
-    whose ratio to the window before lies between ``steady`` and its inverse: then the case is simulated until
-    ``longest`` [s], if that is later than its end. The controller has recovered from the force when the TCP
-    error stays below ``recovery_error`` [m].
+    next, below the share ``ring_down`` is no limit cycle. A motion of ``doubtful`` [m] and more that has not fallen
+    below the share ``dying`` from each window to the next leaves a doubt, unless it is a limit cycle for sure (see
+    :mod:`.doubt`): then the case is simulated until ``longest`` [s], if that is later than its end. The controller has
+    recovered from the force when the TCP error stays below ``recovery_error`` [m].
     """
 
     limit_cycle: Positive
@@ -121,7 +120,6 @@ class Stability(Struct):
     limit_cycle_windows: Annotated[int, msgspec.Meta(ge=2, le=100)] = 2
     doubtful: NonNegative = 0.0
     dying: NonNegative = 0.0
-    steady: NonNegative = 0.0
     longest: NonNegative = 0.0
 
 

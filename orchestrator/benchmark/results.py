@@ -20,12 +20,12 @@ class Measurements(Struct, omit_defaults=True):
     """The figures of one simulation: those of B1..B7 that the test asks for, and in tests with a requirement the rest.
 
     ``limit_cycle_x`` and ``limit_cycle_z`` are half the peak-to-peak of the TCP's coordinates at the end,
-    ``rest_error`` is the largest TCP error in the last second [m]. Of the larger cycle, ``limit_cycle_ratio`` is that
-    to the amplitude one window before, ``limit_cycle_decay`` the largest ratio of any two successive windows, and
-    ``limit_cycle_frequency`` the strongest frequency [Hz]. Where the case was simulated beyond its own end to judge it,
-    these are figures of the later end, and ``limit_cycle_at_end`` is the larger amplitude at the case's own [m].
-    ``recovery`` is the time from the end of the force until the TCP error stays small [s]. ``settled`` is False if B6
-    ran to the end of the case.
+    ``rest_error`` is the largest TCP error in the last second [m]. Of the larger cycle, or of the one that does not die
+    away, ``limit_cycle_ratio`` is that to the amplitude one window before, ``limit_cycle_decay`` the largest ratio of
+    any two successive windows, and ``limit_cycle_frequency`` the strongest frequency [Hz]. Where the case was simulated
+    beyond its own end to judge it, these are figures of the later end, and ``limit_cycle_at_end`` is the larger
+    amplitude at the case's own [m]. ``recovery`` is the time from the end of the force until the TCP error stays small
+    [s]. ``settled`` is False if B6 ran to the end of the case.
     """
 
     B1: NonNegative | None = None
@@ -87,6 +87,13 @@ class Judgement(Struct, kw_only=True):
     def judged(self) -> bool:
         """Whether its end says anything about the controller: one that was skipped or lost does not."""
         return self.status not in (Status.SKIPPED, Status.LOST)
+
+
+class Judged(Struct):
+    """A judgement, and whether the end leaves a ``doubt`` about it: then the case is simulated further."""
+
+    judgement: Judgement
+    doubt: bool = False
 
 
 class CaseResult(Judgement, kw_only=True):

@@ -262,7 +262,7 @@ class _ForkedProcess:
         return _received(self._status)
 
     def exit_code(self, patience: float) -> int | None:
-        if self._code is None and readable([self._status.fileno()], patience):
+        if self._code is None and self._status.fileno() >= 0 and readable([self._status.fileno()], patience):
             code = _received(self._status)
             self._code = LOST if code is None else code
         return self._code

@@ -10,8 +10,9 @@ from typing import Any
 from msgspec import structs
 
 from ..benchmark.case import Case
-from ..benchmark.doubt import doubtful, longer
+from ..benchmark.doubt import longer
 from ..benchmark.protocol import Protocol
+from ..benchmark.results import Judged
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
 from ..errors import Crash
@@ -120,10 +121,10 @@ def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simu
         work.largest_trajectory(case.scenario),
     )
     found: work.Simulated = _only(job, case.scenario)
-    if not doubtful(protocol, case, found.judgement):
+    if not found.judged.doubt:
         return found
-    judged = _only(judging(protocol, [case], pairing, further=True), longer(protocol, case))
-    return structs.replace(found, judgement=judged)
+    judged: Judged = _only(judging(protocol, [case], pairing, further=True), longer(protocol, case))
+    return structs.replace(found, judged=judged)
 
 
 def _only(job: Job, scenario: Scenario) -> Any:
@@ -144,6 +145,6 @@ def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing, further
         work.judge_case.__name__,
         tasks,
         [task.scenario for task in tasks],
-        lambda index, value: work.judgement(protocol, group[index], value),
+        lambda index, value: work.judged(protocol, group[index], value),
         START_TIME,
     )

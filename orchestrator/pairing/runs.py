@@ -8,7 +8,7 @@ from msgspec import structs
 
 from ..benchmark.case import Case
 from ..benchmark.metrics import AT_THE_END, named
-from ..benchmark.results import CaseResult, Judgement
+from ..benchmark.results import CaseResult, Judged, Judgement
 from ..execution.job import Died, Done, Outcome
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
@@ -18,12 +18,13 @@ from ..loop.trajectory import Status
 @dataclass(frozen=True)
 class CaseRun:
     """A case with its result, and the wall time [s] it took. ``kind`` is what went wrong without figures, the same for
-    equal failures; empty if nothing did."""
+    equal failures; empty if nothing did. In ``doubt`` it has to be simulated further."""
 
     case: Case
     result: CaseResult
     wall_time: float = 0.0
     kind: str = ""
+    doubt: bool = False
 
 
 def case_run(case: Case, outcome: Outcome, further: Scenario | None = None) -> CaseRun:
@@ -31,9 +32,10 @@ def case_run(case: Case, outcome: Outcome, further: Scenario | None = None) -> C
     was not by its own."""
     scenario = further or case.scenario
     if isinstance(outcome, Done):
-        judgement: Judgement = outcome.value
+        judged: Judged = outcome.value
+        judgement = judged.judgement
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
-        return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+        return CaseRun(case, named(case, judgement), outcome.wall_time, kind, judged.doubt)
     if isinstance(outcome, Died):
         # What somebody else has ended, or kept from ending in time, is no failure of the controller.
         status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..benchmark.case import Case
 from ..benchmark.doubt import longer
-from ..benchmark.metrics import AT_THE_END, expected, judge, own_end
+from ..benchmark.metrics import AT_THE_END, expected, judge
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import Judgement
+from ..benchmark.results import Judged, Judgement
 from ..codec import Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
@@ -45,7 +45,7 @@ class CaseTask(Struct, frozen=True):
 class Simulated(Struct, frozen=True):
     """What a case came to, with its trajectory."""
 
-    judgement: Judgement
+    judged: Judged
     trajectory: Trajectory
 
 
@@ -82,7 +82,7 @@ def prepare() -> None:
 
 
 def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judgement`."""
+    """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judged`."""
     wanted = unpack(task, CaseTask)
     return pack(judge(wanted.protocol, wanted.case, _simulate(plant, controller, wanted.scenario, wanted.setup)))
 
@@ -136,21 +136,22 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
 
 
-def judgement(protocol: Protocol, case: Case, value: bytes) -> Judgement:
+def judged(protocol: Protocol, case: Case, value: bytes) -> Judged:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
-    return _checked(protocol, case, unpack(value, Judgement))
+    found = unpack(value, Judged)
+    _check(protocol, case, found.judgement)
+    return found
 
 
-def _checked(protocol: Protocol, case: Case, found: Judgement) -> Judgement:
+def _check(protocol: Protocol, case: Case, found: Judgement) -> None:
     if found.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
         raise Malformed(f"the status {found.status.value}, which only the supervision gives")
     check_judgement(protocol, case, found)
-    return found
 
 
 def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
-    names, wanted, end = found.measurements.names, expected(protocol, case), own_end(case)
+    names, wanted, end = found.measurements.names, expected(protocol, case), case.end
     early = wanted - AT_THE_END if found.time > end else frozenset[str]()  # it failed after the case's own end
     possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset(), early)}
     if names not in possible.get(found.status, (frozenset(), early)):
@@ -183,7 +184,7 @@ def simulated(protocol: Protocol, case: Case, value: bytes) -> Simulated:
     """What a worker sent for a :class:`CaseTask` with its trajectory, checked."""
     found = unpack(value, Simulated)
     _check_trajectory(case.scenario.samples, OBSERVED, found.trajectory)
-    _checked(protocol, case, found.judgement)
+    _check(protocol, case, found.judged.judgement)
     return found
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
-from ..benchmark.doubt import doubtful, longer
+from ..benchmark.doubt import longer
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
 from ..execution.job import Job, Outcome
@@ -116,7 +116,7 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
 def _judged(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
     """The runs of what is waiting, as they come; those in doubt at last, simulated further."""
     for each, number, found in _simulated(opened, execute):
-        if doubtful(each.entry.protocol, found.case, found.result):
+        if found.doubt:
             each.doubts[number] = found
         else:
             yield each, number, found
