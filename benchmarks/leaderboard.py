@@ -3,6 +3,9 @@
     python benchmarks/leaderboard.py                evaluate all with both builds of the plant and search for their
                                                     worst cases (about an hour), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
+    python benchmarks/leaderboard.py --search       after a change of search or verdicts: evaluate and search with the
+                                                    native plant; spread over the seeds and computing time stay
+                                                    (40 minutes)
     python benchmarks/leaderboard.py --same         after a change of the FMUs that must not move a number: evaluate
                                                     all on ``paper``; where all cases are the same to the last bit,
                                                     keep the figures with the hashes of the new FMUs, else fail
@@ -33,6 +36,7 @@ from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.documents.results import Results  # noqa: E402
 from orchestrator.pairing.reference import in_c  # noqa: E402
+from orchestrator.search.findings import BUDGET  # noqa: E402
 from orchestrator.study import evaluate as study  # noqa: E402
 from orchestrator.study.requests import Study  # noqa: E402
 from orchestrator.study.worst_case import answer_of, worst_case  # noqa: E402
@@ -57,34 +61,42 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 """What of the package computes the figures."""
 
 
-def evaluate(name: str, folder: Path) -> dict[str, Any]:
-    """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found."""
-    return Benchmark().engine(folder / name).run(studied(name, folder / name))
+def evaluate(name: str, folder: Path, before: Figures | None = None) -> dict[str, Any]:
+    """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found; over
+    the seeds. With the figures from ``before``, with the native plant alone, and with their seeds and time per step."""
+    return Benchmark().engine(folder / name).run(studied(name, folder / name, before))
 
 
-def studied(name: str, folder: Path) -> Study[dict[str, Any]]:
+def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, Any]]:
     """The study of it, made of others, whose files are in ``folder``."""
     controller, searched, hashes = built(name), searched_as(name), {}
-    for plant in ("native", "python"):
+    for plant in ("native", "python") if before is None else ("native",):
         run = yield from study.evaluate(Benchmark(plant=plant), controller, recordings=False, inside=plant)
         hashes[plant] = hashlib.sha256((folder / plant / "cases.csv").read_bytes()).hexdigest()
-    assert hashes["native"] == hashes["python"], "the native plant gives other results"
+    assert len(set(hashes.values())) == 1, "the native plant gives other results"
     results, strict = run.results, Benchmark("strict")
     listed = yield from study.evaluate(strict, searched, recordings=False, inside="strict")
-    found = yield from answer_of(worst_case(strict, searched, 2000, inside="strict"))
-    seeds = yield from study.spread(Benchmark(), searched, SEEDS, recordings=False, inside="seeds")
+    found = yield from answer_of(worst_case(strict, searched, BUDGET, inside="strict"))
+    if before is None:
+        seeds = yield from study.spread(Benchmark(), searched, SEEDS, recordings=False, inside="seeds")
+        over = {"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements}
+        spread = json.loads(to_json(over))
+    else:
+        spread = before["seeds"]
     return {
         "guid": controller.archive.description.guid,
         "plant": results.plant.sha256,
         "code": source_hash(PACKAGE / part for part in CODE),
-        "cases": hashes["python"],
+        "cases": hashes["native"],
         "controller": _part(results.controller, "file", "sha256", "fmi_version", "generation_tool"),
         **_part(results, "benchmark", "protocol", "seed"),
         **_scorecard(results),
         "strict": _scorecard(listed.results),
         "robustness": _found(found),
-        "seeds": json.loads(to_json({"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements})),
-        "computing_time": json.loads(to_json(results.timing.computing_time)),
+        "seeds": spread,
+        "computing_time": json.loads(to_json(results.timing.computing_time))
+        if before is None
+        else before["computing_time"],
     }
 
 
@@ -135,7 +147,7 @@ def _found(found: Robustness) -> dict[str, Any]:
     worst = {
         name: {**kept["criteria"][name]["worst_case"], "unit": kept["criteria"][name]["unit"]} for name in SEARCHED
     }
-    parts = {name: kept[name] for name in ("cost", "simulations", "requirements", "margins", "radius")}
+    parts = {name: kept[name] for name in ("cost", "budget", "simulations", "requirements", "margins", "radius")}
     return {**parts, "seed": found.head.seed, "worst_case": worst}
 
 
@@ -149,6 +161,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers to evaluate: {', '.join(PAGES)}")
     parser.add_argument("--table", action="store_true", help="only write the tables from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
+    parser.add_argument("--search", action="store_true", help="evaluate and search with the native plant, not the rest")
     parser.add_argument("--same", action="store_true", help="only check that the FMUs give the cases that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
@@ -158,7 +171,8 @@ def main() -> None:
         kept = [same(each, options.runs) if name_of(each) in chosen else each for each in kept]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for name in () if options.table or options.same else options.names or PAGES:
-        new = evaluate(name, options.runs)
+        before = next((each for each in kept if name_of(each) == name), None) if options.search else None
+        new = evaluate(name, options.runs, before)
         kept = [each for each in kept if name_of(each) != name] + [new]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for file, text in pages(kept).items():

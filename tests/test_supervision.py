@@ -19,7 +19,7 @@ from support.refusals import refusal
 
 from orchestrator.codec import Malformed
 from orchestrator.errors import EnvironmentFault
-from orchestrator.execution import supervision
+from orchestrator.execution import launch, supervision
 from orchestrator.execution.job import Died, Done, Limits, Refused
 from orchestrator.execution.launch import Child
 from orchestrator.execution.messages import ErrorRecord, Failed, Finished, Loaded, frame
@@ -207,6 +207,18 @@ def disturbed(monkeypatch, disturb, times=1):
 
     monkeypatch.setattr(supervision, "started", patched)
     yield count
+
+
+def test_a_worker_that_does_not_end_in_time_may_be_killed_again(monkeypatch):
+    """As on a machine that stood still: its exit code was not there when its channel was closed."""
+    monkeypatch.setattr(launch, "LAST_WORDS", 0.0)
+    near, far = socket.socketpair()
+    process = launch._ForkedProcess.__new__(launch._ForkedProcess)
+    process._code, process._status, process.tree = None, near, SimpleNamespace(kill=lambda: None)
+    with far:
+        process.kill()
+        process.kill()
+    assert process.exit_code(0.0) is None
 
 
 def test_a_worker_that_is_killed_is_replaced(harmless, healthy, monkeypatch):

@@ -13,6 +13,7 @@ from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.reference import USUAL
 from ..pairing.testbed import Testbed
+from ..search.findings import BUDGET
 
 # Imports inside functions: each use case is loaded when it is first used. All of them take longer than a simulation.
 
@@ -198,11 +199,12 @@ class Benchmark(Testbed):
         self,
         controller: Given = None,
         *,
-        budget: int = 2000,
+        budget: int = BUDGET,
         minutes: float = math.inf,
         protocol: str | Path = "strict",
         only: Sequence[str] = (),
         from_list: bool = True,
+        restarts: int = 1,
         folder: str | Path | None = None,
         recordings: bool = True,
         on_progress: OnProgress | None = None,
@@ -216,8 +218,9 @@ class Benchmark(Testbed):
         controller : Controller or path, optional
             By default the paper's PID.
         budget : int
-            Simulations that are not exceeded. Each stage has its share; ``Robustness.cut_short`` names those that
-            wanted more.
+            Simulated time that is not exceeded, in whole cases: a short simulation costs its share of the longest
+            test's 26 s. What is simulated until 60 s in doubt about its verdict does not cost more. Each stage has its
+            share; ``Robustness.cut_short`` names those that wanted more.
         minutes : float
             Time after which what was found is confirmed, and margins and radius are left out.
         protocol : str or path
@@ -227,13 +230,15 @@ class Benchmark(Testbed):
             default everything.
         from_list : bool
             Whether to begin with it, or with the nominal system alone.
+        restarts : int
+            Independent starts of the search for V, which share its budget; ``Robustness.starts`` holds what each found.
         folder : path, optional
             Where finished simulations are stored as they come and found again; the answer is saved there, too.
         recordings : bool
             Whether the worst cases, and the nominal arm beside them, are simulated once more and recorded in ``folder``
             for its report: up to twelve simulations beside the budget.
         on_progress : callable, optional
-            ``on_progress(stage, simulations, worst)`` is called after each stage and round.
+            ``on_progress(stage, simulations, spent, cost, worst)`` is called after each stage and round.
 
         Returns
         -------
@@ -254,7 +259,9 @@ class Benchmark(Testbed):
         from ..study.worst_case import answer_of, worst_case
 
         own = recordings and folder is not None
-        study = answer_of(worst_case(self, Controller.of(controller), budget, minutes, protocol, only, from_list, own))
+        study = answer_of(
+            worst_case(self, Controller.of(controller), budget, minutes, protocol, only, from_list, restarts, own)
+        )
         return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
 
     def reliability(
@@ -338,7 +345,7 @@ class Benchmark(Testbed):
         strict : str or path
             The protocol whose list the best candidate is tried on, and a search for the worst case begins with.
         robust : int
-            Simulations of a search for the worst case of each candidate that holds the whole protocol, as
+            Budget, in whole cases, of a search for the worst case of each candidate that holds the whole protocol, as
             :meth:`robustness` makes it; what it finds is added to the objective, too. None by default.
         sampler : str
             Of Optuna: ``"cmaes"``, ``"tpe"`` or ``"random"``.

@@ -24,7 +24,8 @@ def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]],
     """
     limits, scenario, end = protocol.stability, case.scenario, case.end
     left = int((limits.longest - end) / limits.limit_cycle_window)
-    if left <= 0 or not windows[0] or scenario.chirp.stop > end or scenario.pulse.stop > end:
+    cut = scenario.duration < case.test.duration  # its user wants no more of it
+    if cut or left <= 0 or not windows[0] or scenario.chirp.stop > end or scenario.pulse.stop > end:
         return False
     if any(lasts(limits, each, left) for each in windows):
         return False

@@ -11,6 +11,7 @@ from ..api.benchmark import Benchmark
 from ..documents.files import TRAJECTORIES
 from ..documents.robustness import Robustness
 from ..pairing.controller import Controller
+from ..search.findings import BUDGET
 from ..study.requests import Event, StageDone, Study
 from ..study.worst_case import answer_of, worst_case
 from ..views.units import number
@@ -19,18 +20,23 @@ from .values import MOST, Parser, natural
 from .values import number as value
 
 EXAMPLES = """examples:
-  python -m orchestrator.robustness my_controller.fmu                   some 2,000 simulations
-  python -m orchestrator.robustness my_controller.fmu --budget 20000    a long search
+  python -m orchestrator.robustness my_controller.fmu                   some minutes
+  python -m orchestrator.robustness my_controller.fmu --budget 30000    ten times as long
+  python -m orchestrator.robustness my_controller.fmu --restarts 3      three independent starts, and their spread
   python -m orchestrator.robustness my_controller.fmu --only B6 --no-list --budget 300
 
-A failure that is found is a proof, which its command repeats. That none was found proves nothing. The same command
-goes on with an interrupted search.
+What is found is a lower bound: a longer search may find more. A failure that is found is a proof, which its command
+repeats; that none was found proves nothing. The same command goes on with an interrupted search.
 """
 
 
 def _options(parser: Parser) -> None:
     parser.add_argument(
-        "--budget", type=natural(1), default=2000, metavar="N", help="simulations, not exceeded (default: 2000)"
+        "--budget",
+        type=natural(1),
+        default=BUDGET,
+        metavar="N",
+        help=f"simulated time, in whole cases (default: {BUDGET})",
     )
     parser.add_argument(
         "--minutes",
@@ -46,6 +52,13 @@ def _options(parser: Parser) -> None:
         metavar="NAME",
         help="what to search for: B5, B6, B7, or a test such as delay_2; may be given again (default: all)",
     )
+    parser.add_argument(
+        "--restarts",
+        type=natural(1),
+        default=1,
+        metavar="N",
+        help="independent starts of the search for V, which share its budget (default: 1)",
+    )
     parser.add_argument("--no-list", action="store_true", help="begin with the nominal system, not with the list")
 
 
@@ -53,7 +66,15 @@ def _study(bench: Benchmark, controller: Controller, given: argparse.Namespace, 
     recorded = not given.no_report
     return answer_of(
         worst_case(
-            bench, controller, given.budget, given.minutes, given.protocol, given.only, not given.no_list, recorded
+            bench,
+            controller,
+            given.budget,
+            given.minutes,
+            given.protocol,
+            given.only,
+            not given.no_list,
+            given.restarts,
+            recorded,
         )
     )
 
@@ -63,7 +84,8 @@ def _tell() -> Callable[[Event], str]:
         assert isinstance(event, StageDone)
         known = [f"{name} {number(value, 1e3)} mm" for name, value in event.worst.items() if name in ("B5", "B7")]
         settling = [f"{name} {number(value)} s" for name, value in event.worst.items() if name == "B6"]
-        return f"{event.simulations:6d} simulations  {event.stage:24}{'  '.join([*settling, *known])}"
+        words = "  ".join([f"V {number(event.cost)}", *settling, *known])
+        return f"{event.spent:6.0f} whole cases  {event.stage:24}{words}"
 
     return say
 

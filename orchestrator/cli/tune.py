@@ -50,8 +50,8 @@ def _options(parser: Parser) -> None:
         type=natural(),
         default=0,
         metavar="N",
-        help="search for the worst case of the best candidates, with N simulations each, at least the 920 of "
-        "the strict list, and count what is found (default: 0)",
+        help="search for the worst case of the best candidates, with a budget of N whole cases each, at "
+        "least the 839 of the strict list, and count what is found (default: 0)",
     )
     parser.add_argument("--sampler", choices=SAMPLERS, default="cmaes", help="of Optuna (default: cmaes)")
     parser.add_argument("--search-seed", type=natural(), default=1, metavar="N", help="of the sampler (default: 1)")

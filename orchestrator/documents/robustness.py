@@ -12,6 +12,7 @@ from ..search.findings import (
     CriterionFound,
     Effect,
     Margin,
+    PeakFound,
     Radius,
     RequirementFound,
     Step,
@@ -35,29 +36,34 @@ SCORECARDS = (Evaluation.KIND, Spread.KIND)
 class Robustness(Document, Comparable, kw_only=True):
     """The worst case of a controller as far as it was found; shows itself in a notebook. All values are in SI units.
 
-    ``cost`` is V of eq. (15) from the largest values found: a lower bound of the true one. ``simulations`` counts all,
-    ``failures`` those that hung or crashed. ``complete`` is False if time ran out. ``cut_short`` names the stages that
-    wanted more simulations than their share of the budget: theirs are the best answers of those that they had.
+    ``cost`` is V of eq. (15) from the largest values found: a lower bound of the true one, and ``starts`` that of each
+    independent start of the search. ``budget`` and ``spent`` are simulated time, in whole cases of the longest test.
+    ``simulations`` counts all, ``failures`` those that hung or crashed. ``complete`` is False if time ran out.
+    ``cut_short`` names the stages that wanted more than their share of the budget: theirs are the best answers of those
+    that they had.
     """
 
     FILE: ClassVar[str] = ROBUSTNESS
-    SCHEMA: ClassVar[str] = "flexible-manipulator-robustness/2"
+    SCHEMA: ClassVar[str] = "flexible-manipulator-robustness/3"
     KIND: ClassVar[str] = "Worst cases found, beside the scorecards"
     DERIVED: ClassVar[tuple[str, ...]] = (REPORT, TRAJECTORIES)
 
     budget: Natural
     simulations: Natural
+    spent: NonNegative
     failures: Natural
     complete: bool
     cut_short: tuple[str, ...] = ()
     cost: NonNegative | None
     protocol_cost: NonNegative | None
+    starts: tuple[NonNegative | None, ...] = ()
     criteria: dict[str, CriterionFound]
     requirements: dict[str, RequirementFound]
     margins: dict[str, Margin]
     radius: Radius | None
     configurations: tuple[ConfigurationFound, ...]
     effects: tuple[Effect, ...]
+    peaks: tuple[PeakFound, ...] = ()
     path: tuple[Step, ...]
 
     def _problem(self) -> str:
@@ -109,7 +115,10 @@ class Robustness(Document, Comparable, kw_only=True):
     def summary(self) -> Summary:
         """What was found, and the commands that repeat it."""
         parts: list[Part] = [
-            Facts("This search", tuple(worst_page.facts(self.head, self.simulations, self.budget))),
+            Facts(
+                "This search",
+                tuple(worst_page.facts(self.head, self.simulations, self.spent, self.budget, self.starts)),
+            ),
             worst_page.largest(self.rules, self.criteria, self.cost, self.protocol_cost, {}),
             worst_page.requirements(self.rules, self.requirements, {}),
         ]
@@ -143,18 +152,28 @@ class Robustness(Document, Comparable, kw_only=True):
             *self._remarks(),
             Beside((left, right)),
             worst_page.largest(self.rules, self.criteria, self.cost, self.protocol_cost, shown),
-            Facts("This search", tuple(worst_page.facts(self.head, self.simulations, self.budget))),
+            Facts(
+                "This search",
+                tuple(worst_page.facts(self.head, self.simulations, self.spent, self.budget, self.starts)),
+            ),
         )
         listed = tuple(worst_page.commands(self.criteria, self.requirements, self.margins))
         payload = {
             "criteria": worst_page.specs(self.rules, self.criteria),
             "effects": [{**plain(each), "words": parameter_words(each.parameter)} for each in self.effects],
-            **{name: plain(getattr(self, name)) for name in ("rules", "path", "configurations", "margins", "radius")},
+            **{
+                name: plain(getattr(self, name))
+                for name in ("rules", "path", "configurations", "peaks", "margins", "radius")
+            },
             "recordings": packs,
         }
         panels = worst_page.panels(summary, bool(packs), self.margins, self.radius, listed)
         title = f"Worst case of {self.controller.file}: V = {number(self.cost)}"
         return Page(title, self._kicker, panels, worst_page.SCRIPTS, lambda: payload)
+
+    @property
+    def _facts(self) -> tuple[tuple[str, str], ...]:
+        return tuple(worst_page.facts(self.head, self.simulations, self.spent, self.budget, self.starts))
 
     @property
     def _kicker(self) -> str:
@@ -166,7 +185,7 @@ class Robustness(Document, Comparable, kw_only=True):
         if self.failures:
             remarks.append(f"{self.failures} simulations ended with crashed, timeout or error.")
         if self.cut_short:
-            remarks.append(f"The budget of {self.budget} simulations cut short: {', '.join(self.cut_short)}.")
+            remarks.append(f"The budget of {self.budget} whole cases cut short: {', '.join(self.cut_short)}.")
         if not self.complete:
             remarks.append("Time ran out: the search is not complete.")
         return tuple(map(Note, remarks))

@@ -284,7 +284,7 @@ def _added(found: Tuning) -> Part:
 
 def _facts(found: Tuning) -> Iterator[tuple[str, str]]:
     """How the answer was obtained."""
-    robust = f", and a search of {found.robust} simulations" if found.robust else ""
+    robust = f", and a search with a budget of {found.robust} whole cases" if found.robust else ""
     yield from head_facts(found.head)
     yield "Objective", f"protocol {found.objective}"
     yield "Candidates judged", f"{len(found.judged)}, in the protocol {found.protocol}, seed {found.seed}{robust}"

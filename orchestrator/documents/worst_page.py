@@ -32,7 +32,7 @@ from .payload import criteria, packed, packed_error
 from .recording import BESIDE, MOTION_INTERVALS, Recording
 from .wording import REQUIREMENTS
 
-SCRIPTS = ("case.js", "worst.js")
+SCRIPTS = ("case.js", "heat.js", "worst.js")
 
 PROOF = "A failure that is found is a proof, which its command repeats. That none was found proves nothing."
 VALUE = (
@@ -55,10 +55,14 @@ def headline(cost: float | None, listed: float | None, protocol: str, target: fl
     return Headline("Cost V", cost, tuple(marks), sentence)
 
 
-def facts(head: Head, simulations: int, budget: int) -> Iterator[tuple[str, str]]:
+def facts(
+    head: Head, simulations: int, spent: float, budget: int, starts: Sequence[float | None]
+) -> Iterator[tuple[str, str]]:
     """How the answer was obtained."""
     yield from head_facts(head)
-    yield "Budget", f"{simulations} of {budget} simulations"
+    yield "Budget", f"{spent:.0f} of {budget} whole cases, in {simulations} simulations"
+    if len(starts) > 1:
+        yield "V found by each start", ", ".join(map(number, starts))
 
 
 def largest(
@@ -182,14 +186,15 @@ def panels(
     listed: tuple[tuple[str, str], ...],
 ) -> tuple[Panel, ...]:
     """The tabs of the page."""
-    choice = Widget("choice.html", {"id": "effect-of", "text": "Effect on the worst"})
+    choice = Widget("choice.html", {"id": "effect-of", "text": "Criterion"})
+    ends = Widget("place.html", {"id": "ends"})
     case = Widget("case.html") if recorded else Note("This search was made without trajectories.")
     known = Chart("margins-chart", 520, "Margins and radius")
     none = Note("The search has not come to margins and radius.")
     return (
         Panel("summary", "Summary", summary),
         Panel("search", "Search", (Chart("path-of-search", 420, "The path of the search"),)),
-        Panel("effects", "Parameters", (choice, Chart("effects-chart", 640, "Which parameters matter"))),
+        Panel("effects", "Parameters", (choice, ends, Chart("effects-chart", 640, "Which parameters matter"))),
         Panel("case", "Time plots", (case,)),
         Panel("configurations", "Workspace", (Chart("configurations-chart", 640, "V_k over the workspace"),)),
         Panel("margins", "Margins", (known if margins or radius else none,)),

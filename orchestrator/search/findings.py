@@ -10,6 +10,9 @@ from ..benchmark.results import Kind
 from ..codec import Finite, Natural, NonNegative, Struct
 from ..loop.trajectory import Status
 
+BUDGET = 3000
+"""Simulated time of a search by default, in whole cases: some minutes with a compiled controller."""
+
 
 class Found(Struct):
     """The largest value of a criterion found, and the command that repeats it; None for a loop that is unstable."""
@@ -45,8 +48,9 @@ class RequirementFound(Struct):
 
 
 class Margin(Struct):
-    """The smallest change of one axis found to make the loop fail: a factor of the loop gain, or a delay [s] beside the
-    benchmark's; None if none does up to ``limit``."""
+    """The smallest change of one axis found to make the loop fail, of two digits: a factor of the loop gain, or a delay
+    [s] beside the benchmark's; None if none was found up to ``limit``. It fails with ``seeds_failed`` of
+    ``seeds_tried`` other realizations of the noise."""
 
     value: NonNegative | None
     limit: NonNegative
@@ -65,10 +69,13 @@ class Radius(Struct):
 
 
 class Step(Struct):
-    """What was known after so many simulations: the worst value of each target."""
+    """What was known at the end of a stage, after so many simulations and so many whole cases ``spent``: V of eq. (15)
+    from what was found, and the worst value of each target, in whole cases."""
 
     stage: str
     simulations: Natural
+    spent: NonNegative
+    cost: NonNegative | None
     worst: dict[str, Finite | None]
 
 
@@ -90,3 +97,17 @@ class ConfigurationFound(Struct):
     q_a2: Finite
     protocol: NonNegative | None
     found: NonNegative | None
+
+
+class PeakFound(Struct):
+    """The largest value of a criterion found at a configuration, None for a loop that is unstable: with which
+    ``deviations`` of the parameters, in half-widths of Table 1 by FMI name, direction of the force [rad] and
+    frequencies [Hz] of the chirp."""
+
+    configuration: int
+    criterion: str
+    value: NonNegative | None
+    deviations: dict[str, Finite]
+    phi_F: Finite
+    sweep: tuple[Finite, Finite]
+    command: str

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from .findings import Step
-from .member import Member
+from .member import Member, cost
 from .target import Target, severity
 
 T = TypeVar("T")
@@ -27,12 +27,13 @@ Asking = Generator[Ask | Step, Any, T]
 """What asks for simulations, and is sent their results; and tells each stage, and is sent whether to go on."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class History:
-    """Members with their results; each is simulated once."""
+    """Members with their results; each is simulated once. ``spent`` is what they took, in whole cases."""
 
     protocol: Protocol
     found: dict[Member, CaseResult] = field(default_factory=dict)
+    spent: float = 0.0
 
     def results(self, members: Sequence[Member]) -> Asking[list[CaseResult]]:
         """Results of ``members``; asks for those that are not known."""
@@ -40,6 +41,7 @@ class History:
         if new:
             results: Sequence[CaseResult] = yield Ask(new)
             self.found.update(zip(new, results, strict=True))
+            self.spent += sum(cost(member, self.protocol) for member in new)
         return [self.found[member] for member in members]
 
     def severities(self, target: Target) -> Iterator[tuple[float, Member]]:

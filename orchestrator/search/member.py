@@ -40,6 +40,8 @@ class Member:
         Loop gain, and delay from controller to motor [s], of both axes, instead of the test's.
     seed : int
         Base seed of the measurement noise.
+    short : Variation, optional
+        What of the case is simulated; the whole by default.
     """
 
     q_a: Pair
@@ -51,16 +53,19 @@ class Member:
     gain: Pair | None = None
     delay: tuple[Fraction, Fraction] | None = None
     seed: int = 0
+    short: Variation | None = None
 
     @property
     def possible(self) -> bool:
-        """Whether it lies within Table 1, in a loop as the protocol has it."""
-        return self.gain is None and self.delay is None and all(abs(value) <= 1.0 for _, value in self.deviations)
+        """Whether it lies within Table 1, in a loop and over a time as the protocol has it."""
+        as_in_protocol = self.gain is None and self.delay is None and self.short is None
+        return as_in_protocol and all(abs(value) <= 1.0 for _, value in self.deviations)
 
     @property
     def variation(self) -> Variation:
         """What it changes in its test."""
-        return Variation(phi_F=self.phi_F, chirp_frequencies=self.sweep, gain=self.gain, delay=self.delay)
+        short = self.short or Variation()
+        return replace(short, phi_F=self.phi_F, chirp_frequencies=self.sweep, gain=self.gain, delay=self.delay)
 
 
 def names(protocol: Protocol) -> tuple[str, ...]:
@@ -87,9 +92,33 @@ def loose(member: Member, protocol: Protocol) -> Member:
     return replace(member, system=NOMINAL, deviations=deviations, test=test.repeats or test.name)
 
 
+def spelled(member: Member, protocol: Protocol, test: str) -> Member:
+    """The same in ``test``, with parameters as in :func:`loose` and its own disturbance in numbers, so that each can be
+    changed."""
+    own, fixed = protocol.test(member.test), protocol.fixed_disturbance
+    low, high = protocol.disturbance.chirp_frequencies
+    phi_F = fixed.phi_F if own.direction_deg is None else math.radians(own.direction_deg)
+    sweep = {"up": (low, high), "down": (high, low)}.get(own.sweep, (fixed.f_start, fixed.f_stop))
+    return replace(
+        loose(member, protocol),
+        test=test,
+        phi_F=phi_F if member.phi_F is None else member.phi_F,
+        sweep=sweep if member.sweep is None else member.sweep,
+    )
+
+
 def symbol_of(name: str) -> str:
     """The symbol of Table 1 in an FMI name."""
     return name.partition("[")[0]
+
+
+def cost(member: Member, protocol: Protocol) -> float:
+    """What a member's simulation costs, in whole cases: its simulated time by that of the longest test."""
+    longest = max(test.duration for test in protocol.tests)
+    own = protocol.test(member.test).duration
+    if member.short is not None and member.short.duration is not None:
+        own = member.short.duration
+    return float(own / longest)
 
 
 def parameters(member: Member, protocol: Protocol, nominal: Mapping[str, float]) -> dict[str, float]:

@@ -16,6 +16,13 @@ HEAVIEST = 3
 FAILED = 1e3
 """Beyond every severity of a test that holds."""
 
+NEAR = 0.8
+"""Share of a limit cycle's amplitude from which a short simulation's is repeated over the whole case."""
+
+PASSIVE, LASTING = 0.5, 1.05
+"""Ratios of the last two windows of a short simulation: of what dies by itself, and beyond which a larger one means
+nothing."""
+
 
 @dataclass(frozen=True)
 class Target:
@@ -56,3 +63,27 @@ def severity(target: Target, result: Judgement, limits: Stability) -> float:
     if fails(result, limits):
         return FAILED + (math.log10(figures.limit_cycle) if figures.limit_cycle else FAILED)
     return (figures.recovery or 0.0) + (figures.limit_cycle_ratio or 0.0)
+
+
+def unrest(result: Judgement, limits: Stability) -> float:
+    """How far the end of a short simulation of a stability test is from rest; only comparisons are meant.
+
+    The size of the motion in decades from a hundredth of a limit cycle on, weighted by its ratio to the window before
+    as far as that exceeds the ratio of what dies by itself: a large ring of the arm on locked motors is further from a
+    failure than a small motion that lasts.
+    """
+    figures = result.measurements
+    if not result.simulated:
+        return -math.inf
+    if figures.limit_cycle is None:
+        return FAILED
+    size = min(max(0.5 * math.log10(max(figures.limit_cycle, 1e-9) / limits.limit_cycle) + 1.0, 0.0), 1.15)
+    return size * (min(max(figures.limit_cycle_ratio or 0.0, PASSIVE), LASTING) - PASSIVE)
+
+
+def suspect(result: Judgement, limits: Stability) -> bool:
+    """Whether a short simulation of a stability test ends in a way that the whole case may fail."""
+    figures = result.measurements
+    if figures.limit_cycle is None:
+        return result.simulated
+    return figures.limit_cycle >= NEAR * limits.limit_cycle and (figures.limit_cycle_ratio or 0.0) >= limits.ring_down

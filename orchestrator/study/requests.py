@@ -144,10 +144,13 @@ class SeedDone:
 
 @dataclass(frozen=True)
 class StageDone:
-    """A stage of a search has ended, after so many simulations; the worst value of each target so far."""
+    """A stage of a search has ended, after so many simulations that took ``spent`` whole cases; V found so far, and the
+    worst value of each target."""
 
     stage: str
     simulations: int
+    spent: float
+    cost: float | None
     worst: Mapping[str, float | None]
 
 

@@ -135,7 +135,8 @@ def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float,
 
 
 def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: int) -> Judge:
-    """What tries a candidate on the whole protocol and, with ``robust`` simulations, searches for its worst case."""
+    """What tries a candidate on the whole protocol and, with a budget of ``robust`` whole cases, searches for its worst
+    case."""
 
     def verdict(trial: Trial) -> Study[Verdict]:
         candidate, own = controller.with_parameters(trial.values), _name(trial)

@@ -19,13 +19,14 @@ from ..errors import InputError
 from ..pairing import records
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
-from ..search import hunt as stages
+from ..search import answers
 from ..search.findings import Step
 from ..search.history import Ask, Asking, History
-from ..search.hunt import Hunt
+from ..search.hunt import Hunt, least
 from ..search.margins import margins as margins_of
-from ..search.margins import radius as radius_of
 from ..search.member import NOMINAL, Member, case_of, of_case, parameters
+from ..search.radius import radius as radius_of
+from ..search.stages import search
 from ..search.target import Target, targets
 from .heads import head
 from .requests import Batch, Entry, Now, Record, Request, Save, StageDone, Study, Tell, rehearsed
@@ -49,11 +50,10 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
             message = f"There is nothing called {name} to search for. Choose from {', '.join(names)}."
             raise InputError(message, "no-target", protocol.name, name, names)
     wanted = [target for target in known if not only or target.name in only]
-    least = stages.least(protocol, listed, wanted)
-    if budget < least:
-        raise InputError(
-            f"The search begins with {least} simulations: more than its budget of {budget}.", "small-budget", "", budget
-        )
+    first = math.ceil(least(protocol, list(map(of_case, listed)), wanted))
+    if budget < first:
+        message = f"The search begins with {first} whole cases: more than its budget of {budget}."
+        raise InputError(message, "small-budget", "", budget)
     return wanted
 
 
@@ -71,6 +71,7 @@ def worst_case(
     protocol: str | Path = "strict",
     only: Sequence[str] = (),
     from_list: bool = True,
+    restarts: int = 1,
     recordings: bool = False,
     inside: str = "",
 ) -> Study[tuple[Robustness, list[Shown]]]:
@@ -101,11 +102,13 @@ def worst_case(
         if isinstance(request, Ask):
             (runs,) = yield Batch((Entry(rules_of, pairing, tuple(map(case, request.members))),))
             return [run.result for run in runs]
-        yield Tell(StageDone(request.stage, request.simulations, request.worst))
+        yield Tell(StageDone(request.stage, request.simulations, request.spent, request.cost, request.worst))
         now = yield Now()
         return now.seconds - begin.seconds < 60.0 * minutes
 
-    hunt = Hunt(History(rules_of), rules(rules_of), [of_case(each) for each in listed], wanted, command, budget)
+    poses = tuple(dict.fromkeys(of_case(each).q_a for each in cases))
+    members = [of_case(each) for each in listed]
+    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, wanted, command, budget, restarts)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
     results, end = hunt.history.found.values(), (yield Now())
     found = Robustness(
@@ -113,6 +116,8 @@ def worst_case(
         head=head(own, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
         budget=budget,
         simulations=len(results),
+        spent=hunt.history.spent,
+        starts=tuple(hunt.starts),
         failures=sum(result.judged and not result.simulated for result in results),
         complete=hunt.complete,
         cut_short=tuple(hunt.cut_short),
@@ -129,13 +134,13 @@ def worst_case(
 def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     """The fields of the answer that the stages fill. Criteria and costs are read off before margins and radius, whose
     members are not searched for them."""
-    yield from stages.search(hunt, seed)
-    yield from stages.all_configurations(hunt)
-    found: dict[str, Any] = {"requirements": (yield from stages.requirements(hunt))}
-    found["effects"] = yield from stages.effects(hunt)
-    found["criteria"], found["configurations"] = stages.criteria(hunt), stages.configurations(hunt)
-    found["cost"], found["protocol_cost"] = stages.costs(hunt)
-    found["margins"] = (yield from margins_of(hunt)) if hunt.complete else {}
+    yield from search(hunt, seed)
+    found: dict[str, Any] = {"requirements": (yield from answers.requirements(hunt, seed))}
+    found["effects"] = yield from answers.effects(hunt)
+    found["criteria"], found["configurations"] = answers.criteria(hunt), answers.configurations(hunt)
+    found["peaks"] = answers.peaks(hunt)
+    found["cost"], found["protocol_cost"] = answers.costs(hunt)
+    found["margins"] = (yield from margins_of(hunt, seed)) if hunt.complete else {}
     found["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
     return found
 

@@ -36,6 +36,7 @@ from orchestrator.search.findings import (
     Effect,
     Found,
     Margin,
+    PeakFound,
     Radius,
     RequirementFound,
     Step,
@@ -123,6 +124,7 @@ def searched(factor: float = 1.0, **controller: Any) -> Robustness:
         head=head_of(protocol="strict", controller={"parameters": {"K": factor}, **controller}),
         budget=2000,
         simulations=1990,
+        spent=1200.5,
         failures=0,
         complete=True,
         cut_short=("radius of V",),
@@ -207,7 +209,7 @@ def hunted(**controller: Any) -> tuple[Robustness, tuple[Recording, ...]]:
         "delay_1": Margin(4e-3, 0.01, 8, 8, "repeat delay_1"),
         "delay_2": Margin(1.25e-3, 0.01, 8, 8, "repeat delay_2"),
     }
-    stages = ("list", 20), ("round 1", 32), ("round 2", 44), ("all configurations", 60), ("effects", 80)
+    stages = ("list", 20), ("V by pose, 1 of 3", 32), ("V by pose, 2 of 3", 44), ("requirements", 60), ("effects", 80)
     found = replace(
         searched(**controller),
         simulations=80,
@@ -226,8 +228,27 @@ def hunted(**controller: Any) -> tuple[Robustness, tuple[Recording, ...]]:
             Effect("psi[2]", 1.0, "B6", -0.1),
             Effect("f_c[2]", 1.0, "B5", None),
         ),
+        peaks=tuple(
+            PeakFound(
+                pose.index,
+                name,
+                1e-3 * pose.index,
+                {"f_c[2]": (-1.0) ** pose.index, "m[1]": 0.0, "psi[2]": 0.25},
+                1.0,
+                (0.0, 15.0),
+                "repeat",
+            )
+            for pose in GRID
+            for name in ("B5", "B6")
+        ),
         path=tuple(
-            Step(stage, count, {"B5": 1e-4 * count, "B6": None if count < 30 else 0.1 * count, "delay_2": 5.0})
+            Step(
+                stage,
+                count,
+                count / 2,
+                140.0 + count / 4,
+                {"B5": 1e-4 * count, "B6": None if count < 30 else 0.1 * count, "delay_2": 5.0},
+            )
             for stage, count in stages
         ),
     )

@@ -4,41 +4,49 @@ const searched = data.criteria.filter((entry) => data.path.some((step) => entry.
 const HUE_OF = Object.fromEntries(searched.map((entry, index) => [entry.name, ["one", "two", "three"][index % 3]]));
 const narrow = () => window.innerWidth < 640;
 
-/** The stages of the search in order, as name and the simulations it began and ended at; what has parts is one stage. */
+/** The stages of the search in order, as name and the whole cases it began and ended at; what has parts is one stage. */
 function stages() {
   const found = [];
   let from = 0;
-  for (const { stage, simulations } of data.path) {
-    const name = stage.startsWith("round ") ? "search" : stage.split(" of ")[0];
-    if (found.length && found[found.length - 1].name === name) found[found.length - 1].to = simulations;
-    else found.push({ name, from, to: simulations });
-    from = simulations;
+  for (const { stage, spent } of data.path) {
+    const name = stage.split(/, \d| of /)[0];
+    if (found.length && found[found.length - 1].name === name) found[found.length - 1].to = spent;
+    else found.push({ name, from, to: spent });
+    from = spent;
   }
   return found;
 }
 
 function drawPathOfSearch() {
   const parts = stages();
-  const end = data.path[data.path.length - 1].simulations;
+  const end = data.path[data.path.length - 1].spent;
   const ratio = ({ name, target }, { worst }) => (worst[name] === null || worst[name] === undefined ? null : worst[name] / target);
   const room = $("#path-of-search").clientWidth - 80;
   const areas = parts.map((part, index) => ({ ...part, label: (room * (part.to - part.from)) / end < 14 ? "" : String(index + 1) }));
-  const largest = Math.max(1, ...searched.flatMap((entry) => data.path.map((step) => ratio(entry, step) || 0)));
+  const target = data.rules.cost.target;
+  const largest = Math.max(1, ...searched.flatMap((entry) => data.path.map((step) => ratio(entry, step) || 0)), ...data.path.map(({ cost }) => (cost || 0) / target));
   const last = (entry) => `${entry.name} ${figures(entry.worst_case.value === null ? null : entry.worst_case.value * entry.factor)} ${entry.shown}`;
   chart("path-of-search", {
-    legend: legend({ icon: "roundRect", data: searched.map((entry) => entry.name) }),
+    legend: legend({ icon: "roundRect", data: ["V", ...searched.map((entry) => entry.name)] }),
     toolbox: toolbox(false),
-    tooltip: tooltip({ trigger: "axis", axisPointer: { label: { formatter: ({ value }) => `${value} simulations` } }, valueFormatter: (value) => `${figures(value)} times its target` }),
+    tooltip: tooltip({ trigger: "axis", axisPointer: { label: { formatter: ({ value }) => `${figures(value)} whole cases` } }, valueFormatter: (value) => `${figures(value)} times its target` }),
     grid: { left: 56, right: 24, top: 66, bottom: 48 },
-    xAxis: axis("Simulations", { min: 0, max: end, axisLabel: { color: colour("soft"), hideOverlap: true, showMaxLabel: false } }),
-    yAxis: axis("Largest value / target", { nameGap: 36, min: 0, max: Number((1.2 * largest).toPrecision(2)), axisLabel: { color: colour("soft"), showMaxLabel: false } }),
-    series: searched.map((entry, index) => ({
+    xAxis: axis("Budget spent [whole cases]", { min: 0, max: end, axisLabel: { color: colour("soft"), hideOverlap: true, showMaxLabel: false } }),
+    yAxis: axis("Found / target", { nameGap: 36, min: 0, max: Number((1.2 * largest).toPrecision(2)), axisLabel: { color: colour("soft"), showMaxLabel: false } }),
+    series: [{
+      type: "line",
+      name: "V",
+      symbolSize: 7,
+      lineStyle: { width: 3, color: colour("ink") },
+      itemStyle: { color: colour("ink") },
+      data: data.path.map(({ spent, cost }) => [spent, cost === null ? null : cost / target]),
+    }, ...searched.map((entry, index) => ({
       type: "line",
       step: "end",
       name: entry.name,
       symbolSize: 5,
       itemStyle: { color: colour(HUE_OF[entry.name]) },
-      data: data.path.map((step) => [step.simulations, ratio(entry, step)]),
+      data: data.path.map((step) => [step.spent, ratio(entry, step)]),
       ...(index ? {} : {
         markLine: { silent: true, symbol: "none", data: [level(1, "target")] },
         markArea: {
@@ -47,8 +55,8 @@ function drawPathOfSearch() {
           data: areas.map((part, place) => [{ xAxis: part.from, name: part.label, itemStyle: { color: place % 2 ? "transparent" : colour("area") } }, { xAxis: part.to }]),
         },
       }),
-    })),
-  }, `The largest values so far. Stages: ${parts.map((part, index) => `${index + 1} ${part.name} (${part.to - part.from})`).join(", ")}; in brackets, simulations. Found at last: ${searched.map(last).join(", ")}.`);
+    }))],
+  }, `V of what was found so far, and the largest value of each criterion at any pose, by their targets: lower bounds, which a longer search may exceed. Stages: ${parts.map((part, index) => `${index + 1} ${part.name} (${figures(part.to - part.from)})`).join(", ")}; in brackets, whole cases. Found at last: V ${figures(data.path[data.path.length - 1].cost)}, ${searched.map(last).join(", ")}.`);
 }
 
 const SIGNS = { 1: "+", "-1": "−", 0: "nominal" };
@@ -61,6 +69,7 @@ function drawEffects() {
     return;
   }
   const { name, factor, shown } = criterion(options("effect-of", known.map((entry) => [entry.name, `${entry.name}, ${entry.title.toLowerCase()}`]), drawEffects).value);
+  drawEnds(name);
   const all = data.effects.filter((effect) => effect.criterion === name);
   const rows = all.filter((effect) => effect.change !== null).map((effect) => ({ ...effect, part: -effect.change * factor })).sort((a, b) => b.part - a.part);
   const lost = all.length - rows.length;
@@ -76,6 +85,36 @@ function drawEffects() {
     labels: { width: narrow() ? 152 : 380, overflow: "break", lineHeight: 14 },
     text: `By how much the worst ${name} falls if one parameter alone goes to its other end: + and − are the ends at which it stands in the worst arm. Where the bar points to the left, the other end is worse.${lost ? ` For ${lost} parameters there is no value.` : ""}`,
   });
+}
+
+/** At which end each parameter stands in the worst arm of a criterion, by configuration. */
+function drawEnds(name) {
+  const poses = new Map(data.configurations.map((entry) => [entry.index, entry]));
+  const known = data.peaks.filter((peak) => peak.criterion === name && poses.has(peak.configuration))
+    .map((peak) => ({ ...peak, pose: poses.get(peak.configuration) }))
+    .sort((a, b) => a.pose.q_a2 - b.pose.q_a2 || a.pose.q_a1 - b.pose.q_a1);
+  if (!known.length) {
+    $("#ends").replaceChildren();
+    return;
+  }
+  const { factor, shown } = criterion(name);
+  const cell = (deviation, words) => {
+    const channels = blended(PUOR, (deviation + 1) / 2);
+    const found = element("td", { title: words }, SIGNS[deviation] === "nominal" || deviation === 0 ? "0" : SIGNS[deviation] || figures(deviation));
+    found.style.background = `rgb(${channels})`;
+    found.style.color = readable(channels);
+    return found;
+  };
+  const head = (words, values) => element("tr", {}, element("th", { scope: "row" }, words), ...values.map((value) => element("th", { scope: "col" }, value)));
+  const rows = Object.keys(known[0].deviations).map((parameter) =>
+    element("tr", {}, element("th", { scope: "row" }, parameter), ...known.map((peak) =>
+      cell(peak.deviations[parameter], `${parameter} at q_a1 ${degrees(peak.pose.q_a1)}, q_a2 ${degrees(peak.pose.q_a2)}: ${figures(peak.deviations[parameter])} half-widths`))));
+  $("#ends").replaceChildren(
+    element("h2", {}, "The worst arm by pose"),
+    element("div", { class: "scroll" }, element("table", { class: "ends" },
+      element("thead", {}, head("q_a2", known.map((peak) => degrees(peak.pose.q_a2))), head("q_a1", known.map((peak) => degrees(peak.pose.q_a1))), head(`${name} [${shown}]`, known.map((peak) => (peak.value === null ? "-" : figures(peak.value * factor))))),
+      element("tbody", {}, ...rows))),
+    element("p", { class: "caption" }, `At which end of its range each parameter stands in the worst arm found for ${name} at each configuration: + the upper end (orange), − the lower one (purple), 0 nominal.`));
 }
 
 function drawConfigurations() {

@@ -1,0 +1,191 @@
+"""What a search has found, read off its history; and what that takes beside it: other noise, effects of parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..benchmark.results import CaseResult
+from ..benchmark.scorecard import kind
+from .descent import Levels, contenders, descend
+from .findings import ConfigurationFound, CriterionFound, Effect, Found, PeakFound, RequirementFound
+from .history import Asking
+from .hunt import CONFIRMED, Hunt, card, possible
+from .member import Member, Pair, loose, spelled
+from .short import short
+from .target import Target, fails, severity
+
+SETTLING = 10.0
+"""Time after the force [s] that a settling time is waited for where a parameter is changed."""
+
+LEVEL = 0.15
+"""Share of what is left that the search for a failure of the requirements at their own level takes."""
+
+SEEDS = range(1, 9)
+"""Base seeds of the noise that a failure is tried with."""
+
+
+def worst_members(hunt: Hunt) -> dict[Target, Member]:
+    """The criteria that are searched for, and the worst member of each."""
+    found = ((target, hunt.history.worst(target)) for target in hunt.wanted if target.criterion)
+    return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
+
+
+def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
+    """The criteria with the largest values found."""
+    found, listed = card(hunt, possible(hunt)), card(hunt, hunt.listed)
+    entries = {}
+    for name, spec in hunt.protocol.criteria.items():
+        target = Target(name, "", name)
+        worst = hunt.history.worst(target)
+        where = Found(None, "") if worst is None else Found(hunt.history.severity(target), hunt.command(worst))
+        if worst is not None and name in {each.criterion for each in hunt.wanted}:
+            hunt.shown.setdefault(worst, []).append(name)
+        entries[name] = CriterionFound(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
+    return entries
+
+
+def worst_at_each(hunt: Hunt) -> dict[tuple[Target, Pair], Member]:
+    """The worst member of each criterion that is searched for at each configuration."""
+    found: dict[tuple[Target, Pair], tuple[float, Member]] = {}
+    for target in hunt.wanted:
+        for value, member in hunt.history.severities(target) if target.criterion else ():
+            at = target, member.q_a
+            if member.q_a in hunt.poses and (at not in found or value > found[at][0]):
+                found[at] = value, member
+    return {at: member for at, (_, member) in found.items()}
+
+
+def peaks(hunt: Hunt) -> tuple[PeakFound, ...]:
+    """The worst member of each criterion that was searched for at each configuration, in the protocol's order."""
+    found = worst_at_each(hunt)
+    return tuple(
+        _peak(hunt, target, found[target, q_a])
+        for q_a in hunt.poses
+        for target in hunt.wanted
+        if (target, q_a) in found
+    )
+
+
+def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
+    result = hunt.history.found[member]
+    told = spelled(member, hunt.protocol, member.test)
+    value = severity(target, result, hunt.protocol.stability)
+    return PeakFound(
+        configuration=result.configuration.index,
+        criterion=target.criterion,
+        value=value if math.isfinite(value) else None,
+        deviations=dict(told.deviations),
+        phi_F=told.phi_F or 0.0,
+        sweep=told.sweep or (0.0, 0.0),
+        command=hunt.command(member),
+    )
+
+
+def costs(hunt: Hunt) -> tuple[float | None, float | None]:
+    """V of eq. (15) with all that was found, and of the list alone."""
+    return card(hunt, possible(hunt)).cost, card(hunt, hunt.listed).cost
+
+
+def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
+    """V_k of the list, and with all that was found."""
+    listed = {entry.index: entry.cost for entry in card(hunt, hunt.listed).configurations}
+    found = card(hunt, possible(hunt)).configurations
+    return tuple(
+        ConfigurationFound(entry.index, entry.q_a1, entry.q_a2, listed[entry.index], entry.cost)
+        for entry in found
+        if entry.index in listed
+    )
+
+
+def requirements(hunt: Hunt, seed: int) -> Asking[dict[str, RequirementFound]]:
+    """The requirements, each with the worst case found by a search at its own level; where it fails it is tried with
+    other noise."""
+    if hunt.complete:  # else time is over
+        yield from _search_levels(hunt, seed)
+    protocol = hunt.protocol
+    found = {}
+    hunt.allot(CONFIRMED)
+    for name in ("A1", "A2", "A3"):
+        tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
+        members = [
+            (value, member) for test in tests for value, member in hunt.history.severities(Target(test.name, test.name))
+        ]
+        if members:
+            known, limits = hunt.history.found, protocol.stability
+            # A simulation that crashed has no severity, but fails all the same.
+            _, worst = max(members, key=lambda pair: (fails(known[pair[1]], limits), pair[0]))
+            found[name] = yield from _judged(hunt, worst, all(known[member].judged for _, member in members))
+            test = protocol.test(worst.test)
+            if known[worst].simulated:
+                hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
+    yield from hunt.note("other noise")
+    return found
+
+
+def _search_levels(hunt: Hunt, seed: int) -> Asking[None]:
+    """Search for members that fail in the tests of the requirements, as the protocol has them."""
+    disturbed = [target for target in hunt.wanted if target.criterion][:1]
+    left = [*(Target(each.test, each.test) for each in disturbed), *(t for t in hunt.wanted if not t.criterion)]
+    hunt.allot(LEVEL)
+    end, begin = hunt.limit, hunt.history.spent
+    for number, target in enumerate(left):
+        hunt.limit = begin + (end - begin) * (number + 1) / len(left)
+        as_it_is = Levels(target.name, target, (None,), lambda member, _: member)
+        if members := contenders(hunt, target):
+            yield from descend(hunt, as_it_is, members, seed)
+    hunt.cut = False  # a longer search may always find one
+    yield from hunt.note("requirements")
+
+
+def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementFound]:
+    """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
+    limits = hunt.protocol.stability
+    (result,) = yield from hunt.history.results([worst])
+    broken = fails(result, limits)
+    failed, tried = (yield from other_noise(hunt, worst)) if broken and result.simulated else (0, 0)
+    figures = result.measurements
+    return RequirementFound(
+        passed=False if broken else True if whole else None,
+        kind=kind(result, limits),
+        limit_cycle=figures.limit_cycle,
+        ratio=figures.limit_cycle_ratio,
+        frequency=figures.limit_cycle_frequency,
+        seeds_failed=failed,
+        seeds_tried=tried,
+        command=hunt.command(worst),
+        status=result.status,
+    )
+
+
+def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
+    """With how many of the other realizations of the noise a member fails, and how many were tried."""
+    results = yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
+    return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
+
+
+def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
+    """How the largest values of the heaviest criteria change with each parameter at its other end, in short
+    simulations."""
+    found = []
+    hunt.allot(CONFIRMED)
+    for target, worst in worst_members(hunt).items():
+        own = replace(worst, short=short(hunt.protocol, target, SETTLING))
+        signs = dict(own.deviations)
+        others = {
+            name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
+        }
+        tried = hunt.afford([own, *others.values()])
+        results = dict(zip(tried, (yield from hunt.history.results(tried)), strict=True))
+        for name, member in others.items():
+            if own in results and member in results:
+                found.append(
+                    Effect(name, signs[name], target.name, _change(results[own], results[member], target.name))
+                )
+    yield from hunt.note("effects")
+    return tuple(found)
+
+
+def _change(before: CaseResult, after: CaseResult, name: str) -> float | None:
+    values = [getattr(result.measurements, name) for result in (before, after)]
+    return None if None in values or not all(map(math.isfinite, values)) else values[1] - values[0]

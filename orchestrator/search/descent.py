@@ -1,0 +1,163 @@
+"""Stability at the level that fails: the smallest change of one axis at which any member of the uncertainty fails.
+
+Members are searched for at a gain or delay just below the smallest that is known to fail, since the worst member at a
+small change is not that at a large one. They may lie inside their ranges, at any pose of the workspace, under a force
+from any direction, with either sweep and any noise. What a short simulation shows to be near a failure is repeated
+over the whole case; where that fails, the level goes down. A failure is not monotone in the level: what is found is
+the smallest level found to fail.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..benchmark.protocol import Protocol
+from ..loop.random_streams import stable_stream
+from . import moves
+from .history import Asking
+from .hunt import Hunt
+from .member import Member, spelled
+from .race import race
+from .short import short
+from .target import Target, fails, suspect, unrest
+
+CONTENDERS = 2
+"""Members of each named system, and of those that were searched, that a descent begins with."""
+
+CHILDREN, DRAWN, PARENTS, REPEATED = 12, 4, 6, 2
+"""Children in a generation, members drawn from the whole box beside them, the best that children come from, and those
+that are repeated over the whole case."""
+
+PATIENCE = 4
+"""Generations without a rise after which a level is given up for a higher one."""
+
+RISE = 0.01
+"""What the nearest to a failure has to rise by for its level to be kept."""
+
+DISPROVED = 1.0
+"""What a member that is near a failure in a short simulation, and does not fail in the whole case, is put back by."""
+
+TURNED, INSIDE = 0.3, 0.6
+"""Shares of the children with signs turned, and with parameters moved inside their ranges; the others keep theirs."""
+
+MOVED, PUSHED, ANYWHERE, SWEPT, HEARD = 0.4, 0.3, 0.1, 0.1, 0.15
+"""Shares of the children that get another pose, direction of the force (near or any), sweep, and noise."""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """What is changed step by step: a ``scale`` from the harmless to the harmful, and how a member is changed by a step
+    of it, in the test of ``target``; ``kind`` says what that is."""
+
+    name: str
+    target: Target
+    scale: Sequence[Any]
+    at: Callable[[Member, Any], Member]
+    kind: str = ""
+
+
+def contenders(hunt: Hunt, target: Target) -> list[Member]:
+    """The worst of each system for ``target``, the worst first: which system has the least margin, the test does not
+    tell; the nominal system if nothing is known."""
+    taken: Counter[str] = Counter()
+    found = []
+    for member in hunt.history.ranked(target):
+        taken[member.system] += 1
+        if taken[member.system] <= CONTENDERS:
+            found.append(member)
+    return found or [Member(hunt.poses[0], target.test)]
+
+
+def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) -> Asking[tuple[int, Member] | None]:
+    """The smallest step found to fail and the member that fails there, within the stage's share; None if none does.
+
+    Begins with a race of the ``members``. Then the level is halfway between the smallest that fails and the largest
+    that was given up, since what fails at a small change is often far from what fails at a large one.
+    """
+    scale, at, protocol = levels.scale, levels.at, hunt.protocol
+    limits, view = protocol.stability, short(protocol, levels.target, 0.0)
+    stream = stable_stream((seed, zlib.crc32(levels.name.encode()), len(scale)))
+
+    def fail(some: Sequence[Member]) -> Asking[list[bool]]:
+        return (yield from failing(hunt, some))
+
+    best = yield from race(members, scale, at, fail)
+    parents = [_plain(spelled(member, protocol, levels.target.test)) for member in members]
+    low, level, tries, known = -1, -1, 0, dict[Member, float]()
+    while (high := len(scale) if best is None else best[0]) > 0:
+        if tries == PATIENCE and level < high - 1:
+            low = level
+        wanted = max(high - 1 if high - low <= 1 else (low + high) // 2, 0)
+        if level != wanted:  # how near the best so far are to a failure at another level is not known
+            level, tries, known = wanted, 0, {}
+        tries += 1
+        # the parents themselves first, then their children
+        tried = [parent for parent in parents if parent not in known] or [
+            *(_child(parents, protocol, stream) for _ in range(CHILDREN)),
+            *(_drawn(parents[0], protocol, stream) for _ in range(DRAWN)),
+        ]
+        shown = {member: replace(at(member, scale[level]), short=view) for member in tried}
+        if not (afforded := hunt.afford(list(shown.values()))):
+            return best
+        results = dict(zip(afforded, (yield from hunt.history.results(afforded)), strict=True))
+        fresh = {member: results[own] for member, own in shown.items() if own in results}
+        before = max(known.values(), default=-math.inf)
+        known |= {member: unrest(result, limits) for member, result in fresh.items()}
+        if max(known.values()) > before + RISE:
+            tries = 0
+        suspects = [member for member, result in fresh.items() if suspect(result, limits)]
+        suspects = sorted(suspects, key=lambda member: -known[member])[:REPEATED]
+        parents = sorted(known, key=lambda member: -known[member])[:PARENTS]
+        for member in suspects:
+            known[member] -= DISPROVED  # unless it fails, in which case the level changes
+        if lower := (yield from race(suspects, scale[: level + 1], at, fail)):
+            best, low, level = lower, -1, -1
+            parents = [_plain(lower[1]), *parents]
+    return best
+
+
+def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
+    """Whether members are known to fail: one that the stage's share does not last for is not."""
+    tried = set(hunt.afford(members))
+    yield from hunt.history.results([member for member in members if member in tried])
+    return [member in tried and fails(hunt.history.found[member], hunt.protocol.stability) for member in members]
+
+
+def _plain(member: Member) -> Member:
+    return replace(member, gain=None, delay=None, short=None)
+
+
+def _child(parents: Sequence[Member], protocol: Protocol, stream: np.random.RandomState) -> Member:
+    found = parents[min(int(stream.exponential(1.5)), len(parents) - 1)]
+    kind = moves.either(stream, (("turned", TURNED), ("inside", INSIDE), ("as it is", 1.0)))
+    if kind != "as it is":
+        found = moves.turned(found, stream) if kind == "turned" else moves.inside(found, stream)
+    draws = stream.uniform(size=4)
+    if draws[0] < MOVED:
+        found = moves.moved(found, protocol, stream)
+    if draws[1] < PUSHED:
+        found = moves.pushed_anywhere(found, stream) if draws[1] < ANYWHERE else moves.pushed(found, stream)
+    if draws[2] < SWEPT:
+        found = moves.swept(found, protocol)
+    return moves.heard(found, stream) if draws[3] < HEARD else found
+
+
+def _drawn(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
+    """A member of which everything is drawn, half of the parameters at an end of their ranges."""
+    ends = stream.uniform(size=len(member.deviations)) < 0.5
+    values = stream.uniform(-1.0, 1.0, len(member.deviations))
+    deviations = (
+        (name, math.copysign(1.0, value) if end else round(float(value), 2))
+        for end, value, (name, _) in zip(ends, values, member.deviations, strict=True)
+    )
+    workspace = protocol.workspace
+    q_a = round(stream.uniform(*workspace.q_a1_deg), 1), round(stream.uniform(*workspace.q_a2_deg), 1)
+    found = moves.pushed_anywhere(replace(member, q_a=q_a, deviations=tuple(deviations)), stream)
+    return moves.heard(moves.swept(found, protocol) if stream.uniform() < 0.5 else found, stream)

@@ -1,0 +1,140 @@
+"""Random changes of a member: the moves of a search. Each is a function of its stream of random numbers alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..benchmark.protocol import Protocol
+from .member import Member, Pair, names, symbol_of
+
+MORE = 0.45
+"""Probability of each sign turned after the first."""
+
+MOST = 4
+"""Signs that are turned at the most."""
+
+FORCE_STEP, POSE_STEP = 25.0, 20.0
+"""Standard deviation of the largest moves [degrees]; each is scaled by a uniform draw, so that there are small ones."""
+
+INSIDE_STEP = 0.5
+"""Standard deviation of a step inside the ranges, in half-widths."""
+
+JUMPS = 0.3
+"""Share of the moves of a pose that go anywhere."""
+
+SEEDS = 1000
+"""Number of the seeds that a realization of the noise is chosen from."""
+
+
+def turned(member: Member, stream: np.random.RandomState) -> Member:
+    """Some signs turned; a parameter that is nominal goes to either end."""
+    count = min(int(stream.geometric(1.0 - MORE)), MOST)
+    places = set(stream.permutation(len(member.deviations))[:count].tolist())
+    ends = stream.choice((-1.0, 1.0), len(member.deviations))
+    deviations = (
+        (name, (-math.copysign(1.0, value) if value else float(ends[place])) if place in places else value)
+        for place, (name, value) in enumerate(member.deviations)
+    )
+    return replace(member, deviations=tuple(deviations))
+
+
+def inside(member: Member, stream: np.random.RandomState) -> Member:
+    """Some parameters moved inside their ranges, with reflection at the ends."""
+    count = min(int(stream.geometric(1.0 - MORE)), MOST)
+    places = set(stream.permutation(len(member.deviations))[:count].tolist())
+    steps = INSIDE_STEP * stream.standard_normal(len(member.deviations))
+    deviations = (
+        (name, _reflected(value + float(steps[place]), -1.0, 1.0) if place in places else value)
+        for place, (name, value) in enumerate(member.deviations)
+    )
+    return replace(member, deviations=tuple((name, round(value, 2)) for name, value in deviations))
+
+
+def _reflected(value: float, low: float, high: float) -> float:
+    value = 2.0 * low - value if value < low else 2.0 * high - value if value > high else value
+    return min(max(value, low), high)
+
+
+def crossed(member: Member, other: Member, stream: np.random.RandomState) -> Member:
+    """Each parameter of one of the two."""
+    theirs = dict(other.deviations)
+    own = stream.uniform(size=len(member.deviations)) < 0.5
+    deviations = (
+        (name, value if keep else theirs[name]) for keep, (name, value) in zip(own, member.deviations, strict=True)
+    )
+    return replace(member, deviations=tuple(deviations))
+
+
+def brought(member: Member, q_a: Pair) -> Member:
+    """The member at another pose, with the force's direction turned with the arm's first axis."""
+    if member.phi_F is None:
+        return replace(member, q_a=q_a)
+    return replace(member, q_a=q_a, phi_F=_direction(math.degrees(member.phi_F) + q_a[0] - member.q_a[0]))
+
+
+def pushed(member: Member, stream: np.random.RandomState) -> Member:
+    """The force from another direction, near its own."""
+    step = FORCE_STEP * stream.standard_normal() * stream.uniform()
+    return replace(member, phi_F=_direction(math.degrees(member.phi_F or 0.0) + step))
+
+
+def pushed_anywhere(member: Member, stream: np.random.RandomState) -> Member:
+    """The force from any direction."""
+    return replace(member, phi_F=_direction(stream.uniform(0.0, 360.0)))
+
+
+def _direction(degrees: float) -> float:
+    """A direction of whole degrees [rad], so that a command says it shortly."""
+    return math.radians(round(degrees) % 360)
+
+
+def swept(member: Member, protocol: Protocol) -> Member:
+    """The other sweep of the chirp."""
+    low, high = protocol.disturbance.chirp_frequencies
+    return replace(member, sweep=(high, low) if member.sweep == (low, high) else (low, high))
+
+
+def heard(member: Member, stream: np.random.RandomState) -> Member:
+    """Another realization of the noise."""
+    return replace(member, seed=int(stream.randint(SEEDS)))
+
+
+def moved(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
+    """Another pose within the workspace, in tenths of a degree, near its own or anywhere."""
+    jump = stream.uniform() < JUMPS
+    found = []
+    workspace = protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg
+    for angle, (low, high) in zip(member.q_a, workspace, strict=True):
+        anywhere, near = stream.uniform(low, high), angle + POSE_STEP * stream.standard_normal() * stream.uniform()
+        found.append(_reflected(round(float(anywhere if jump else near), 1), low, high))
+    return replace(member, q_a=(found[0], found[1]))
+
+
+def single_effects(member: Member, protocol: Protocol) -> dict[tuple[str, float], Member]:
+    """Members that differ from ``member`` in one uncertain parameter, both axes at once, at either end."""
+    found = {}
+    for symbol in protocol.uncertainty:
+        for sign in (-1.0, 1.0):
+            changed = {f"{symbol}[{axis}]": sign for axis in (1, 2)}
+            deviations = tuple((name, changed.get(name, value)) for name, value in member.deviations)
+            found[symbol, sign] = replace(member, deviations=deviations)
+    return found
+
+
+def combined(member: Member, worse: dict[str, float], protocol: Protocol) -> Member:
+    """The member with each parameter, on both axes, at its ``worse`` end by symbol."""
+    return replace(member, deviations=tuple((name, worse[symbol_of(name)]) for name in names(protocol)))
+
+
+def either(stream: np.random.RandomState, choices: Sequence[tuple[str, float]]) -> str:
+    """One of the ``choices``, a name with its probability, which add up to 1."""
+    place = stream.uniform()
+    for name, share in choices:
+        place -= share
+        if place < 0.0:
+            return name
+    return choices[-1][0]

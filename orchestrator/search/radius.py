@@ -1,0 +1,119 @@
+"""The factor on all tolerances at which V passes its target, and at which a requirement fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+from .answers import worst_at_each
+from .descent import contenders, failing
+from .findings import Radius
+from .history import Asking
+from .hunt import Hunt, card, possible
+from .member import Member, Pair, loose
+from .race import race
+from .short import short
+from .target import Target, severity, targets
+
+STABILITY, COST = 1, 1
+"""Shares of the two radii of what is left, beside one of each margin."""
+
+SCALES = tuple(step / 20 for step in range(1, 25))
+"""Steps of the factor on the half-widths, up to 1.2."""
+
+SETTLING = 10.0
+"""Time after the force [s] that a settling time is waited for."""
+
+
+class Spent(Exception):
+    """The share of a stage does not last for what it needs."""
+
+
+def whole(hunt: Hunt) -> bool:
+    """Whether everything is searched for, from a list: then there is a radius."""
+    return bool(hunt.listed) and len(hunt.wanted) == len(targets(hunt.protocol))
+
+
+def radius(hunt: Hunt) -> Asking[Radius | None]:
+    """The factors on all half-widths at which V passes its target and at which a requirement fails; None for a search
+    for less than that, or without a list, or if the budget does not last for it."""
+    if not whole(hunt):
+        return None
+
+    def wider(member: Member, factor: float) -> Member:
+        return scaled(loose(member, hunt.protocol), factor)
+
+    hunt.allot(STABILITY / (STABILITY + COST))
+    stability = [target for target in hunt.wanted if not target.criterion]
+    members = [member for target in stability for member in contenders(hunt, target)]
+    broken = any((yield from failing(hunt, members)))  # then the radius is below 1, whatever happens beyond
+    scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
+    lasts = not members or bool(hunt.afford([wider(members[0], scale[-1])]))
+    found = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
+    yield from hunt.note("radius of stability")
+    hunt.allot(1.0)
+    try:
+        cost = yield from _radius_of_cost(hunt)
+    except Spent:
+        lasts = False
+    yield from hunt.note("radius of V")
+    return Radius(cost, None if found is None else SCALES[found[0]], SCALES[-1]) if lasts else None
+
+
+def scaled(member: Member, factor: float) -> Member:
+    """The member with all its deviations by ``factor``."""
+    return replace(member, deviations=tuple((name, factor * value) for name, value in member.deviations))
+
+
+def _radius_of_cost(hunt: Hunt) -> Asking[float | None]:
+    """By bisection: at 1 V of all that was found; else V with the worst member of each criterion at each configuration,
+    of short simulations, and with the other criteria as they are at 1.
+
+    Raises :class:`Spent` if the stage's share does not even last for the first steps.
+    """
+    worst = {key: loose(member, hunt.protocol) for key, member in worst_at_each(hunt).items()}
+    rules = hunt.rules
+    found = card(hunt, possible(hunt))
+    searched = {target.criterion for target, _ in worst}
+    shares = [entry.share for name, entry in found.criteria.items() if name not in searched]
+    steps = (0.0, *SCALES)
+
+    def too_much(step: int) -> Asking[bool]:
+        if step == one:
+            return found.cost is None or found.cost > rules.cost.target
+        at = {
+            key: scaled(replace(member, short=short(hunt.protocol, key[0], SETTLING)), steps[step])
+            for key, member in worst.items()
+        }
+        if len(hunt.afford(list(at.values()))) < len(at):
+            raise Spent
+        results = yield from hunt.history.results(list(at.values()))
+        values = {
+            key: severity(key[0], result, hunt.protocol.stability) for key, result in zip(at, results, strict=True)
+        }
+        return _cost(hunt, values, shares) > rules.cost.target
+
+    low, one, high = -1, steps.index(1.0), len(steps) - 1
+    if not worst:
+        return None
+    if (yield from too_much(one)):
+        high = one
+    elif (yield from too_much(high)):
+        low = one
+    else:
+        return None
+    with suppress(Spent):
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if (yield from too_much(middle)) else (middle, high)
+    return steps[high]
+
+
+def _cost(hunt: Hunt, values: dict[tuple[Target, Pair], float], shares: Sequence[float | None]) -> float:
+    """V of eq. (15) of the largest ``values`` by criterion and pose, and of the ``shares`` of other criteria."""
+    total = sum(share or 0.0 for share in shares)
+    for (target, _), value in values.items():
+        spec = hunt.rules.criteria[target.criterion]
+        total += spec.weight / spec.target * value / len(hunt.poses)
+    return total
