@@ -5,12 +5,25 @@ import json
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from support.reports import RECORDINGS, hunted, recording, results_of, scaled, searched, seeded, swept, tuned, verified
+from support.reports import (
+    RECORDINGS,
+    hunted,
+    recording,
+    results_of,
+    sampled,
+    scaled,
+    searched,
+    seeded,
+    swept,
+    tuned,
+    verified,
+)
 from support.results import RULES, TABLE_2, everything, result
 
 import orchestrator
 from orchestrator.benchmark.results import CaseResult
 from orchestrator.codec import plain
+from orchestrator.documents import compare_page
 from orchestrator.documents.comparison import Comparison, Group, compare
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
@@ -164,4 +177,17 @@ def test_documents_of_all_kinds_stand_in_one_comparison(tmp_path):
     assert [group.ranked[0].cost for group in found[2:4]] == [99.0, 90.0]
     assert found.document() == plain(found.document()) and "Evaluations" in repr(found)
     assert compare([]).summary().tables == () and len(page_html(compare([]).page())) > 0
-    assert [tab.id for tab in found.page().panels] == ["leaderboard", "bars", "overlay", "seeds"]
+    assert [tab.id for tab in found.page().panels] == ["leaderboard", "bounds", "bars", "overlay", "seeds"]
+
+
+def test_what_is_known_of_v_of_a_controller_stands_on_one_axis():
+    """Scorecards, lists, what searches found and samples of the same controller, and none of others."""
+    listed = [Evaluation(scaled(1.0)), Evaluation(scaled(1.2)), searched(1.0), sampled(parameters={"K": 1.0})]
+    (row,) = compare_page.bounds([(f"no. {number}", each) for number, each in enumerate(listed)])
+    assert (row["name"], row["target"]) == ("no. 0", 100.0)
+    marks = [(mark["kind"], mark["V"]) for mark in row["marks"]]
+    expected = [("scorecard", listed[0].results.cost), ("scorecard", 180.0), ("found", 200.0)]
+    assert marks == [*expected, ("sampled", listed[3].cost.bound)]
+    assert not compare_page.bounds([("a", listed[0]), ("b", listed[1])])
+    page = page_html(compare([(each, None) for each in listed]).page())
+    assert "V, found and sampled" in page and "found by a search of 1200 whole cases" in page

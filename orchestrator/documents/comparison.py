@@ -129,8 +129,11 @@ class Comparison(Shown, Sequence[Group]):
     def page(self) -> Page:
         """The tables, and charts of the first group of each kind."""
         own, named = self.summary(), self.named
-        panels = (Panel("leaderboard", "Leaderboard", own.parts), *compare_page.panels(named))
-        return Page(own.title, own.kicker, panels, compare_page.SCRIPTS, lambda: compare_page.payload(named))
+        listed = (entry.document for group in self.groups for entry in group.entries)
+        everything = [(_controller(each.head.controller), each) for each in listed]
+        panels = (Panel("leaderboard", "Leaderboard", own.parts), *compare_page.panels(named, everything))
+        scripts = compare_page.SCRIPTS
+        return Page(own.title, own.kicker, panels, scripts, lambda: compare_page.payload(named, everything))
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain values in SI units."""

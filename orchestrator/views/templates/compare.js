@@ -59,6 +59,33 @@ function drawBars() {
   }, "V of every run, made up of the shares of B1 to B7.");
 }
 
+const MARKS = {
+  scorecard: { name: "scorecard", symbol: "circle", hue: "soft" },
+  sampled: { name: "sampled: at most, for nearly all draws", symbol: "path://M10,0 L0,5 L10,10 Z", hue: "two" },
+  found: { name: "found: at least, in the worst case", symbol: "path://M0,0 L10,5 L0,10 Z", hue: "one" },
+};
+
+/** What is known of V of each controller, on one axis. */
+function drawBounds() {
+  const rows = [...data.bounds].reverse();
+  const wide = Math.min(260, $("#bounds-chart").clientWidth / 3);
+  $("#bounds-chart").style.height = `${150 + 48 * rows.length}px`;
+  const target = rows[0].target;
+  chart("bounds-chart", {
+    toolbox: toolbox(false),
+    tooltip: tooltip({ trigger: "item", formatter: ({ data: point, seriesName }) => `${point.words || seriesName}: V ${figures(point.value[0])}` }),
+    legend: legend(),
+    grid: { left: 12, right: 40, top: 80, bottom: 40, containLabel: true },
+    xAxis: axis("V", { min: 0, max: reaching(target) }),
+    yAxis: axis("", { type: "category", data: rows.map((row) => row.name), axisLabel: { color: colour("ink"), width: wide, lineHeight: 16, overflow: "break", interval: 0 } }),
+    series: Object.entries(MARKS).map(([kind, look], index) => ({
+      type: "scatter", name: look.name, symbol: look.symbol, symbolSize: 14, itemStyle: { color: colour(look.hue) },
+      data: rows.flatMap((row) => row.marks.filter((mark) => mark.kind === kind).map((mark) => ({ value: [mark.V, row.name], words: mark.words }))),
+      ...(index ? {} : { markLine: { silent: true, symbol: "none", data: [{ xAxis: target, ...marked("target", "limit", "end") }] } }),
+    })),
+  }, `What is known of V. A scorecard is a sample or a list; what a search found bounds the worst case from below; a sample bounds what nearly all draws stay below. ${data.bounds.map((row) => `${row.name}: ${row.marks.map((mark) => `${figures(mark.V)} ${mark.words}`).join("; ")}`).join(". ")}.`);
+}
+
 /** The end of an axis that shows `value` even where all bars are shorter. */
 const reaching = (value) => ({ max }) => (max < value ? Number((1.2 * value).toPrecision(2)) : null);
 
@@ -164,3 +191,4 @@ if (runs.length) {
   view("overlay", drawOverlay);
 }
 if (data.spreads) view("seeds", drawSeeds);
+if (data.bounds.length) view("bounds", drawBounds);
