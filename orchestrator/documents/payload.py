@@ -15,6 +15,7 @@ from ..benchmark.tally import tally
 from ..codec import plain
 from ..views.units import SHOWN
 from .commands import recording_command
+from .head import PlantRecord
 from .recording import SYSTEMS, Recording, thin
 from .results import Results
 from .run import Run
@@ -40,8 +41,12 @@ def report_payload(run: Run) -> dict[str, Any]:
 
 def workspace(results: Results) -> dict[str, Any]:
     """Poses with their costs, and the arm's link lengths [m]."""
-    nominal = results.plant.nominal
-    return {"configurations": plain(results.configurations), "links": [nominal["l[1]"], nominal["l[2]"]]}
+    return {"configurations": plain(results.configurations), "links": links(results.plant)}
+
+
+def links(plant: PlantRecord) -> list[float]:
+    """Lengths of the arm's links [m]."""
+    return [plant.nominal["l[1]"], plant.nominal["l[2]"]]
 
 
 def criteria(entries: Mapping[str, CriterionSpec]) -> list[dict[str, Any]]:

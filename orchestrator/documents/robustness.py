@@ -24,6 +24,7 @@ from .comparability import same_controller
 from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
+from .payload import links
 from .recording import Recording
 from .recording import load as load_recordings
 from .spread import Spread
@@ -165,6 +166,7 @@ class Robustness(Document, Comparable, kw_only=True):
                 name: plain(getattr(self, name))
                 for name in ("rules", "path", "configurations", "peaks", "margins", "radius")
             },
+            "links": links(self.head.plant),
             "recordings": packs,
         }
         panels = worst_page.panels(summary, bool(packs), self.margins, self.radius, listed)

@@ -32,7 +32,7 @@ from .payload import criteria, packed, packed_error
 from .recording import BESIDE, MOTION_INTERVALS, Recording
 from .wording import REQUIREMENTS
 
-SCRIPTS = ("case.js", "heat.js", "worst.js")
+SCRIPTS = ("arm.js", "case.js", "heat.js", "motion.js", "worst.js")
 
 PROOF = "A failure that is found is a proof, which its command repeats. That none was found proves nothing."
 VALUE = (
@@ -188,15 +188,18 @@ def panels(
     """The tabs of the page."""
     choice = Widget("choice.html", {"id": "effect-of", "text": "Criterion"})
     ends = Widget("place.html", {"id": "ends"})
-    case = Widget("case.html") if recorded else Note("This search was made without trajectories.")
-    known = Chart("margins-chart", 520, "Margins and radius")
-    none = Note("The search has not come to margins and radius.")
+    none = Note("This search was made without trajectories.")
+    case, motion = (Widget(f"{name}.html") if recorded else none for name in ("case", "motion"))
+    known: Part = Note("The search has not come to margins and radius.")
+    if margins or radius:
+        known = Chart("margins-chart", 520, "Margins and radius")
     return (
         Panel("summary", "Summary", summary),
         Panel("search", "Search", (Chart("path-of-search", 420, "The path of the search"),)),
         Panel("effects", "Parameters", (choice, ends, Chart("effects-chart", 640, "Which parameters matter"))),
         Panel("case", "Time plots", (case,)),
+        Panel("motion", "Motion", (motion,)),
         Panel("configurations", "Workspace", (Chart("configurations-chart", 640, "V_k over the workspace"),)),
-        Panel("margins", "Margins", (known if margins or radius else none,)),
+        Panel("margins", "Margins", (known,)),
         Panel("commands", "Commands", (Commands("commands that repeat what was found", listed),)),
     )

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 VIEWS = {
     report: ("summary", "workspace", "case", "spread", "stability", "motion", "failures"),
     comparison: ("leaderboard", "bars", "difference", "overlay", "seeds"),
-    worst_case: ("summary", "search", "effects", "case", "configurations", "margins", "commands"),
+    worst_case: ("summary", "search", "effects", "case", "motion", "configurations", "margins", "commands"),
     tuning: ("summary", "history", "parameters", "trade", "judged"),
     sweep: ("summary",),
 }

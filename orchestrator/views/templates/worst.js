@@ -193,6 +193,7 @@ function drawMargins() {
 view("search", drawPathOfSearch);
 view("effects", drawEffects);
 view("case", drawCase);
+view("motion", drawMotion);
 view("configurations", drawConfigurations);
 view("margins", drawMargins);
 linkRecordings();
