@@ -39,7 +39,7 @@ from orchestrator import compare  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.cases import cases  # noqa: E402
 from orchestrator.benchmark.metrics import expected  # noqa: E402
-from orchestrator.benchmark.results import Judged, Judgement, Measurements  # noqa: E402
+from orchestrator.benchmark.results import Judgement, Measurements  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.codec import Malformed, pack, plain  # noqa: E402
 from orchestrator.documents.evaluation import Evaluation  # noqa: E402
@@ -135,9 +135,8 @@ def check_sense(value: Any) -> None:
     json.dumps(value, allow_nan=False, ensure_ascii=False).encode()
 
 
-def check_judged(judged: Judged) -> None:
-    found = judged.judgement
-    check_sense(plain(judged))
+def check_judgement(found: Judgement) -> None:
+    check_sense(plain(found))
     assert found.measurements.names in (expected(PROTOCOL, CASE), frozenset())
     assert 0.0 <= found.time <= float(CASE.scenario.duration)
 
@@ -158,16 +157,16 @@ def _trajectory() -> Trajectory:
     rows, pairs = np.arange(SAMPLES + 1) * 0.25e-3, np.zeros((SAMPLES + 1, 2))
     extra = dict.fromkeys(OBSERVED, rows)
     ending = Ending(Status.DONE, 1.25e-3)
-    return Trajectory(rows, pairs, pairs, extra, pairs, pairs[:-1], pairs[:-1], (0.0, 0.0), (1.0, 2.0), ending)
+    return Trajectory(rows, pairs, pairs, extra, pairs, *(pairs[:-1],) * 3, (0.0, 0.0), (1.0, 2.0), ending)
 
 
-def _judged() -> Judged:
+def _judgement() -> Judgement:
     measured = Measurements(**dict.fromkeys(expected(PROTOCOL, CASE), 0.1))
-    return Judged(Judgement(status=Status.DONE, time=1.0, message="why", measurements=measured, warnings=3), doubt=True)
+    return Judgement(status=Status.DONE, time=1.0, message="why", measurements=measured, warnings=3)
 
 
 VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
-    "judgement": (_judged(), lambda value: work.judged(PROTOCOL, CASE, value), check_judged),
+    "judgement": (_judgement(), lambda value: work.judged(PROTOCOL, CASE, value), check_judgement),
     "timing": (work.TimingRecord(1, "x"), lambda value: work.timing(0, value), lambda found: check_sense(plain(found))),
     "trajectory": (_trajectory(), lambda value: work.trajectory(SAMPLES, OBSERVED, value), check_trajectory),
     "recording": (RECORDINGS[0], work.recording, check_recording),

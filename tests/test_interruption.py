@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 
 from orchestrator import Benchmark
 from orchestrator.benchmark.metrics import expected
-from orchestrator.benchmark.results import Judged, Judgement, Measurements
+from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
 from orchestrator.execution import store
 from orchestrator.execution.job import Died, Done, Outcome, Refused
@@ -63,7 +63,7 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     names = sorted(expected(QUICK.rules, case)) if kind == "done" else ()
     figures = {name: name == "settled" or number / 7.0 for name in names}
     judgement = Judgement(status=Status(kind), time=1.0, measurements=Measurements(**figures))
-    return Done(index, Judged(judgement), 1.0)
+    return Done(index, judgement, 1.0)
 
 
 @settings(max_examples=25)

@@ -9,7 +9,7 @@ from support.closed_loops import PAPER, case
 from support.results import trajectory
 
 from orchestrator.benchmark import metrics
-from orchestrator.benchmark.results import Judged, Judgement
+from orchestrator.benchmark.results import Judgement
 from orchestrator.loop.trajectory import Ending, Status
 
 DISTURBANCE = case(3, "compliant", "disturbance")
@@ -104,12 +104,12 @@ def test_limit_cycle_looks_at_the_last_three_seconds_and_rest_error_at_the_last(
 
 
 def test_a_loop_that_does_not_come_to_rest_is_unstable_and_still_measured():
-    verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3)).judgement
+    verdict = metrics.judge(PAPER, DISTURBANCE, trajectory(error_x=0.2e-3))
     assert verdict.status is Status.UNSTABLE and "0.2 mm in the last 1 s" in verdict.message
     assert pytest.approx(0.2e-3, abs=EXACT) == verdict.measurements.B5
-    calm = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3)).judgement
+    calm = metrics.judge(PAPER, GAIN, trajectory(error_x=0.09e-3))
     assert (calm.status, calm.message) == (Status.DONE, "")
-    asked = metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0)).judgement
+    asked = metrics.judge(PAPER, NOISE, trajectory(error_x=1.0, duration=2.0))
     assert asked.status is Status.DONE, "a test without requirements asks for no rest"
 
 
@@ -117,7 +117,7 @@ def test_a_loop_that_does_not_come_to_rest_is_unstable_and_still_measured():
 def test_what_ended_early_is_not_measured(status):
     ended = replace(trajectory(), ending=Ending(status, 3.5, "because", 2))
     expected = Judgement(status=status, time=3.5, message="because", warnings=2)
-    assert metrics.judge(PAPER, DISTURBANCE, ended) == Judged(expected)
+    assert metrics.judge(PAPER, DISTURBANCE, ended) == expected
 
 
 @pytest.mark.parametrize("case", [NOISE, DISTURBANCE, GAIN], ids=lambda case: case.test.name)

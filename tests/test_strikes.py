@@ -8,7 +8,7 @@ from hostile.fmus import Fault
 from hostile.runs import HANG_LIMIT, SPARED, STRUCK, answered, bench, run, short_cases
 
 from orchestrator import Benchmark, Controller
-from orchestrator.benchmark.results import Judged, Judgement
+from orchestrator.benchmark.results import Judgement
 from orchestrator.execution import cluster, pool, store, supervision
 from orchestrator.execution.job import Died, Done, Refused
 from orchestrator.execution.messages import ErrorRecord
@@ -51,9 +51,7 @@ def test_a_broken_controller_answers_after_three_crashes(plant_file, faulty):
 MEASURED = {
     "died": lambda n: Died(n, False, f"it used {n} GB", "it used too much memory", 1.0, Place(n, CONTROLLER, "step")),
     "refused": lambda n: Refused(n, ErrorRecord("fmu", f"x.fmu: reading {n:#x}", call="instantiation"), 1.0),
-    "done": lambda n: Done(
-        n, Judged(Judgement(status=ERROR, time=0.1 * n, message=f"x.fmu: doStep failed\n  {n}")), 1.0
-    ),
+    "done": lambda n: Done(n, Judgement(status=ERROR, time=0.1 * n, message=f"x.fmu: doStep failed\n  {n}"), 1.0),
 }
 
 

@@ -12,7 +12,7 @@ from test_tuning import FEW
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
 from orchestrator.benchmark.metrics import expected
-from orchestrator.benchmark.results import Judged, Judgement, Measurements
+from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
 from orchestrator.errors import Crash
 from orchestrator.execution import store
@@ -163,7 +163,7 @@ def test_entries_side_by_side_stop_each_for_itself(own):
                 if failed and index:
                     continue  # a job that gives up
                 status = Status.ERROR if failed else Status.DONE
-                yield number, Done(index, Judged(on_target(protocol, cases[index], status).result), 1.0)
+                yield number, Done(index, on_target(protocol, cases[index], status).result, 1.0)
 
     with store.opened(None) as known:
         runs = batch.run(Batch(entries), execute, known)
@@ -242,7 +242,7 @@ class Workers:
             found = self.judged(task)
             if rest and not (jobs[number].give_up and found.status is Status.ERROR):
                 waiting[number] = rest
-            yield number, Done(index, Judged(found), float(len(task)))
+            yield number, Done(index, found, float(len(task)))
 
 
 def studies(folder):

@@ -1,6 +1,5 @@
 """Verdicts by four windows, and the longer simulation of a case in doubt."""
 
-import functools
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -14,18 +13,14 @@ from support.results import trajectory
 import build_fmus
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import one_pass
-from orchestrator.benchmark.doubt import doubtful, longer
-from orchestrator.benchmark.metrics import AT_THE_END, expected, judge
+from orchestrator.benchmark.doubt import doubtful, longest
+from orchestrator.benchmark.metrics import AT_THE_END, expected, further, judge, measure
 from orchestrator.benchmark.scorecard import kind, outcome
-from orchestrator.codec import Malformed, unpack
-from orchestrator.execution import store
-from orchestrator.execution.job import Died, Done
-from orchestrator.fmi.trace import CONTROLLER, Place
+from orchestrator.codec import Malformed
 from orchestrator.loop.trajectory import Ending, Status
-from orchestrator.pairing.work import CaseTask, check_judgement
+from orchestrator.pairing.pairing import simulate
+from orchestrator.pairing.work import check_judgement
 from orchestrator.search.member import Member, case_of, names, symbol_of
-from orchestrator.study import batch
-from orchestrator.study.requests import Batch, Entry
 
 GAIN, DISTURBANCE = case(3, "slippery", "gain_1"), case(3, "compliant", "disturbance")
 LIMITS = PAPER.stability
@@ -46,12 +41,18 @@ def moving(*amplitudes, frequency=5.0):
     return signal
 
 
-def with_doubt(*amplitudes, duration=26.0, case=GAIN, z=(0.0,)):
-    return judge(PAPER, case, trajectory(error_x=moving(*amplitudes), error_z=moving(*z), duration=duration))
+def with_doubt(*amplitudes, duration=26.0, z=(0.0,)):
+    """The judgement, and whether the case has to go on."""
+    found = trajectory(error_x=moving(*amplitudes), error_z=moving(*z), duration=duration)
+    return judge(PAPER, GAIN, found), goes_on(found)
+
+
+def goes_on(found):
+    return further(PAPER, GAIN, measure(PAPER, GAIN, found)) is not None
 
 
 def judged(*amplitudes, **options):
-    return with_doubt(*amplitudes, **options).judgement
+    return with_doubt(*amplitudes, **options)[0]
 
 
 @pytest.mark.parametrize(
@@ -82,8 +83,8 @@ def judged(*amplitudes, **options):
     ],
 )
 def test_the_end_of_a_case_is_judged_by_four_windows(amplitudes, verdict, doubt):
-    for found in (with_doubt(*amplitudes), with_doubt(0.0, z=amplitudes)):
-        assert (kind(found.judgement, LIMITS), found.doubt, found.judgement.judged_until) == (verdict, doubt, 26.0)
+    for found, doubtful_too in (with_doubt(*amplitudes), with_doubt(0.0, z=amplitudes)):
+        assert (kind(found, LIMITS), doubtful_too, found.judged_until) == (verdict, doubt, 26.0)
 
 
 @pytest.mark.parametrize(
@@ -96,8 +97,8 @@ def test_the_end_of_a_case_is_judged_by_four_windows(amplitudes, verdict, doubt)
     ],
 )
 def test_each_coordinate_is_judged_by_its_own_windows(x, z, verdict, doubt):
-    for found in (with_doubt(*x, z=z), with_doubt(*z, z=x)):
-        assert (kind(found.judgement, LIMITS), found.doubt) == (verdict, doubt)
+    for found, doubtful_too in (with_doubt(*x, z=z), with_doubt(*z, z=x)):
+        assert (kind(found, LIMITS), doubtful_too) == (verdict, doubt)
 
 
 @pytest.mark.parametrize(
@@ -110,8 +111,8 @@ def test_an_arm_that_creeps_to_rest_is_waited_for(offset, speed, doubt):
     def creeping(t):
         return 1e-3 * (offset + speed * (26.0 - t)) * (t > 12.0)
 
-    found = judge(PAPER, GAIN, trajectory(error_x=creeping, duration=26.0))
-    assert (found.judgement.status is Status.UNSTABLE, found.doubt) == (offset > 0.1, doubt)
+    found = trajectory(error_x=creeping, duration=26.0)
+    assert (judge(PAPER, GAIN, found).status is Status.UNSTABLE, goes_on(found)) == (offset > 0.1, doubt)
 
 
 @pytest.mark.parametrize(
@@ -125,12 +126,12 @@ def test_an_arm_that_creeps_to_rest_is_waited_for(offset, speed, doubt):
     ],
 )
 def test_a_longer_simulation_is_judged_at_its_own_end(later, verdict, amplitude):
-    found, own = with_doubt(*IRREGULAR, *later, duration=60.0), judged(*IRREGULAR)
-    assert found.judgement.judged_until == 60.0 and not found.doubt
-    assert kind(found.judgement, LIMITS) == verdict
-    assert found.judgement.measurements.limit_cycle == pytest.approx(1e-6 * amplitude, rel=0.02)
-    assert found.judgement.measurements.limit_cycle_at_end == own.measurements.limit_cycle
-    check_judgement(PAPER, GAIN, found.judgement)
+    found, own = judged(*IRREGULAR, *later, duration=60.0), judged(*IRREGULAR)
+    assert found.judged_until == 60.0
+    assert kind(found, LIMITS) == verdict
+    assert found.measurements.limit_cycle == pytest.approx(1e-6 * amplitude, rel=0.02)
+    assert found.measurements.limit_cycle_at_end == own.measurements.limit_cycle
+    check_judgement(PAPER, GAIN, found)
 
 
 def test_a_motion_that_was_small_and_stays_small_is_quiet():
@@ -144,7 +145,7 @@ def test_criteria_are_those_of_the_cases_own_time():
         return spike(t) + np.where(np.abs(t - 40.0) < 1.0, 0.5e-3, 0.0)
 
     found, own = (
-        judge(PAPER, DISTURBANCE, trajectory(error_x=later, torque=(np.sqrt, 1.0), duration=end)).judgement
+        judge(PAPER, DISTURBANCE, trajectory(error_x=later, torque=(np.sqrt, 1.0), duration=end))
         for end in (60.0, 26.0)
     )
     for name in expected(PAPER, DISTURBANCE) - AT_THE_END:
@@ -154,7 +155,7 @@ def test_criteria_are_those_of_the_cases_own_time():
 @pytest.mark.parametrize("status", [Status.UNSTABLE, Status.ERROR])
 def test_what_fails_in_the_longer_simulation_fails_but_keeps_its_criteria(status):
     ended = replace(trajectory(duration=40.0), ending=Ending(status, 40.0, "because"))
-    found = judge(PAPER, DISTURBANCE, ended).judgement
+    found = judge(PAPER, DISTURBANCE, ended)
     assert (found.status, found.time, found.judged_until) == (status, 40.0, None)
     assert found.measurements.names == expected(PAPER, DISTURBANCE) - AT_THE_END
     check_judgement(PAPER, DISTURBANCE, found)
@@ -174,8 +175,9 @@ def test_there_is_no_doubt_while_a_disturbance_lasts_or_where_there_is_no_later_
     assert doubtful(PAPER, GAIN, windows, 0.0)
     assert not any(doubtful(PAPER, other, windows, 0.0) for other in (pushed, shaken))
     assert not doubtful(ends, GAIN, windows, 0.0)
-    assert longer(PAPER, GAIN) == replace(GAIN.scenario, duration=Fraction(60))
-    assert longer(PAPER, GAIN).announced == GAIN.scenario.announced == 60.0
+    assert longest(PAPER, GAIN) == replace(GAIN.scenario, duration=Fraction(60))
+    assert longest(PAPER, GAIN).announced == GAIN.scenario.announced == 60.0
+    assert all(longest(PAPER, other) == other.scenario for other in (pushed, shaken))
 
 
 def test_one_pass_has_the_same_bits_with_and_without_compilation(monkeypatch):
@@ -183,52 +185,13 @@ def test_one_pass_has_the_same_bits_with_and_without_compilation(monkeypatch):
         return 1e-4 * np.random.default_rng(t.size).standard_normal(t.size)
 
     noisy = trajectory(error_x=noise, error_z=noise, torque=(noise, noise), u_m0=(1e-5, -1e-5), duration=26.0)
-    compiled = judge(PAPER, DISTURBANCE, noisy).judgement
+    compiled = judge(PAPER, DISTURBANCE, noisy)
     monkeypatch.setattr(one_pass, "pass_over", one_pass.pass_over.py_func)
-    assert judge(PAPER, DISTURBANCE, noisy).judgement == compiled
+    assert judge(PAPER, DISTURBANCE, noisy) == compiled
     error = noisy.tcp_error
     assert error[noisy.time >= 10.0].max() == compiled.measurements.B5
     assert compiled.measurements.rest_error == error[noisy.time >= 25.0].max()
     assert compiled.measurements.limit_cycle_x == 0.5 * np.ptp(noisy.X[noisy.time >= 23.0, 0])
-
-
-# The longer simulation in a batch
-
-
-@pytest.fixture(scope="session")
-def pairing():
-    bench = Benchmark()
-    return bench.prepared(Controller.built_in("DiagonalPID"))[1]
-
-
-@pytest.mark.parametrize("how", ["limit cycle", "died"])
-def test_a_batch_simulates_cases_in_doubt_further_and_stores_what_that_came_to(how, pairing):
-    asked = []
-
-    def execute(jobs):
-        for number, job in enumerate(jobs):
-            for index, task in enumerate(unpack(task, CaseTask) for task in job.tasks):
-                asked.append((task.case.id, task.further, job.time_limits[index]))
-                amplitudes = (*SLOW, *(14.0,) * 12) if task.further else SLOW if task.case == GAIN else LASTING
-                if task.further and how == "died":
-                    yield number, Died(index, False, "it died", "it died", 1.0, Place(160_000, CONTROLLER, "step"))
-                else:
-                    end = 60.0 if task.further else 26.0
-                    yield number, Done(index, with_doubt(*amplitudes, duration=end, case=task.case), 1.0)
-
-    other = case(4, "slippery", "gain_2")
-    with store.opened(None) as known:
-        run = functools.partial(batch.run, Batch((Entry(PAPER, pairing, (GAIN, other)),)), execute, known)
-        ((first, second),) = run()
-        assert [each[:2] for each in asked] == [(GAIN.id, False), (other.id, False), (GAIN.id, True)]
-        assert asked[2][2] - asked[0][2] == pytest.approx(60.0 * 34 / 26), "a longer simulation may take longer"
-        assert run() == [[first, second]] and len(asked) == 3
-    assert first.wall_time == 2.0 and kind(second.result, LIMITS) == "limit cycle"
-    if how == "died":
-        assert (first.result.status, first.result.time) == (Status.CRASHED, 40.0)
-        assert first.result.measurements.names == expected(PAPER, GAIN) - AT_THE_END
-    else:
-        assert (first.result.judged_until, kind(first.result, LIMITS)) == (60.0, "limit cycle")
 
 
 # Closed loops
@@ -271,8 +234,18 @@ def at(q_a, system, gain=None):
 def test_verdicts_of_closed_loops(controller, case, verdict, until, fmu_folder):
     own = Controller(build_fmus.build(controller, fmu_folder))
     found = STRICT.simulate(own, case)
-    assert (found.kind, found.result.judged_until, found.ending.time) == (verdict, until, 26.0)
+    assert (found.kind, found.result.judged_until, found.ending.time) == (verdict, until, until)
     if controller == "DitheredLQG_C":
         (result,) = STRICT.evaluate(own, only=["c20.sticky.gain_1"], recordings=False).cases
         assert (result.status, result.judged_until, result.time) == (Status.DONE, 60.0, 60.0)
         assert result.measurements == found.result.measurements
+
+
+@pytest.mark.slow
+@pytest.mark.needs("compiler")
+def test_a_simulation_that_goes_on_has_the_bits_of_one_that_was_long_from_the_start(pid_c_file):
+    pairing, wanted = STRICT.sampled(Controller(pid_c_file), at((72.0, -50.0), "slippery", (8.25, 1.0)))
+    found = STRICT.simulate(Controller(pid_c_file), wanted)
+    whole = simulate(pairing, longest(STRICT.rules, wanted))
+    for name in ("time", "q_m", "X", "measured", "given", "command", "torque"):
+        np.testing.assert_array_equal(getattr(found.trajectory, name), getattr(whole, name), strict=True)

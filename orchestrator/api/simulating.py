@@ -28,7 +28,7 @@ def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simu
     pairing, wanted = testbed.sampled(controller, case)
     scenario = wanted.scenario
     found = simulate_case(pairing, testbed.rules, wanted)
-    result = named(wanted, found.judged.judgement)
+    result = named(wanted, found.judgement)
     plain = case_list.case(testbed.rules, wanted.configuration, wanted.system, wanted.test, testbed.seed).scenario
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
     return Simulation(

@@ -1,6 +1,6 @@
 """Whether the end of a case leaves a doubt about its verdict, and the longer simulation that settles it.
 
-The longer simulation repeats the case to the last bit and goes on: FMUs are told of the same end in both.
+FMUs are told of the latest end in all simulations.
 """
 
 from __future__ import annotations
@@ -22,10 +22,8 @@ def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]],
     limit cycle for sure, one of them does not come to rest for sure, or the TCP creeps to where its ``rest_error`` [m]
     is none; and there is time left to look at it.
     """
-    limits, scenario, end = protocol.stability, case.scenario, case.end
-    left = int((limits.longest - end) / limits.limit_cycle_window)
-    cut = scenario.duration < case.test.duration  # its user wants no more of it
-    if cut or left <= 0 or not windows[0] or scenario.chirp.stop > end or scenario.pulse.stop > end:
+    limits, left = protocol.stability, _left(protocol, case)
+    if left <= 0 or not windows[0]:
         return False
     if any(lasts(limits, each, left) for each in windows):
         return False
@@ -34,7 +32,17 @@ def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]],
     return creeps or not all(at_rest(limits, each, left) for each in windows)
 
 
-def longer(protocol: Protocol, case: Case) -> Scenario:
-    """The scenario of ``case`` with its end moved to the latest."""
-    latest = Fraction(protocol.stability.longest)
-    return replace(case.scenario, duration=max(latest, case.scenario.duration))
+def _left(protocol: Protocol, case: Case) -> int:
+    """Windows between the end of ``case`` and the latest one; none if it is not simulated further in any case."""
+    limits, scenario, end = protocol.stability, case.scenario, case.end
+    cut = scenario.duration < case.test.duration  # its user wants no more of it
+    if cut or not case.test.requirements or scenario.chirp.stop > end or scenario.pulse.stop > end:
+        return 0
+    return max(int((limits.longest - end) / limits.limit_cycle_window), 0)
+
+
+def longest(protocol: Protocol, case: Case) -> Scenario:
+    """The scenario of ``case`` with the latest end that it may be simulated to."""
+    if _left(protocol, case) == 0:
+        return case.scenario
+    return replace(case.scenario, duration=Fraction(protocol.stability.longest))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 import numpy as np
 
+from ..loop.scenario import Scenario
 from ..loop.trajectory import Status, Trajectory
 from .case import Case
-from .doubt import doubtful
+from .doubt import doubtful, longest
 from .motion import falls, ratios
 from .protocol import Protocol, Stability
-from .results import CaseResult, Judged, Judgement, Measurements
+from .results import CaseResult, Judgement, Measurements
 
 # Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
 
@@ -33,22 +34,34 @@ AT_THE_END = frozenset({"rest_error", *OSCILLATION})
 """The figures of the end of what was simulated; the others are those of the case's own time."""
 
 
-def judge(protocol: Protocol, case: Case, trajectory: Trajectory) -> Judged:
-    """Status and figures of a simulated case, whose trajectory may go on after the case's own end; and whether it ends
-    at that and leaves a doubt."""
+class Measured(NamedTuple):
+    """The figures of a simulation, and the amplitudes [m] of x and of z in the last windows, none where no limit cycle
+    is looked for."""
+
+    measurements: Measurements
+    windows: list[list[float]]
+
+
+def further(protocol: Protocol, case: Case, measured: Measured) -> Scenario | None:
+    """The scenario by which a case goes on that was ``measured`` at its own end; None if that leaves no doubt."""
+    doubt = doubtful(protocol, case, measured.windows, measured.measurements.rest_error)
+    return longest(protocol, case) if doubt else None
+
+
+def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Measured | None = None) -> Judgement:
+    """Status and figures of a simulated case, whose trajectory may go on after the case's own end; ``measured`` if that
+    was done before."""
     ending = trajectory.ending
     judgement = Judgement(status=ending.status, time=ending.time, message=ending.message, warnings=ending.warnings)
     if ending.status is not Status.DONE and ending.time <= case.end:
-        return Judged(judgement)
-    measurements, windows = measure(protocol, case, trajectory)
+        return judgement
+    measurements, _ = measured or measure(protocol, case, trajectory)
     limits = protocol.stability
     if measurements.rest_error is not None and measurements.rest_error > limits.rest_error:
         reason = f"the TCP error was {measurements.rest_error * 1e3:.3g} mm in the last {limits.rest_window:g} s"
         judgement = msgspec.structs.replace(judgement, status=Status.UNSTABLE, message=reason)
     until = None if measurements.limit_cycle is None else float(trajectory.time[-1])
-    own = trajectory.time.size == case.scenario.samples + 1
-    doubt = own and doubtful(protocol, case, windows, measurements.rest_error)
-    return Judged(msgspec.structs.replace(judgement, measurements=measurements, judged_until=until), doubt)
+    return msgspec.structs.replace(judgement, measurements=measurements, judged_until=until)
 
 
 def named(case: Case, judgement: Judgement) -> CaseResult:
@@ -84,12 +97,9 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     return frozenset(names)
 
 
-def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> tuple[Measurements, list[list[float]]]:
-    """The figures of a simulation that ran to the case's end, or on to a later one; and the amplitudes [m] of x and of
-    z in the last windows, none where no limit cycle is looked for.
-
-    Of one that failed later, the figures of the case's own time.
-    """
+def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measured:
+    """What a simulation has shown that ran to the case's end, or on to a later one; of one that failed later, the
+    figures of the case's own time."""
     wanted, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
     if trajectory.ending.status is not Status.DONE:
         wanted -= AT_THE_END
@@ -107,7 +117,7 @@ def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> tuple[Mea
     if windows.size:
         figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
         found.update(zip(OSCILLATION, figures, strict=True))
-    return Measurements(**{name: found[name] for name in wanted}), read.amplitudes.T.tolist()
+    return Measured(Measurements(**{name: found[name] for name in wanted}), read.amplitudes.T.tolist())
 
 
 def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:

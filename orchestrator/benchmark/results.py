@@ -89,13 +89,6 @@ class Judgement(Struct, kw_only=True):
         return self.status not in (Status.SKIPPED, Status.LOST)
 
 
-class Judged(Struct):
-    """A judgement, and whether the end leaves a ``doubt`` about it: then the case is simulated further."""
-
-    judgement: Judgement
-    doubt: bool = False
-
-
 class CaseResult(Judgement, kw_only=True):
     """A finished case by the names of its configuration, system and test."""
 

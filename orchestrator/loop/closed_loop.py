@@ -30,6 +30,8 @@ FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILED, ARITHMETIC_C
 class Loop(NamedTuple):
     """What stands between the two slaves; arrays of shape (2,) hold one value per axis."""
 
+    first: int
+    """The sample it begins at: 0, or the end of a loop that goes on."""
     samples: int
     plan: Plan
     q_m_ref: np.ndarray
@@ -52,6 +54,8 @@ class Record(NamedTuple):
     """Plant outputs, shape (samples + 1, outputs): q_m, X, and whatever else was asked for."""
     measured: np.ndarray
     """Angles as they left the sensor, before delay and quantization, shape (samples + 1, 2) [rad]."""
+    given: np.ndarray
+    """Angles as the controller was given them, delayed and quantized, shape (samples, 2) [rad]."""
     command: np.ndarray
     """Torques as the controller asked for them, shape (samples, 2) [N.m]."""
     torque: np.ndarray
@@ -70,10 +74,10 @@ class Exit(NamedTuple):
 
 @compiled
 def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
-    """Simulate the closed loop; fills ``record`` and returns an :class:`Exit`.
+    """Simulate the closed loop from its first sample on; fills ``record`` and returns an :class:`Exit`.
 
     The plant's inputs are u_m, u_d, F, two each; its outputs begin with q_m and X. Initial plant outputs stand in
-    row 0 of ``record.outputs``.
+    row 0 of ``record.outputs``; of a loop that goes on, all rows before its first sample.
     """
     plan = loop.plan
     parts = plan.step.size
@@ -83,11 +87,12 @@ def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
     u = plant.input_values
     warnings = 0
 
-    for k in range(loop.samples):
+    for k in range(loop.first, loop.samples):
         controller.trace[SAMPLE] = k
         for i in range(2):
             taken = k - plan.sensor_lag[i]
             y = quantize(record.measured[taken, i] if taken >= 0 else loop.q_m_ref[i], loop.angle_quantum)
+            record.given[k, i] = y
             controller.input_values[i] = controller.scale[i] * (y - controller.offset[i])
         t = k * plan.interval / plan.denominator
         call, status = exchange(controller, controller.inputs.size, t, T_s, True)

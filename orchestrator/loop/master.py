@@ -41,15 +41,18 @@ def simulate(
     setup: Setup | None = None,
     observe: Sequence[str] = (),
     watch: Callable[[loop.Record], None] | None = None,
+    further: Callable[[Trajectory], Scenario | None] = lambda _: None,
 ) -> Trajectory:
     """Simulate the closed loop of ``scenario``.
 
     The plant is initialized first; the steady state it publishes, q_m_ref and u_m0, is what the controller is
     initialized with. ``observe`` names further plant outputs to record; ``watch`` is given the arrays that the loop is
-    about to fill. Raises :class:`~orchestrator.errors.FmuError`
-    if an FMU fails before the first sample, :class:`~orchestrator.errors.InputError` if a name is unknown; the
-    trajectory's ending holds what happens later, except that the process of a ``controller`` in another one ends, which
-    is a :class:`~orchestrator.errors.Crash`.
+    about to fill. A simulation that comes to its end goes on if ``further`` gives a scenario for its trajectory, the
+    same one with a later end.
+
+    Raises :class:`~orchestrator.errors.FmuError` if an FMU fails before the first sample,
+    :class:`~orchestrator.errors.InputError` if a name is unknown; the trajectory's ending holds what happens later,
+    except that the process of a ``controller`` in another one ends, which is a :class:`~orchestrator.errors.Crash`.
     """
     what = f"The plant {plant.archive.name}"
     binding = bind(plant.archive.description, PLANT, what)
@@ -69,14 +72,23 @@ def simulate(
             record = _record(scenario, plant.get(outputs), steady, parts)
             if watch is not None:
                 watch(record)
-            raw = loop.Exit(*loop.run(plant.port(inputs, outputs), controller_port, parts, record))
+            plant_port = plant.port(inputs, outputs)
+            raw = loop.Exit(*loop.run(plant_port, controller_port, parts, record))
+            names = [variable.name for variable in observed]
+            if raw.reason == loop.FINISHED:
+                ending = _ending(raw, record, scenario, plant, controller)
+                later = further(_trajectory(scenario, record, raw, ending, names, steady))
+                if later is not None:
+                    parts, record = _loop(later, steady, scenario.samples), _longer(record, later.samples)
+                    more = loop.Exit(*loop.run(plant_port, controller_port, parts, record))
+                    raw, scenario = more._replace(warnings=raw.warnings + more.warnings), later
             ending = _ending(raw, record, scenario, plant, controller)
             if raw.reason not in (loop.PLANT_FAILED, loop.CONTROLLER_FAILED):  # the standards forbid it after an error
                 ending = _terminated(ending, controller, plant)
     if changed := arithmetic_now():  # only now: what measures the trajectory would count otherwise, too
         message = _changed_arithmetic(controller, changed)
         ending = replace(ending, status=Status.ERROR, message=message)
-    return _trajectory(scenario, record, raw, ending, [variable.name for variable in observed], steady)
+    return _trajectory(scenario, record, raw, ending, names, steady)
 
 
 def steady_state(plant: Slave, binding: Binding) -> Steady:
@@ -85,9 +97,10 @@ def steady_state(plant: Slave, binding: Binding) -> Steady:
     return Steady((q_m_ref[0], q_m_ref[1]), (u_m0[0], u_m0[1]), (q_a[0], q_a[1]))
 
 
-def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:
+def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
     drive, sensor = scenario.drive, scenario.sensor
     return loop.Loop(
+        first=first,
         samples=scenario.samples,
         plan=make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold),
         q_m_ref=np.array(steady.q_m_ref),
@@ -104,17 +117,28 @@ def _loop(scenario: Scenario, steady: Steady) -> loop.Loop:
 
 
 def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts: loop.Loop) -> loop.Record:
-    """Empty arrays with the initial state in row 0; a delayed sensor's line is filled with the reference."""
-    samples = scenario.samples
-    shapes = (samples + 1, len(outputs)), (samples + 1, 2), (samples, 2), (samples, 2)
-    # One block: NumPy asks for large pages from 4 MB on, and the faults of small ones take a third of the loop's time.
-    ends = np.cumsum([math.prod(shape) for shape in shapes])
-    pieces = np.split(np.empty(ends[-1]), ends[:-1])
-    record = loop.Record(*(piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)))
+    """Arrays with the initial state in row 0; a delayed sensor's line is filled with the reference."""
+    record = _empty(scenario.samples, len(outputs))
     record.outputs[0] = outputs
     taken_at_0 = [delay % scenario.sample_time == 0 for delay in scenario.sensor.delay]
     record.measured[0] = np.where(taken_at_0, record.outputs[0, :2] + parts.noise[0], steady.q_m_ref)
     return record
+
+
+def _empty(samples: int, outputs: int) -> loop.Record:
+    shapes = (samples + 1, outputs), (samples + 1, 2), *((samples, 2),) * 3
+    # One block: NumPy asks for large pages from 4 MB on, and the faults of small ones take a third of the loop's time.
+    ends = np.cumsum([math.prod(shape) for shape in shapes])
+    pieces = np.split(np.empty(ends[-1]), ends[:-1])
+    return loop.Record(*(piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)))
+
+
+def _longer(record: loop.Record, samples: int) -> loop.Record:
+    """The rows of ``record``, and room for those of all ``samples``."""
+    found = _empty(samples, record.outputs.shape[1])
+    for new, old in zip(found, record, strict=True):
+        new[: len(old)] = old
+    return found
 
 
 def _ending(
@@ -201,6 +225,7 @@ def _trajectory(
         X=record.outputs[:states, 2:4],
         extra={name: record.outputs[:states, 4 + column] for column, name in enumerate(observed)},
         measured=record.measured[:states],
+        given=record.given[:commands],
         command=record.command[:commands],
         torque=record.torque[:commands],
         q_m_ref=steady.q_m_ref,

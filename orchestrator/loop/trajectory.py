@@ -47,7 +47,8 @@ class Trajectory:
 
     ``time`` [s], ``q_m`` [rad], ``X`` [m] and ``extra`` (the other plant outputs asked for, by name) have N + 1 rows,
     the first one the initial state; ``measured`` [rad] is what the controller's delay line was fed with.
-    ``command`` and ``torque`` [N.m] have N rows: what the controller asked for, and what went to the drive.
+    ``given`` [rad], ``command`` and ``torque`` [N.m] have N rows: the angles that the controller was given, delayed and
+    quantized, what it asked for, and what went to the drive.
     ``q_m_ref`` [rad] and ``u_m0`` [N.m] are the plant's published steady state.
     """
 
@@ -56,6 +57,7 @@ class Trajectory:
     X: np.ndarray
     extra: dict[str, np.ndarray]
     measured: np.ndarray
+    given: np.ndarray
     command: np.ndarray
     torque: np.ndarray
     q_m_ref: Pair

@@ -16,6 +16,7 @@ def warm_up() -> None:
     """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types."""
     two, port = np.zeros(2), unconnected((), 2, (), 2)
     parts = closed_loop.Loop(
+        first=0,
         samples=0,
         plan=make_plan(seconds("0.25e-3"), NO_DELAY, NO_DELAY),
         q_m_ref=two,
@@ -29,6 +30,6 @@ def warm_up() -> None:
         pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
         abort_distance=0.0,
     )
-    record = closed_loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
+    record = closed_loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), *(np.zeros((0, 2)) for _ in range(3)))
     closed_loop.run(port, port, parts, record)
     serving.warm_up()

@@ -7,12 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from msgspec import structs
-
 from ..benchmark.case import Case
-from ..benchmark.doubt import longer
+from ..benchmark.doubt import longest
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import Judged
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
 from ..errors import Crash
@@ -108,23 +105,20 @@ def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
 
 
 def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simulated:
-    """``case`` simulated and judged; in doubt, by a second simulation that goes on.
+    """``case`` simulated and judged.
 
     Raises what :func:`simulate` does.
     """
     job = pairing.job(
         work.simulate_case.__name__,
         [work.CaseTask(protocol, pairing.setup, case)],
-        [case.scenario],
+        [longest(protocol, case)],
         lambda _, value: work.simulated(protocol, case, value),
         FIRST_START_TIME,
-        work.largest_trajectory(case.scenario),
+        work.largest_trajectory(longest(protocol, case)),
     )
     found: work.Simulated = _only(job, case.scenario)
-    if not found.judged.doubt:
-        return found
-    judged: Judged = _only(judging(protocol, [case], pairing, further=True), longer(protocol, case))
-    return structs.replace(found, judged=judged)
+    return found
 
 
 def _only(job: Job, scenario: Scenario) -> Any:
@@ -137,14 +131,12 @@ def _only(job: Job, scenario: Scenario) -> Any:
     return outcome.value
 
 
-def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing, further: bool = False) -> Job:
-    """The job that simulates and judges a ``group`` of cases, ``further`` than their own ends if wanted; its values are
-    judgements."""
-    tasks = [work.CaseTask(protocol, pairing.setup, case, further) for case in group]
+def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+    """The job that simulates and judges a ``group`` of cases; its values are judgements."""
     return pairing.job(
         work.judge_case.__name__,
-        tasks,
-        [task.scenario for task in tasks],
+        [work.CaseTask(protocol, pairing.setup, case) for case in group],
+        [longest(protocol, case) for case in group],
         lambda index, value: work.judged(protocol, group[index], value),
         START_TIME,
     )

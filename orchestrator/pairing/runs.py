@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from msgspec import structs
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import AT_THE_END, named
-from ..benchmark.results import CaseResult, Judged, Judgement
+from ..benchmark.metrics import named
+from ..benchmark.results import CaseResult, Judgement
 from ..execution.job import Died, Done, Outcome
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
@@ -18,24 +19,21 @@ from ..loop.trajectory import Status
 @dataclass(frozen=True)
 class CaseRun:
     """A case with its result, and the wall time [s] it took. ``kind`` is what went wrong without figures, the same for
-    equal failures; empty if nothing did. In ``doubt`` it has to be simulated further."""
+    equal failures; empty if nothing did."""
 
     case: Case
     result: CaseResult
     wall_time: float = 0.0
     kind: str = ""
-    doubt: bool = False
 
 
-def case_run(case: Case, outcome: Outcome, further: Scenario | None = None) -> CaseRun:
-    """The run of a case from what its process had to say, or left behind; simulated by the scenario ``further`` if it
-    was not by its own."""
-    scenario = further or case.scenario
+def case_run(case: Case, outcome: Outcome) -> CaseRun:
+    """The run of a case from what its process had to say, or left behind."""
+    scenario = case.scenario
     if isinstance(outcome, Done):
-        judged: Judged = outcome.value
-        judgement = judged.judgement
+        judgement: Judgement = outcome.value
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
-        return CaseRun(case, named(case, judgement), outcome.wall_time, kind, judged.doubt)
+        return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
     if isinstance(outcome, Died):
         # What somebody else has ended, or kept from ending in time, is no failure of the controller.
         status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED
@@ -50,26 +48,15 @@ def case_run(case: Case, outcome: Outcome, further: Scenario | None = None) -> C
     return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
 
 
-def settled(first: CaseRun, later: CaseRun) -> CaseRun:
-    """The run of a case in doubt, from the ``first`` simulation and the ``later`` one that went on.
-
-    The criteria of the case's own time stay, also where the later simulation failed.
-    """
-    result, own = later.result, first.result.measurements
-    if not result.measurements.names:
-        kept = structs.replace(own, **dict.fromkeys(AT_THE_END))
-        result = structs.replace(result, measurements=kept)
-    return replace(later, result=result, wall_time=first.wall_time + later.wall_time)
-
-
 def account(death: Died, scenario: Scenario) -> str:
     """How a process died, where its simulation was, and what it had printed."""
     return "\n  ".join((f"{death.message}, {_whereabouts(death.place, scenario)}", *death.output))
 
 
 def _plausible(place: Place, scenario: Scenario) -> Place:
-    """``place`` within the simulation: it lay in memory that the FMUs can write into."""
-    return replace(place, sample=min(max(place.sample, 0), scenario.samples))
+    """``place`` within what may be simulated: it lay in memory that the FMUs can write into."""
+    last = math.ceil(scenario.announced / float(scenario.sample_time))
+    return replace(place, sample=min(max(place.sample, 0), last))
 
 
 def _whereabouts(place: Place, scenario: Scenario) -> str:

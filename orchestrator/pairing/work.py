@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..benchmark.case import Case
-from ..benchmark.doubt import longer
-from ..benchmark.metrics import AT_THE_END, expected, judge
+from ..benchmark.doubt import longest
+from ..benchmark.metrics import AT_THE_END, Measured, expected, further, judge, measure
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import Judged, Judgement
+from ..benchmark.results import Judgement
 from ..codec import Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
@@ -29,23 +29,17 @@ if TYPE_CHECKING:  # it loads the compiler, which only workers need
 
 
 class CaseTask(Struct, frozen=True):
-    """Simulate a case and judge it by a protocol; ``further`` until the latest time that it may be judged at."""
+    """Simulate a case and judge it by a protocol."""
 
     protocol: Protocol
     setup: Setup
     case: Case
-    further: bool = False
-
-    @property
-    def scenario(self) -> Scenario:
-        """What is simulated."""
-        return longer(self.protocol, self.case) if self.further else self.case.scenario
 
 
 class Simulated(Struct, frozen=True):
     """What a case came to, with its trajectory."""
 
-    judged: Judged
+    judgement: Judgement
     trajectory: Trajectory
 
 
@@ -82,16 +76,13 @@ def prepare() -> None:
 
 
 def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judged`."""
-    wanted = unpack(task, CaseTask)
-    return pack(judge(wanted.protocol, wanted.case, _simulate(plant, controller, wanted.scenario, wanted.setup)))
+    """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judgement`."""
+    return pack(_judged(plant, controller, unpack(task, CaseTask)).judgement)
 
 
 def simulate_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """A :class:`CaseTask`; gives a :class:`Simulated`."""
-    wanted = unpack(task, CaseTask)
-    trajectory = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
-    return pack(Simulated(judge(wanted.protocol, wanted.case, trajectory), trajectory))
+    return pack(_judged(plant, controller, unpack(task, CaseTask), OBSERVED))
 
 
 def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
@@ -136,10 +127,10 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
 
 
-def judged(protocol: Protocol, case: Case, value: bytes) -> Judged:
+def judged(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
-    found = unpack(value, Judged)
-    _check(protocol, case, found.judgement)
+    found = unpack(value, Judgement)
+    _check(protocol, case, found)
     return found
 
 
@@ -156,7 +147,7 @@ def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
     possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset(), early)}
     if names not in possible.get(found.status, (frozenset(), early)):
         raise Malformed(f"the status {found.status.value} with the figures {', '.join(sorted(names)) or 'none'}")
-    scenario = longer(protocol, case) if wanted & AT_THE_END else case.scenario
+    scenario = longest(protocol, case)
     latest = float(scenario.samples * scenario.sample_time)
     if found.time > latest or (found.judged_until or 0.0) > latest:
         raise Malformed(f"a time of {found.time:g} s, beyond the end")
@@ -164,7 +155,7 @@ def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
 
 def largest_trajectory(scenario: Scenario) -> int:
     """Bytes that the trajectory of ``scenario`` has at most, packed."""
-    columns = 11 + len(OBSERVED)
+    columns = 13 + len(OBSERVED)
     return (scenario.samples + 2) * columns * 8 + (1 << 16)
 
 
@@ -183,8 +174,8 @@ def recording(value: bytes) -> Recording:
 def simulated(protocol: Protocol, case: Case, value: bytes) -> Simulated:
     """What a worker sent for a :class:`CaseTask` with its trajectory, checked."""
     found = unpack(value, Simulated)
-    _check_trajectory(case.scenario.samples, OBSERVED, found.trajectory)
-    _check(protocol, case, found.judged.judgement)
+    _check_trajectory(longest(protocol, case).samples, OBSERVED, found.trajectory)
+    _check(protocol, case, found.judgement)
     return found
 
 
@@ -199,8 +190,8 @@ def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory)
     if found.time.ndim != 1 or not 1 <= len(found.time) <= samples + 1:
         raise Malformed("a trajectory of another length than the scenario's")
     states = len(found.time)
-    pairs = (found.q_m, found.X, found.measured, found.command, found.torque)
-    shapes = [(states, 2)] * 3 + [(states - 1, 2)] * 2
+    pairs = (found.q_m, found.X, found.measured, found.given, found.command, found.torque)
+    shapes = [(states, 2)] * 3 + [(states - 1, 2)] * 3
     fits = set(found.extra) == set(observe) and [array.shape for array in pairs] == shapes
     if not fits or any(array.shape != (states,) for array in found.extra.values()):
         raise Malformed("a trajectory of other sizes than the scenario's")
@@ -217,7 +208,24 @@ def _first_sample(plant: Slave, controller: Slave, wanted: ScenarioTask) -> Traj
     return found
 
 
-def _simulate(plant: Slave, controller: Slave, *arguments: Any) -> Trajectory:
+def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) -> Trajectory:
     from ..loop.master import simulate
 
-    return simulate(plant, controller, *arguments)
+    return simulate(plant, controller, *arguments, **options)
+
+
+def _judged(plant: Slave, controller: Slave, wanted: CaseTask, observe: tuple[str, ...] = ()) -> Simulated:
+    """The case of a task, simulated until its end leaves no doubt. What is measured there is not measured again."""
+    protocol, case = wanted.protocol, wanted.case
+    measured: Measured | None = None
+
+    def look(trajectory: Trajectory) -> Scenario | None:
+        nonlocal measured
+        measured = measure(protocol, case, trajectory)
+        later = further(protocol, case, measured)
+        if later is not None:
+            measured = None
+        return later
+
+    trajectory = _simulate(plant, controller, case.scenario, wanted.setup, observe, further=look)
+    return Simulated(judge(protocol, case, trajectory, measured), trajectory)

@@ -8,14 +8,13 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
-from ..benchmark.doubt import longer
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
 from ..execution.job import Job, Outcome
 from ..execution.store import Store
 from ..loop.trajectory import Status
 from ..pairing.pairing import GROUP_SIZE, judging
-from ..pairing.runs import CaseRun, case_run, settled
+from ..pairing.runs import CaseRun, case_run
 from . import stored
 from .requests import Batch, Entry
 
@@ -30,12 +29,11 @@ OnRun = Callable[[CaseRun, int, int], None]
 
 @dataclass
 class _Open:
-    """An entry whose cases are on their way: the runs so far by number, those in doubt, and the strikes."""
+    """An entry whose cases are on their way: the runs so far by number, and the strikes."""
 
     entry: Entry
     keys: list[str]
     found: dict[int, CaseRun]
-    doubts: dict[int, CaseRun] = field(default_factory=dict)
     strikes: Counter[tuple[Status, str]] = field(default_factory=Counter)
 
     @property
@@ -61,12 +59,17 @@ class _Open:
         self.strikes[run.result.status, run.kind] += 1
 
 
-def run(batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = None) -> list[list[CaseRun]]:
-    """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone."""
+def run(
+    batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = None, first: bool = True
+) -> list[list[CaseRun]]:
+    """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone.
+
+    Of the ``first`` batch of a command it is said how much of it is known already: a search has hundreds.
+    """
     opened = [_open(entry, known) for entry in batch.entries]
     there = sum(len(each.found) for each in opened)
     total = sum(len(each.keys) for each in opened) if batch.total is None else batch.total
-    if there and on_run is not None and known.lasting:
+    if there and first and on_run is not None and known.lasting:
         logger.info("%d of %d cases are there from an earlier run", there, total, extra={"what": "stored"})
     done = batch.before
 
@@ -86,7 +89,7 @@ def run(batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = Non
             if number not in each.found:
                 _keep(each, number, failure, known)
                 tell(failure)
-    for each, number, found in _judged(opened, execute):
+    for each, number, found in _simulated(opened, execute):
         _keep(each, number, found, known)
         tell(found)
     for each in opened:
@@ -113,32 +116,18 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
     own.take(number, run)
 
 
-def _judged(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
-    """The runs of what is waiting, as they come; those in doubt at last, simulated further."""
-    for each, number, found in _simulated(opened, execute):
-        if found.doubt:
-            each.doubts[number] = found
-        else:
-            yield each, number, found
-    for each, number, found in _simulated(opened, execute, further=True):
-        yield each, number, settled(each.doubts[number], found)
-
-
-def _simulated(
-    opened: Sequence[_Open], execute: Execute, further: bool = False
-) -> Iterator[tuple[_Open, int, CaseRun]]:
-    """The runs of what is waiting, or of what is in doubt ``further`` than its own end, as they come, until no entry
-    wants more."""
+def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
+    """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
     places: list[tuple[_Open, list[int], set[int]]] = []
     for each in opened:
-        waiting = [] if each.reason else sorted(each.doubts) if further else each.waiting
+        waiting = [] if each.reason else each.waiting
         alone, left = each.entry.patience == 1, set(waiting)
         size = max(1, len(waiting)) if alone else GROUP_SIZE
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
             cases = [each.entry.cases[number] for number in numbers]
-            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing, further), give_up=alone))
+            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
             places.append((each, numbers, left))
     if not jobs:
         return
@@ -149,7 +138,6 @@ def _simulated(
             if number not in left or own.reason:
                 continue  # a cluster may run a job twice
             left.remove(number)
-            case, protocol = own.entry.cases[number], own.entry.protocol
-            yield own, number, case_run(case, outcome, longer(protocol, case) if further else None)
+            yield own, number, case_run(own.entry.cases[number], outcome)
             if all(each.reason or not left for each, _, left in places):
                 return

@@ -98,7 +98,7 @@ class Engine:
     def _answer(self, request: Request, known: store.Store, spent: _Spent) -> Any:
         match request:
             case Batch():
-                found = batch.run(request, self.execute, known, self.on_run)
+                found = batch.run(request, self.execute, known, self.on_run, first=not spent.simulations)
                 spent.count([run for runs in found for run in runs])
                 return found
             case Rehearse(pairing, case, probe):

@@ -35,6 +35,7 @@ def trajectory(error_x=0.0, error_z=0.0, torque=(0.0, 0.0), u_m0=(0.0, 0.0), dur
         X=X + (1.2, -0.7),
         extra={},
         measured=empty,
+        given=torques * 0.0,
         command=torques,
         torque=torques,
         q_m_ref=(0.0, 0.0),
