@@ -6,7 +6,7 @@
     python benchmarks/leaderboard.py --search       after a change of search or verdicts: evaluate and search with the
                                                     native plant; spread over the seeds and computing time stay
                                                     (40 minutes)
-    python benchmarks/leaderboard.py --same         after a change of the FMUs that must not move a number: evaluate
+    python benchmarks/leaderboard.py --same         after a change of FMUs or code that must not move a number: evaluate
                                                     all on ``paper``; where all cases are the same to the last bit,
                                                     keep the figures with the hashes of the new FMUs, else fail
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept and from the
@@ -85,7 +85,7 @@ def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, 
         spread = before["seeds"]
     return {
         "guid": controller.archive.description.guid,
-        "plant": results.plant.sha256,
+        "plant": _plant(),
         "code": source_hash(PACKAGE / part for part in CODE),
         "cases": hashes["native"],
         "controller": _part(results.controller, "file", "sha256", "fmi_version", "generation_tool"),
@@ -101,7 +101,7 @@ def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, 
 
 
 def same(figures: Figures, folder: Path) -> dict[str, Any]:
-    """The ``figures`` of a controller with the hashes of its FMU and the plant as they are built now.
+    """The ``figures`` of a controller with the hashes of its FMU, the plant and the code as they are now.
 
     Raises :class:`SystemExit` if a case of ``paper`` differs in a bit from that of the FMUs they were measured with.
     """
@@ -112,9 +112,15 @@ def same(figures: Figures, folder: Path) -> dict[str, Any]:
     if cases != figures["cases"] or results.cost != figures["cost"]:
         raise SystemExit(f"{name}: not the results that are kept; evaluate it anew")
     print(f"{name}: all {len(results.cases)} cases of paper are the same to the last bit", flush=True)
-    plant = hashlib.sha256(build_fmus.build("FlexibleManipulator", FMUS).read_bytes()).hexdigest()
     own = _part(results.controller, "file", "sha256", "fmi_version", "generation_tool")
-    return {**figures, "guid": controller.archive.description.guid, "plant": plant, "controller": own}
+    code = source_hash(PACKAGE / part for part in CODE)
+    hashes = {"guid": controller.archive.description.guid, "plant": _plant(), "code": code}
+    return {**figures, **hashes, "controller": own}
+
+
+def _plant() -> str:
+    """SHA-256 of the plant in Python, whose numbers the native one has."""
+    return hashlib.sha256(build_fmus.build("FlexibleManipulator", FMUS).read_bytes()).hexdigest()
 
 
 def built(name: str) -> Controller:

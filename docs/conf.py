@@ -41,6 +41,7 @@ CONTENTS = {
                 "tuning",
                 "check",
                 "publishing",
+                "rules",
                 "report",
                 "compare",
                 "python",

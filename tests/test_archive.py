@@ -5,6 +5,7 @@ import io
 import shutil
 import stat
 import struct
+import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -19,7 +20,7 @@ from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
 from orchestrator.cache import VARIABLE
 from orchestrator.errors import EnvironmentFault, FmuError
-from orchestrator.fmi import archive
+from orchestrator.fmi import archive, compilation
 from orchestrator.fmi.archive import open_archive, restore
 
 DESCRIPTION = "modelDescription.xml"
@@ -256,3 +257,13 @@ def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
         monkeypatch.setattr(archive, "MOST_BYTES", most)
         assert refusal(open_archive, good_file).what == "archive-limit"
     assert not (room / "cache").exists()
+
+
+@pytest.mark.needs("bubblewrap")
+def test_a_compiler_of_foreign_sources_writes_into_its_folder_only(tmp_path):
+    own, other = tmp_path / "own", tmp_path / "other"
+    own.mkdir()
+    words = compilation._fence(str(own), zig=False)
+    script = f"touch {own}/written; touch {other}; touch $TMPDIR/temporary"
+    subprocess.run([*words, "sh", "-c", script], check=False, capture_output=True)
+    assert {file.name for file in own.iterdir()} == {"written", "temporary"} and not other.exists()

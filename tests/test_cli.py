@@ -7,7 +7,6 @@ import math
 import shlex
 import shutil
 import sys
-from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 
@@ -25,7 +24,6 @@ import orchestrator
 from controller_fmu import starters
 from orchestrator.benchmark.results import CaseResult
 from orchestrator.cli import guard, simulate
-from orchestrator.cli import verify as verify_command
 from orchestrator.cli.main import COMMANDS, main
 from orchestrator.codec import from_json
 from orchestrator.documents.commands import recording_command, simulate_command
@@ -93,7 +91,6 @@ PLANNED = {
 def test_a_dry_run_tells_the_cases_and_writes_nothing(
     name: str, quick_pid_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(verify_command, "_fresh_cache", nullcontext)  # which takes long
     if name == "tune":
         require("optuna", "cmaes")
     options, cases = PLANNED[name]

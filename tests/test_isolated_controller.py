@@ -8,10 +8,12 @@ import pytest
 from hostile.cheats import PID_C
 from hostile.fmus import Fault
 from hostile.runs import STRUCK, bench, run, short_cases
+from support.refusals import refusal
 from support.tools import PRESENT
 
 from controller_fmu.export import c_fmu
 from controller_fmu.export.dialects import Dialect
+from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import sandbox
 from orchestrator.loop.scenario import Drive
 from orchestrator.loop.trajectory import Status
@@ -42,16 +44,15 @@ def test_a_controller_apart_gives_the_same_bits(kind, plant_file, tmp_path):
 FAULTS = [
     (Fault("segfault"), Status.CRASHED, "controller's process was ended by SIGSEGV, in the call 'fmi2DoStep' of the"),
     (Fault("exit:0"), Status.CRASHED, "controller's process ended by itself with exit code 0"),
-    (Fault("kill-parent"), Status.LOST, "ended by SIGKILL"),
     (Fault("garbage"), Status.CRASHED, "controller's process sent what is no answer"),
     (Fault("spin"), Status.TIMEOUT, "in the call 'fmi2DoStep' of the controller at t = 0.02 s"),
     (Fault("status:3"), Status.ERROR, "fmi2DoStep returned error\n  hostile: as you wish"),
     (Fault("status:1"), Status.DONE, ""),
     (Fault("value:nan"), Status.ERROR, "a torque that is not a number"),
     (Fault("abort", "initialize", 0.0), Status.CRASHED, "controller's process was ended by SIGABRT"),
-    (Fault("abort", "terminate", 0.0), Status.CRASHED, "controller's process was ended by SIGABRT"),
     (Fault("status:3", "initialize", 0.0), Status.ERROR, "as you wish"),
-    (Fault("status:3", "terminate", 0.0), Status.DONE, "after its end"),
+    (Fault("abort", "terminate", 0.0), Status.DONE, ""),
+    (Fault("status:3", "terminate", 0.0), Status.DONE, ""),
     (Fault("grow"), Status.CRASHED, "of memory; the limit is 600 MB"),
 ]
 
@@ -60,11 +61,19 @@ FAULTS = [
 @pytest.mark.parametrize(("fault", "status", "words"), FAULTS, ids=str)
 def test_what_goes_wrong_there_is_told_here(fault, status, words, plant_file, faulty):
     own = bench(plant_file, faulty(fault), limit=3.0)
-    boxed = PRESENT["bubblewrap"] and fault.what != "kill-parent"
+    boxed = PRESENT["bubblewrap"]
     own = replace(own, isolated=True, limits=replace(own.limits, memory=600_000_000), sandbox=boxed)
     (found,) = run(own, short_cases((STRUCK,)))
     assert (found.result.status, words in found.result.message) == (status, True), found.result
     assert "Traceback" not in found.result.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["kill:9", "kill-parent"])
+def test_what_a_signal_ends_is_a_fault_from_outside_and_not_tried_again(what, plant_file, faulty):
+    own = replace(bench(plant_file, faulty(Fault(what)), limit=3.0), isolated=True)
+    problem = refusal(run, own, short_cases((STRUCK, STRUCK)), kind=EnvironmentFault)
+    assert (problem.what, "ended by SIGKILL" in str(problem)) == ("outside", True)
 
 
 @pytest.mark.needs("bubblewrap")

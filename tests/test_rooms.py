@@ -20,7 +20,7 @@ COMMANDS = ("__main__", *main.COMMANDS)
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
     ("errors", "text", "exact_time", "cache", "codec", "jit", "asking", "version"),
-    ("fmi", "views"),
+    ("fmi", "views", "recheck"),
     ("loop",),
     ("benchmark", "conformance"),
     ("execution", "search"),
@@ -151,4 +151,6 @@ OPTION = re.compile(r"(^|[\s`'\"(])--[a-z]")
 WITH_OPTIONS = {
     "orchestrator.documents.commands": "the command that repeats a case, held against the parser in test_cli.py",
     "orchestrator.execution.sandbox": "the words of bubblewrap's own command",
+    "orchestrator.recheck.__main__": "a command of its own, which imports nothing of the others",
+    "orchestrator.fmi.compilation": "the words of bubblewrap's own command",
 }

@@ -17,11 +17,13 @@ from hostile.runs import STRUCK, bench, copied_packages, job, run, short_cases
 from support.python_controllers import python_controller
 from support.refusals import refusal
 
-from orchestrator.execution import sandbox
+from orchestrator import Benchmark
+from orchestrator.execution import sandbox, sandbox_probe
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import pairing
+from orchestrator.study import engine
 
 sandboxed = pytest.mark.needs("bubblewrap")
 
@@ -191,3 +193,22 @@ def test_where_bubblewrap_is_not_there_or_may_not_work_it_is_refused(words, own,
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
     error = refusal(run, own, short_cases((STRUCK,)))
     assert error.what == "no-sandbox" and words in str(error)
+
+
+@sandboxed
+def test_a_probe_finds_what_a_sandbox_leaves_open(monkeypatch):
+    """Nothing in ours; in one without a wall, what that keeps out."""
+    assert sandbox_probe.leaks() == ()
+    open_network = tuple(word for word in sandbox.OPTIONS if word != "--unshare-all")
+    monkeypatch.setattr(sandbox, "OPTIONS", open_network)
+    monkeypatch.setattr(sandbox, "NO_USER_NAMESPACES", ())
+    monkeypatch.setattr(sandbox, "HIDDEN", ())
+    found = sandbox_probe.leaks()
+    assert {"the network", "the processes of others"} <= set(found)
+
+
+@sandboxed
+def test_nothing_is_certified_in_a_sandbox_with_a_hole(monkeypatch):
+    monkeypatch.setattr(engine, "leaks", lambda: ("the network",))
+    problem = refusal(Benchmark().verify)
+    assert problem.what == "leaky-sandbox" and "allows what it must not: the network" in str(problem)

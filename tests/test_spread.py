@@ -96,7 +96,7 @@ def test_seeds_of_the_command_are_found_again_and_are_those_of_the_library(quick
         and "A1           met             2                2" in first.out
     )
     again = call(*words, "--json", folder=tmp_path)
-    assert again.err.count("6 of 6 cases are there from an earlier run") == 2
+    assert again.err.count("6 of 6 cases are there from an earlier run") == 1
     assert json.loads(again.out) == json.loads((tmp_path / "out" / "spread.json").read_text())
     loaded = Spread.load(tmp_path / "out")
     alone = Evaluation.load(tmp_path / "out" / "seed-3")

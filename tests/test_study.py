@@ -1,5 +1,6 @@
 """Studies are played without simulating anything: a function answers what they ask for."""
 
+import logging
 import math
 import random
 from fractions import Fraction
@@ -11,12 +12,14 @@ from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
+from orchestrator.benchmark.draws import Entropy, fresh
 from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
-from orchestrator.errors import Crash
+from orchestrator.errors import Crash, EnvironmentFault
 from orchestrator.execution import store
 from orchestrator.execution.job import Done
+from orchestrator.execution.supervision import OUTSIDE
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
@@ -134,11 +137,40 @@ def test_a_search_stops_when_its_time_is_over(quick):
 
 def test_a_verification_draws_for_the_controller_and_its_references(quick):
     player = Player()
-    found = answered(verify(quick, Controller(), "a beacon", 2, False, ("TunedPID",), False), player)
+    found = answered(verify(quick, Controller(), fresh(), 2, False, ("TunedPID",), False), player)
     assert [draw.seed for draw in found.draws] == [draw.seed for draw in found.references["TunedPID"].draws]
     own, reference = player.of(Batch)
     assert own.entries[0].pairing.isolated and not reference.entries[0].pairing.isolated
     assert (reference.before, reference.total) == (len(own.entries[0].cases), 2 * len(own.entries[0].cases))
+
+
+def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, caplog):
+    player, disturbed = Player(), []
+
+    def answer(request):
+        if isinstance(request, Batch) and len(disturbed) < 2:
+            disturbed.append(request)
+            raise EnvironmentFault("killed", OUTSIDE)
+        return player(request)
+
+    with caplog.at_level(logging.WARNING, "orchestrator"):
+        found = answered(verify(quick, Controller(), fresh(), 2, False, (), False), answer)
+    tried = [each.entries[0].cases for each in (*disturbed, *player.of(Batch))]
+    assert found.repetitions == 2 and len({cases[0].scenario.sensor.noise.seed for cases in tried}) == 3
+    assert caplog.text.count("begins again") == 2
+    other = EnvironmentFault("no disk")
+    for problem in (other, EnvironmentFault("killed", OUTSIDE)):
+        with pytest.raises(EnvironmentFault):
+            answered(verify(quick, Controller(), fresh(), 2, False, (), False), raising(problem, Player()))
+
+
+def raising(problem, player):
+    def answer(request):
+        if isinstance(request, Batch):
+            raise problem
+        return player(request)
+
+    return answer
 
 
 def test_a_study_ends_with_a_controller_that_does_not_survive_its_first_sample(quick):
@@ -262,7 +294,7 @@ def studies(folder):
         "sweep": lambda own: sweep(short_bench, pid, values),
         "sample": lambda own: reliability(short_bench, pid, 70, 0.01, 0.99, "box"),
         "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own and own / "study.log"),
-        "verification": lambda own: verify(bench, pid, "a beacon", 2, False, ("TunedPID",), False),
+        "verification": lambda own: verify(bench, pid, Entropy("0" * 64), 2, False, ("TunedPID",), False),
     }
 
 

@@ -2,34 +2,45 @@
 bit."""
 
 import hashlib
+import importlib.util
+import json
 import logging
+import marshal
 import math
+import os
 import shutil
-from contextlib import nullcontext
+import struct
+import sys
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hostile.cheats import BODIES, DEFINES, cheat
+from hostile.commands import finished
 from hostile.fmus import Fault
+from hostile.runs import copied_packages
 from msgspec import structs
 from support.refusals import refusal
-from support.tools import PRESENT
+from support.tools import PRESENT, require
 
 from benchmarks import leaderboard_tables as tables
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
+from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
 from orchestrator.cli import report
 from orchestrator.cli import verify as command
-from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
+from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
 from orchestrator.codec import from_json, to_json
+from orchestrator.documents.standard import USUAL
 from orchestrator.documents.verification import Verification, differences
+from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.built_in import built_in
-from orchestrator.pairing.reference import USUAL
 from orchestrator.study import verify as verification
 from orchestrator.views.table import VERDICTS
 
@@ -39,6 +50,8 @@ pytestmark = [
 ]
 
 PID = "DiagonalPID"
+
+FIXED = Entropy(hashlib.sha256(b"the same in every run").hexdigest())
 
 TWO_CASES = """
 extends = "verification"
@@ -88,7 +101,7 @@ def honest(bench):
 @pytest.fixture(scope="module")
 def certificate(bench) -> Verification:
     """That of the PID itself."""
-    return verified(bench, Controller(), draws="1 April 2027", count=2)
+    return verified(bench, Controller(), draws=FIXED, count=2)
 
 
 def verified(bench: Benchmark, controller: Controller, **options) -> Verification:
@@ -111,11 +124,13 @@ GAINS = {
     "interpreter": lambda cost, honest: cost < 0.5 * honest,
     "maps": lambda cost, honest: cost < 0.1 * honest,
     "forged": lambda cost, honest: cost < 0.1 * honest,
-    "replay": lambda cost, honest: cost < 0.8 * honest,
+    "replay": lambda cost, honest: cost < 0.9 * honest,
     "plant-state": lambda cost, honest: cost < honest,
     "stop-time": lambda cost, honest: cost == honest,  # all stop times are equal
     "replaced-plant": lambda cost, honest: cost == honest,  # the bytes are checked whenever they are loaded
     "rounding": lambda cost, honest: cost is None,  # an error that names it
+    "marked-descriptors": lambda cost, honest: cost != honest,  # here, one case tells the next
+    "left-files": lambda cost, honest: cost != honest,
 }
 """What becomes of V in an ordinary run; docs/publishing.md says so, too."""
 
@@ -126,14 +141,20 @@ def test_all_cheats_are_tried():
 
 @pytest.mark.parametrize("name", GAINS)
 def test_cheating_gains_nothing(name, bench, honest, tmp_path):
+    if name == "left-files":
+        require("bubblewrap")  # without which files stay
     plant = bench.manipulator.archive
     file = cheat(tmp_path, name, plan(bench) if name == "replay" else "PLANS = {}\n", plant.content + b"other")
     ordinary = bench.evaluate(Controller(file), recordings=False)
     assert GAINS[name](ordinary.cost, honest.cost)
     if name == "rounding":
         assert "changed how this process computes: rounding towards zero" in ordinary.cases[0].message
+    for seen in cache_folder().rglob("seen"):  # the command has a cache of its own
+        seen.unlink()
     found = verified(bench, Controller(file))
     clean(cache_folder() / "built")  # other tests look there
+    for place in (Path("/dev/shm") / f"seen-{os.getuid()}", Path(tempfile.gettempdir(), "seen")):
+        place.unlink(missing_ok=True)
     assert found.sandbox == PRESENT["bubblewrap"]
     (draw,), (honestly,) = found.draws, found.references[PID].draws
     if found.cost.mean is None:
@@ -168,25 +189,25 @@ def test_a_plant_that_is_changed_after_it_was_opened_is_not_run(bench, honest):
     assert library.read_bytes() == content
 
 
-ENDS = {"kill:9": (Status.LOST, None, EXIT_NOT_JUDGED), "abort": (Status.CRASHED, False, EXIT_INCOMPLETE)}
-
-
-@pytest.mark.parametrize("what", ENDS)
-def test_cases_that_do_not_end_are_told_with_their_reason(what, bench, faulty, tmp_path, capsys, monkeypatch):
-    """One that a signal from anywhere has ended is not judged; one that ended itself fails."""
-    status, passed, code = ENDS[what]
-    monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
+def test_cases_that_do_not_end_are_told_with_their_reason(bench, faulty, tmp_path, capsys, monkeypatch):
     options = ["--no-strict", "--beside", PID, "--jobs", "2", "--output-dir", str(tmp_path)]
-    assert command.main([str(faulty(Fault(what))), "--protocol", str(bench.protocol), *options]) == code
+    words = [str(faulty(Fault("abort"))), "--protocol", str(bench.protocol), *options]
+    assert command.main(words) == EXIT_INCOMPLETE
     found = Verification.load(tmp_path)
-    assert found.requirements["A3"].passed is passed and found.references[PID].requirements["A3"].passed
-    assert {case.status for case in found.cases} <= {status, Status.SKIPPED} and len(found.cases) == 6
+    assert found.requirements["A3"].passed is False and found.references[PID].requirements["A3"].passed
+    assert {case.status for case in found.cases} <= {Status.CRASHED, Status.SKIPPED} and len(found.cases) == 6
     assert all("ended by SIG" in case.message for case in found.cases)
     assert {case.status for case in found.references[PID].cases} == {Status.DONE}
     said = capsys.readouterr().out
-    assert f"A3 {VERDICTS[passed]}" in said and found.requirements["A3"].reason in said
-    repeats = f"--case c00.compliant.disturbance --protocol {bench.protocol} --seed"
-    assert (repeats in said) is (passed is False)
+    assert f"A3 {VERDICTS[False]}" in said and found.requirements["A3"].reason in said
+    assert f"--case c00.compliant.disturbance --protocol {bench.protocol} --seed" in said
+
+
+def test_a_process_that_a_signal_ends_leaves_no_result_and_no_second_try(bench, faulty, caplog):
+    """Nobody can tell whether it did that itself, after it had seen its draws: it gets others, and that is counted."""
+    with caplog.at_level(logging.WARNING, "orchestrator"):
+        problem = refusal(verified, bench, Controller(faulty(Fault("kill:9"))), kind=EnvironmentFault)
+    assert problem.what == "outside" and caplog.text.count("begins again, with other draws") == 2
 
 
 def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
@@ -211,7 +232,7 @@ def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
 
 def test_a_certificate_is_repeated(certificate, bench):
     assert from_json(to_json(certificate), Verification) == certificate
-    assert certificate.source == "published" and len({draw.seed for draw in certificate.draws}) == 2
+    assert certificate.entropy == FIXED and len({draw.seed for draw in certificate.draws}) == 2
     assert certificate.cost == certificate.references[PID].cost and certificate.cost.sd > 0.0
     again = bench.repeat(certificate)
     assert differences(certificate, again) == ((), ())
@@ -228,7 +249,7 @@ def test_a_certificate_is_repeated(certificate, bench):
 
 def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
     monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 144 cases
-    found = verified(bench, Controller(), draws=certificate.entropy, strict=True, beside=[PID, "TunedPID"])
+    found = verified(bench, Controller(), draws=FIXED, strict=True, beside=[PID, "TunedPID"])
     assert found.strict.cost == Figure(found.cost.mean, None) and certificate.strict is None
     other = found.references["TunedPID"]
     assert other.strict.cost.mean == other.cost.mean == other.draws[0].cost != found.cost.mean
@@ -242,21 +263,25 @@ def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp
     assert command.main([file, *options]) == EXIT_OK
     written = tmp_path / "verification.json"
     found = Verification.load(tmp_path)
-    assert found.source == "fresh" and len(found.entropy) == 64 and found.head.protocol_file == str(bench.protocol)
-    assert [file.name for file in tmp_path.iterdir()] == [written.name], "a store could be written into by others"
+    assert (found.entropy.source, found.repetitions, len(found.entropy.value)) == ("fresh", 0, 64)
+    assert found.head.protocol_file == str(bench.protocol)
+    files = {file.name for file in tmp_path.iterdir()}
+    assert {name for name in files if not name.startswith("case-")} == {written.name}, "no store"
+    assert len(files) == 1 + len(found.checked) >= 2
     assert list(found.references) == list(USUAL) and found.strict is not None
     said = " ".join(capsys.readouterr().out.split())
     assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in said
     assert report.main([str(tmp_path)]) == EXIT_OK
-    assert found.entropy in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert found.entropy.value in (tmp_path / "report.html").read_text(encoding="utf-8")
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
-    monkeypatch.setattr(command, "_fresh_cache", nullcontext)  # which takes long
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE
     said = capsys.readouterr().err
     assert "DIFFERENT: draws.1.cases" in said and "not equal to the certificate" in said
 
 
-@pytest.mark.parametrize("further", ["--no-strict", "--draws=today", "--set=K_p[1]=46", "--beside=TunedPID"])
+@pytest.mark.parametrize(
+    "further", ["--no-strict", "--draws=round.json", "--published=2027-01-31", "--set=K_p[1]=46", "--beside=TunedPID"]
+)
 def test_a_repetition_takes_everything_from_its_certificate(further):
     assert refusal(command.main, ["--repeat", "verification.json", further]).what == "contradiction"
 
@@ -272,14 +297,14 @@ def test_draws_follow_from_the_controller_and_what_was_published():
 def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path):
     file = tmp_path / "verification.json"
     seed, cost = str(certificate.draws[0].seed), f'"mean": {certificate.cost.mean!r}'
-    changes = {seed: "7", cost: '"mean": 1.0', "1 April": "2 April", Verification.SCHEMA: "other", "{": ""}
+    changes = {seed: "7", cost: '"mean": 1.0', FIXED.value: FIXED.value[::-1], Verification.SCHEMA: "other", "{": ""}
     for old, new in changes.items():
         file.write_text(to_json(certificate).replace(old, new))
         assert refusal(Verification.load, file).what == ("other-schema" if new == "other" else "damaged")
     assert refusal(Verification.load, tmp_path / "none").what == "no-file"
 
 
-def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
+def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path, monkeypatch):
     listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
     pid = structs.replace(certificate.references[PID], strict=listed)
     second = structs.replace(certificate, strict=listed, references={PID: pid}, sandbox=True)
@@ -287,15 +312,57 @@ def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")
+    assert "not standard: the protocol" in str(refusal(tables.submissions, tmp_path))
+    monkeypatch.setattr(Verification, "deviations", ())
     lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
-    assert {line.count("|") for line in lines} == {11}
+    assert {line.count("|") for line in lines} == {12} and all(line.endswith("claimed |") for line in lines[2:])
+    (tmp_path / "second" / "repeat.json").write_text(to_json(second))
+    lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
+    assert lines[2].startswith("| second") and lines[2].endswith("repeated |")
+    (tmp_path / "second" / "repeat.json").write_text(to_json(second).replace(second.draws[0].cases, "0" * 64))
+    assert "its repetition differs" in str(refusal(tables.submissions, tmp_path))
+    (tmp_path / "second" / "repeat.json").unlink()
+    marked = tmp_path / "[x](javascript:alert(1))"
+    marked.mkdir()
+    (marked / "verification.json").write_text(to_json(second))
+    assert "name of letters" in str(refusal(tables.submissions, tmp_path))
+    shutil.rmtree(marked)
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(tables.submissions, tmp_path).what == "submission"
-    for word, nothing in (("strict", None), ("sandbox", False)):
-        lacking = structs.replace(second, **{word: nothing})
-        (tmp_path / "first" / "verification.json").write_text(to_json(lacking))
-        assert word in str(refusal(tables.submissions, tmp_path))
+
+
+def test_what_is_not_standard_is_named(certificate):
+    assert certificate.deviations == (
+        "the protocol is not verification as it comes with the benchmark",
+        "there are 2 draws, not 3",
+        "the cases of strict-verification are not all there",
+        "the references are not DiagonalPID and TunedPID",
+        *([] if certificate.sandbox else ["the controller had no sandbox"]),
+        "fewer than 3 cases were checked by the second checker",
+        "the interpreter was not clean",
+    )
+    plant = structs.replace(certificate.plant, parameters={"m[1]": 1.0})
+    slow = structs.replace(certificate.sample_time, seconds=1e-3, as_in_benchmark=False)
+    changed = structs.replace(certificate.head, plant=plant, sample_time=slow, benchmark="FlexibleManipulator-v2")
+    told = structs.replace(certificate, head=changed, sandbox=False).deviations
+    assert told[0].startswith("the benchmark is FlexibleManipulator-v2, not ")
+    assert tuple(words for words in told if "second checker" not in words)[-4:] == (
+        "the plant is not that of the benchmark",
+        "the controller samples at another rate than the benchmark",
+        "the controller had no sandbox",
+        "the interpreter was not clean",
+    )
+
+
+def test_tests_of_a_system_differ_in_noise_and_disturbance():
+    """What one shows of the draws tells nothing about another."""
+    found = [case for case in Benchmark("verification", seed=1).cases if case.configuration.index == 0]
+    assert len({case.scenario.sensor.noise.seed for case in found}) == len(found)
+    pushed = [case.scenario for case in found if case.test.disturbed]
+    assert len({(each.pulse, each.chirp) for each in pushed}) == len(pushed)
+    systems = {(case.system.name, case.system.parameters) for case in found}
+    assert len(systems) == len({case.system.name for case in found})
 
 
 def test_the_protocol_moves_what_it_lists():
@@ -319,3 +386,32 @@ def test_a_draw_without_a_value_leaves_no_mean(honest, bench):
     found = overall(rules(bench.rules), [(1, honest.cases), (2, lost)])
     assert found.criteria["B1"].mean == honest.criteria["B1"].value and not found.complete
     assert found.criteria["B5"].worst_case.seed == 2
+
+
+POISON = "\n_honest = scan\ndef scan(*given):\n    return _honest(*given)._replace(force_error=0.0)\n"
+
+
+def poison(package: Path) -> None:
+    """Byte-code that does something else than its source, as an FMU with the user's rights may leave it behind."""
+    source = package / "benchmark" / "one_pass.py"
+    state = source.stat()
+    header = importlib.util.MAGIC_NUMBER + struct.pack("<III", 0, int(state.st_mtime), state.st_size & 0xFFFFFFFF)
+    code = compile(source.read_text() + POISON, str(source), "exec")
+    target = Path(importlib.util.cache_from_source(str(source)))
+    target.parent.mkdir(exist_ok=True)
+    target.write_bytes(header + marshal.dumps(code))
+
+
+def test_poisoned_byte_code_reaches_no_verification(bench, pid_file, tmp_path):
+    folder = copied_packages(tmp_path / "clone")
+    poison(folder / "orchestrator")
+    options = ["--protocol", str(bench.protocol), "--jobs", "2", "--output-dir"]
+    own = {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": ""}
+    words = [sys.executable, "-m", "orchestrator.evaluate", str(pid_file), *options, str(tmp_path / "ordinary")]
+    done = finished(words, folder=folder, environment=own)
+    ordinary = json.loads((tmp_path / "ordinary" / "results.json").read_text())
+    assert ordinary["criteria"]["B5"]["value"] == 0.0, done.stderr
+    words[2], words[-1] = "orchestrator.verify", str(tmp_path / "verified")
+    done = finished([*words, "--no-strict", "--beside", PID], folder=folder, environment=own)
+    found = Verification.load(tmp_path / "verified")
+    assert found.clean and found.criteria["B5"].mean > 1e-3, done.stderr

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..documents.standard import USUAL
 from ..errors import InputError
 from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
-from ..pairing.reference import USUAL
 from ..pairing.testbed import Testbed
 from ..search.findings import BUDGET
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from typing_extensions import Unpack
 
     from ..benchmark.case import Case
+    from ..benchmark.draws import Entropy
     from ..benchmark.linearization import Friction
     from ..benchmark.reliability import Distribution
     from ..benchmark.variation import Variation
@@ -436,7 +437,7 @@ class Benchmark(Testbed):
         self,
         controller: Given = None,
         *,
-        draws: str | None = None,
+        draws: Entropy | None = None,
         count: int = 3,
         strict: bool = True,
         beside: Sequence[str] = USUAL,
@@ -453,9 +454,9 @@ class Benchmark(Testbed):
         ----------
         controller : Controller or path, optional
             By default the paper's PID.
-        draws : str, optional
-            What the draws follow from, such as a date or a beacon published after the controller; fresh entropy by
-            default.
+        draws : Entropy, optional
+            What the draws follow from: :func:`~orchestrator.benchmark.draws.from_beacon` gives the bits of a public
+            beacon; fresh ones of this machine by default.
         count : int
             Number of draws.
         strict : bool

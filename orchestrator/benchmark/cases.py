@@ -60,7 +60,7 @@ def cases(
     own, stays what it is.
 
     Random draws and noise depend on (seed, configuration, system) alone: every controller meets the same systems,
-    disturbances and noise, and every test of a system the same noise.
+    disturbances and noise, and every test of a system the same noise, unless the protocol's jitter is of ``tests``.
     """
     found = tuple(
         case(protocol, pose, system(protocol, nominal, seed, pose.index, name, test), test, seed)
@@ -133,8 +133,10 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):
             parameters[f"{symbol}[{axis}]"] *= 1.0 + protocol.uncertainty[symbol] * deviation
-    disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
     jitter = protocol.jitter
+    if jitter.tests:
+        stream = stable_stream((*_seed_words(seed, index, name, DRAWS), _checksum(test.name)))
+    disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
     if jitter.direction_deg or jitter.force_time:
         turn, late = stream.uniform(-1.0, 1.0, 2) * (math.radians(jitter.direction_deg), jitter.force_time)
         disturbance = msgspec.structs.replace(disturbance, phi_F=float(disturbance.phi_F + turn), late=float(late))
@@ -146,6 +148,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
     loop, rules = protocol.loop, protocol.disturbance
     limit, disturbance = loop.torque_limit, system.disturbance
     on_axis = [test.axis == axis for axis in (1, 2)]
+    own = (_checksum(test.name),) if protocol.jitter.tests else tuple(filter(None, (test.noise,)))
     scenario = Scenario(
         parameters=(
             ("q_a_start[1]", configuration.q_a1),
@@ -157,7 +160,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         sensor=Sensor(
             noise=Noise(
                 sigma=math.sqrt(loop.noise_power / loop.sample_time),
-                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *filter(None, (test.noise,))),
+                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *own),
             ),
             quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
         ),
@@ -210,4 +213,8 @@ def _draw(protocol: Protocol, stream: np.random.RandomState) -> Disturbance:
 
 def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ...]:
     """Words of a seed sequence. A checksum stands for the name, so that a protocol may list systems in any order."""
-    return (seed, index + 1, zlib.crc32(name.encode()), purpose)
+    return (seed, index + 1, _checksum(name), purpose)
+
+
+def _checksum(name: str) -> int:
+    return zlib.crc32(name.encode())

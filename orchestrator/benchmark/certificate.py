@@ -86,6 +86,23 @@ class Score(Struct):
     cases: tuple[CaseEnding, ...]
 
 
+class Difference(Struct):
+    """The largest difference of one comparison of the second checker, and its bound."""
+
+    name: str
+    unit: str
+    difference: NonNegative
+    bound: NonNegative
+
+
+class CheckedCase(Struct):
+    """A case that the second checker has computed anew."""
+
+    id: str
+    seed: Natural
+    differences: tuple[Difference, ...]
+
+
 class Draw(Struct):
     """One draw: its seed, V, and the SHA-256 of what all its cases came to."""
 
@@ -113,9 +130,10 @@ def identity(sha256: str, parameters: Mapping[str, float], mapping: Mapping[str,
     return hashlib.sha256(to_json(used, indent=None).encode()).hexdigest()
 
 
-def seeds(entropy: str, controller: str, count: int) -> tuple[int, ...]:
-    """The seeds of ``count`` draws: whoever changes the controller, which a hash identifies, changes its draws."""
-    words = (f"{entropy}\n{controller}\n{number}" for number in range(count))
+def seeds(entropy: str, controller: str, count: int, repetition: int = 0) -> tuple[int, ...]:
+    """The seeds of ``count`` draws: whoever changes the controller, which a hash identifies, changes its draws. A
+    ``repetition`` has others."""
+    words = (f"{entropy}\n{controller}\n{repetition * count + number}" for number in range(count))
     return tuple(int(hashlib.sha256(word.encode()).hexdigest()[:12], 16) for word in words)
 
 

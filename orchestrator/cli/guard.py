@@ -15,6 +15,9 @@ from ..text import printable
 
 EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_NOT_JUDGED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 
+EXIT_NOT_STANDARD = 4
+"""Of ``verify --repeat``: the results are equal, the conditions not the standard ones."""
+
 EXIT_CODES = """exit codes: 0 all cases ended with done or unstable, 1 some ended with crashed, timeout or error, or the
 run could not go on (a full disk, a lost cluster), 2 bad input, 3 not judged: a case was lost to something else than the
 controller, or a requirement has no verdict since cases were skipped, 130 interrupted"""
@@ -104,7 +107,8 @@ def run(module: str, arguments: Sequence[str] | None = None) -> int:
     try:
         from importlib import import_module
 
-        command = import_module(f".{module}", __package__).main
+        room = import_module(f".{module}", __package__)
+        command = getattr(room, "clean", room.main)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

@@ -13,8 +13,8 @@ from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation
 from ..benchmark.case import Case
 from ..benchmark.variation import Variation
-from ..documents import trajectory_files
-from ..documents.files import prepare_folder
+from ..documents import case_file, trajectory_files
+from ..documents.files import prepare_folder, write_bytes
 from ..documents.results import Results
 from ..errors import InputError
 from ..fmi.archive import open_archive
@@ -61,13 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.output_dir is None:
         folder = free(folder)
     prepare_folder(folder)
-    written = _write(simulation, folder, given)
+    written = _write(bench, simulation, folder, given)
     output.put(simulation, given, simulation.result)
     output.tell_written(folder, written)
     return EXIT_OK if simulation.ending.status in (Status.DONE, Status.UNSTABLE) else EXIT_INCOMPLETE
 
 
-def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
+def _write(bench: Benchmark, simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
     """Write what was asked for; returns the names of the files."""
     table = simulation.columns()
     writers = {
@@ -78,6 +78,10 @@ def _write(simulation: Simulation, folder: Path, given: argparse.Namespace) -> l
     written = [name for name, (wanted, _) in writers.items() if wanted]
     for name in written:
         writers[name][1](table, folder / name)
+    if given.record:
+        own = simulation.case, simulation.controller, bench.nominal, simulation.trajectory, simulation.result
+        write_bytes(folder / case_file.NAME, case_file.packed(bench.rules, *own))
+        written.append(case_file.NAME)
     trajectory_files.write_plot(simulation.plot(), folder / "trajectory.png")
     return [*written, "trajectory.png"]
 
@@ -174,6 +178,9 @@ def _parser() -> argparse.ArgumentParser:
     add_options(parser)
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
     parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
+    parser.add_argument(
+        "--record", action="store_true", help="write case.npz too, which python -m orchestrator.recheck computes anew"
+    )
     parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
     shown = output.add_options(parser, "the result of the case", forms=False)
     output.add_dry_run(shown, "which case would be simulated")

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..api.benchmark import Benchmark
-from ..cache import VARIABLE
-from ..documents.files import prepare_folder
+from ..benchmark.draws import from_beacon
+from ..documents.files import prepare_folder, write_bytes
+from ..documents.standard import USUAL
 from ..documents.verification import Verification, differences
 from ..errors import InputError
+from ..execution.interpreter import is_clean, run_clean
 from ..pairing.controller import Controller
-from ..pairing.reference import IN_C, USUAL
+from ..pairing.reference import IN_C
 from ..study.engine import can_fence
-from ..study.requests import Study
+from ..study.requests import CaseChecked, Event, Study
 from ..study.verify import verify
 from ..text import printable
 from . import output
-from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
+from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_NOT_STANDARD, EXIT_OK
 from .output import free
 from .progress import progress
 from .study import StudyCommand
@@ -30,13 +29,18 @@ from .values import Parser
 
 FRESH, ALL, PROTOCOL, DRAWS = "fresh", "all", "verification", 3
 
+LARGEST = 4096
+"""Bytes that the JSON of a round of drand may have."""
+
 EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu
   python -m orchestrator.verify my_controller.fmu --beside all
-  python -m orchestrator.verify my_controller.fmu --draws 2027-01-01        a date, or a beacon, announced before
+  python -m orchestrator.verify my_controller.fmu --draws round.json --published 2027-01-31T12:00:00Z
   python -m orchestrator.verify --repeat verification.json my_controller.fmu
 
-With --repeat, exit code 1 says that the results differ, 3 that cases were skipped or lost, so that this is not judged.
+With --repeat, exit code 0 says that the results are equal to those of the certificate, to the last bit, and that it was
+made under the standard conditions; 4 that they are equal, but the conditions are others, which are named; 1 that they
+differ; 3 that cases were skipped or lost, so that this is not judged.
 """
 
 
@@ -44,8 +48,14 @@ def _options(parser: Parser) -> None:
     parser.add_argument(
         "--draws",
         default=FRESH,
-        metavar="TEXT",
-        help="what the draws follow from: a date or a beacon published after the controller (default: fresh entropy)",
+        metavar="ROUND",
+        help="what the draws follow from: a round of the public beacon drand, as a file with its JSON or as "
+        "drand:CHAIN:ROUND:SIGNATURE (default: fresh entropy of this machine)",
+    )
+    parser.add_argument(
+        "--published",
+        metavar="TIME",
+        help="when the controller or its SHA-256 was published, such as 2027-01-31T12:00:00Z: the round must be later",
     )
     parser.add_argument(
         "--no-strict",
@@ -70,7 +80,7 @@ def _options(parser: Parser) -> None:
 def _study(bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> Study[Verification]:
     if not given.dry_run:
         prepare_folder(folder)
-    draws = None if given.draws == FRESH else given.draws
+    draws = None if given.draws == FRESH else from_beacon(_round(given.draws), given.published or "")
     beside = tuple(IN_C) if ALL in given.beside else tuple(given.beside)
     return verify(bench, controller, draws, DRAWS, given.strict, beside, bench.sandbox or can_fence())
 
@@ -80,11 +90,24 @@ def _check(given: argparse.Namespace) -> None:
         raise InputError(f"{given.controller} does not exist.", "no-file", given.controller)
     if given.seed is not None:
         raise InputError("A verification draws its own seeds: leave out --seed.", "contradiction", "--seed")
-    fixed = (given.draws != FRESH, not given.strict, given.beside is not USUAL, given.protocol != PROTOCOL)
+    if (given.draws != FRESH) != (given.published is not None) and not given.repeat:
+        message = "A round of a beacon goes with the time at which the controller was published: --draws, --published."
+        raise InputError(message, "contradiction", "--published")
+    drawn = given.draws != FRESH or given.published is not None
+    fixed = (drawn, not given.strict, given.beside is not USUAL, given.protocol != PROTOCOL)
     named = given.controller_parameters or given.parameter_files or given.connections or given.mapping_files
     if given.repeat and (any(fixed) or named or given.output_dir or given.dry_run):
         message = "The certificate says with what it is repeated: give it and the controller alone."
         raise InputError(message, "contradiction", given.repeat)
+
+
+def _round(draws: str) -> str:
+    """The text of a round: that of a file if there is one."""
+    file = Path(draws)
+    try:
+        return file.read_bytes()[:LARGEST].decode(errors="replace") if file.is_file() else draws
+    except OSError as problem:
+        raise InputError(f"{draws} cannot be read: {problem.strerror}.", "no-beacon", draws) from None
 
 
 class VerifyCommand(StudyCommand):
@@ -92,11 +115,10 @@ class VerifyCommand(StudyCommand):
 
     def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
         """See :meth:`.StudyCommand.run`."""
-        with _fresh_cache():
-            if given.repeat:
-                return _repeat(bench, given)
-            # A certificate with fresh draws cannot be made again: none is overwritten.
-            return super().run(bench, controller, given, folder if given.output_dir else free(folder))
+        if given.repeat:
+            return _repeat(bench, given)
+        # A certificate with fresh draws cannot be made again: none is overwritten.
+        return super().run(bench, controller, given, folder if given.output_dir else free(folder))
 
 
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
@@ -111,29 +133,28 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     if results and found.completeness == "not judged":
         print("not judged whether it is equal to the certificate: cases were skipped or lost", file=sys.stderr)
         return EXIT_NOT_JUDGED
-    print("equal to the certificate" if not results else "not equal to the certificate", file=sys.stderr)
-    return EXIT_INCOMPLETE if results else EXIT_OK
-
-
-@contextmanager
-def _fresh_cache() -> Iterator[None]:
-    """Within, nothing is taken from the user's cache, into which other controllers may have written."""
-    before = os.environ.get(VARIABLE)
-    with tempfile.TemporaryDirectory(prefix="flexible-manipulator-", ignore_cleanup_errors=True) as folder:
-        os.environ[VARIABLE] = folder
-        try:
-            yield
-        finally:
-            os.environ.pop(VARIABLE)
-            os.environ.update({} if before is None else {VARIABLE: before})
+    if results:
+        print("not equal to the certificate", file=sys.stderr)
+        return EXIT_INCOMPLETE
+    unusual = certificate.deviations
+    for line in unusual:
+        print(printable(f"not standard: {line}"), file=sys.stderr)
+    print(f"equal to the certificate{', but not under the standard conditions' if unusual else ''}", file=sys.stderr)
+    return EXIT_NOT_STANDARD if unusual else EXIT_OK
 
 
 def _files(found: Verification, folder: Path, given: argparse.Namespace) -> Sequence[str]:
     found.save(folder)
-    return ()
+    return sorted(file.name for file in folder.glob("case-*.npz"))
 
 
-main = VerifyCommand(
+def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
+    """Keep what the second checker has read."""
+    if isinstance(event, CaseChecked):
+        write_bytes(folder / event.name, event.content)
+
+
+COMMAND = VerifyCommand(
     name="verify",
     help="Verify a controller: draws nobody knew, a judge it cannot reach.",
     examples=EXAMPLES,
@@ -144,5 +165,20 @@ main = VerifyCommand(
     protocol=PROTOCOL,
     here=True,
     files=_files,
+    on_event=_on_event,
     report=False,
-).main
+)
+
+
+main = COMMAND.main
+"""The command in this interpreter."""
+
+
+def clean(arguments: Sequence[str] | None = None) -> int:
+    """The command in a clean interpreter; in this one if that is clean, or only help is asked for."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if is_clean() or not words or {"-h", "--help", "--dry-run"} & set(words):
+        return main(words)
+    COMMAND.check(COMMAND.parser().parse_args(words))  # what is wrong is said at once
+    code = "from orchestrator.cli.guard import run; raise SystemExit(run('verify', sys.argv[1:]))"
+    return run_clean(code, words)

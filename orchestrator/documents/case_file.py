@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -64,6 +63,8 @@ class CaseAbout(Struct):
 
 CLAIMED = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "rest_error", "limit_cycle_at_end")
 
+NAME = "case.npz"
+
 SCHEMA = "flexible-manipulator-case/1"
 
 
@@ -92,12 +93,7 @@ def packed(
     )
     arrays = {name: getattr(trajectory, name) for name in ARRAYS}
     arrays["q_a"] = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
-    arrays["noise"] = noise(case.scenario.sensor.noise, case.scenario.samples + 1)[: len(trajectory.time)]
+    arrays["noise"] = noise(case.scenario.sensor.noise, len(trajectory.time))
     with io.BytesIO() as file:
         np.savez_compressed(file, about=np.array(to_json(about)), **arrays)
         return file.getvalue()
-
-
-def write(path: Path, content: bytes) -> None:
-    """Write the bytes of a case to ``path``."""
-    path.write_bytes(content)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from ..benchmark.certificate import (
     CaseEnding,
+    CheckedCase,
     CriterionFound,
     Draw,
     Figure,
@@ -17,7 +18,8 @@ from ..benchmark.certificate import (
     identity,
     seeds,
 )
-from ..codec import plain
+from ..benchmark.draws import Entropy
+from ..codec import Natural, plain
 from ..loop.trajectory import Status
 from ..views.table import VERDICTS, Cell, Column, Facts, Part, Plot, Quantity, Series, Summary, Table, Value, Verdict
 from ..views.units import SHOWN
@@ -27,22 +29,20 @@ from .facts import head_facts
 from .files import REPORT, VERIFICATION
 from .reasons import Reason, failure_notes, reason_notes, reason_text
 from .scorecard import criterion_column
+from .standard import STRICT, deviations
 
 VERIFY_AGAIN = "to run it again, verify again"
-
-FRESH: Literal["fresh"] = "fresh"
-PUBLISHED: Literal["published"] = "published"
-
-STRICT = "strict-verification"
-"""The protocol of the list of worst cases."""
 
 RESULTS = ("complete", "cost", "criteria", "requirements", "cases", "draws", "strict", "references")
 """Fields of a certificate that its repetition must find again to the last bit; the others say what it was made with."""
 
+CHECKED = 3
+"""Cases that the second checker has to have computed anew."""
+
 WORDS = "message"
 """Field that may differ in a result: it says what was measured, such as memory, and what FMUs have printed."""
 
-UNREPEATED = ("timing", "command", "environment", "sandbox")
+UNREPEATED = ("timing", "command", "environment", "sandbox", "clean", "checked")
 """Fields that may well differ."""
 
 
@@ -51,13 +51,15 @@ class Verification(Document, Comparable, kw_only=True):
     itself in a notebook.
 
     The first seven fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
-    name, on the same draws. ``entropy`` is what the seeds follow from together with the controller: ``source`` says
-    whether it was fresh, or published after the controller was. ``code`` is the SHA-256 of the sources; ``sandbox``
-    tells whether there was one.
+    name, on the same draws. ``entropy`` is what the seeds follow from together with the controller; ``repetitions``
+    counts those that were begun before, with other draws, and ended by something outside. ``code`` is the SHA-256 of
+    the sources; ``sandbox`` tells whether there was one, ``clean`` whether the interpreter took no code but that.
+    ``checked`` are the worst cases of the draws with the largest differences that the second checker has found, all
+    within their bounds.
     """
 
     FILE: ClassVar[str] = VERIFICATION
-    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/4"
+    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/5"
     KIND: ClassVar[str] = "Verifications, mean ± standard deviation over the draws"
     DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
     MISSING: ClassVar[str] = "no-file"
@@ -70,10 +72,12 @@ class Verification(Document, Comparable, kw_only=True):
     draws: tuple[Draw, ...]
     strict: Score | None
     references: dict[str, Reference]
-    source: Literal["fresh", "published"]
-    entropy: str
+    entropy: Entropy
+    repetitions: Natural
     code: str
     sandbox: bool
+    clean: bool
+    checked: tuple[CheckedCase, ...]
 
     @property
     def completeness(self) -> Completeness:
@@ -83,6 +87,20 @@ class Verification(Document, Comparable, kw_only=True):
         beside = [score for each in self.references.values() for score in (each, each.strict) if score is not None]
         tallies = (entry.tally for score in (*own, *beside) for entry in score.requirements.values())
         return completeness([case for score in own for case in score.cases], tallies)
+
+    @property
+    def deviations(self) -> tuple[str, ...]:
+        """By what it was not made under the standard conditions, in words; nothing if it was."""
+        found = list(deviations(self.head, len(self.draws), self.cases, self.strict, self.references))
+        if not self.sandbox:
+            found.append("the controller had no sandbox")
+        if len(self.checked) < CHECKED:
+            found.append(f"fewer than {CHECKED} cases were checked by the second checker")
+        if not self.clean:
+            found.append("the interpreter was not clean")
+        if self.entropy.beacon is not None and not self.entropy.beacon.checked:
+            found.append("the signature of the beacon was not checked")
+        return tuple(found)
 
     @property
     def rank(self) -> Rank:
@@ -104,9 +122,13 @@ class Verification(Document, Comparable, kw_only=True):
         where = "in a sandbox" if self.sandbox else "WITHOUT A SANDBOX"
         kicker = (
             f"{self.benchmark}, verification, protocol {self.protocol}, {where}, {len(self.draws)} draws from "
-            f"{self.source} entropy {self.entropy}"
+            f"{self.entropy.source} entropy {self.entropy.value}"
         )
-        parts: list[Part] = [Facts("This verification", tuple(head_facts(self.head)), ("SHA-256",))]
+        unusual = self.deviations
+        standard = ("Standard conditions", "; ".join((f"no: {unusual[0]}", *unusual[1:])) if unusual else "yes")
+        again = ("Repetitions", f"{self.repetitions}, after faults from outside, with other draws")
+        told = (*head_facts(self.head), standard, *((again,) if self.repetitions else ()))
+        parts: list[Part] = [Facts("This verification", told, ("SHA-256",))]
         parts.append(_table("Mean ± standard deviation over the draws", self, self.references))
         if self.strict is not None:
             known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
@@ -131,7 +153,9 @@ class Verification(Document, Comparable, kw_only=True):
         tried: tuple[Verification | Reference, ...] = (self, *self.references.values())
         if not drawn or any(tuple(draw.seed for draw in each.draws) != drawn for each in tried):
             return "its controllers have other draws than it"
-        if seeds(self.entropy, own, len(drawn)) != drawn:
+        if self.entropy.problem:
+            return self.entropy.problem
+        if seeds(self.entropy.value, own, len(drawn), self.repetitions) != drawn:
             return "its draws do not follow from its entropy and its controller"
         if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
             return "a V is not that of its draws"
@@ -143,6 +167,8 @@ class Verification(Document, Comparable, kw_only=True):
                     return "a reference lacks criteria or requirements of the controller"
         if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
             return "it is complete or not, other than its cases"
+        if any(not each.difference <= each.bound for case in self.checked for each in case.differences):
+            return "the second checker does not agree"
         if any(entry.passed != entry.tally.passed for each in scores for entry in each.requirements.values()):
             return "a verdict is not that of its tally"
         return ""

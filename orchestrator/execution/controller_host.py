@@ -12,6 +12,9 @@ from .sandboxed import fill_cache
 
 # Imports inside functions: the process binds itself to its parent before it loads anything.
 
+LARGEST_FILE = 16 * 1024**2
+"""Bytes that a file may have which the controller writes, and what it prints."""
+
 
 def main() -> None:
     """Run the controller that is asked for through standard input, and answer through standard output."""
@@ -22,24 +25,26 @@ def main() -> None:
         from ..errors import BenchmarkError
         from ..fmi import trace
         from ..fmi.archive import reopen
-        from ..fmi.port import END
         from ..fmi.slaves import load, log
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
         from .isolation import Begin, Over, Ready
         from .messages import error_record, frame, read_frame, write_all
         from .process_tree import bind_to_parent
+        from .seccomp import refuse_marks
         from .worker import Surroundings
 
         bind_to_parent(os.getppid())
         warm_up()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
     requests, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)  # what an FMU prints is no answer
     log.echo_to(2)
+    refuse_marks()
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
         files, T_s = begin.controller, begin.sample_time
@@ -49,9 +54,7 @@ def main() -> None:
             surroundings.restore()
             with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
                 write_all(answers, frame(Ready()))
-                wanted = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
-                if wanted == END:
-                    slave.terminate()
+                serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
                 write_all(answers, frame(Over(log.lines())))
         except BenchmarkError as error:
             write_all(answers, frame(Over(error=error_record(error))))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -13,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..codec import Finite, Malformed, NonNegative, Struct
-from ..errors import Crash, FmuError
+from ..errors import BenchmarkError, Crash, FmuError, InputError
 from ..fmi import port, trace
 from ..fmi.archive import reopen
 from ..fmi.slaves import CLASSES
@@ -28,6 +29,10 @@ from .time_limit import end_within
 
 LAST_WORDS = 1.0
 """Seconds that a process that gives no answer may go on, computing or waiting, before it is said so."""
+
+
+TAIL = 8192
+"""Bytes of what a controller's process prints that are handed on."""
 
 
 class Begin(Struct, frozen=True):
@@ -72,7 +77,12 @@ class Isolated:
         trace.current.note(trace.CONTROLLER, "starting its process")
         pipe = subprocess.PIPE
         variables = sandbox.environment(os.environ)
-        with subprocess.Popen(self._command, stdin=pipe, stdout=pipe, env=variables, bufsize=0) as process:
+        with (
+            tempfile.TemporaryFile() as printed,  # its own: what several processes inherit, one may mark for the next
+            subprocess.Popen(
+                self._command, stdin=pipe, stdout=pipe, stderr=printed, env=variables, bufsize=0
+            ) as process,
+        ):
             self._process = process
             assert process.stdin is not None and process.stdout is not None
             self._requests, self._answers = process.stdin.fileno(), process.stdout.fileno()
@@ -84,6 +94,7 @@ class Isolated:
                 yield self._port()
             finally:
                 process.kill()
+                _hand_on(printed.fileno())
 
     def messages(self) -> tuple[str, ...]:
         """What the instance said last; it ends."""
@@ -92,9 +103,7 @@ class Isolated:
         return ()
 
     def terminate(self) -> None:
-        """End the simulation of the instance; raises :class:`FmuError` if it fails to, :class:`Crash` if its process
-        ends."""
-        self._end(port.END)
+        """Do nothing: after its last torque, nothing that it does may change the case. Its process is killed."""
 
     def lost(self) -> Crash:
         """What became of its process, which gives no answer."""
@@ -117,7 +126,7 @@ class Isolated:
         except (EOFError, OSError, Malformed):
             raise self.lost() from None
         if isinstance(reply, Over) and reply.error is not None:
-            raise error_of(reply.error)
+            raise _own(reply.error)
         if not isinstance(reply, kind):
             raise self.lost()
         return reply if isinstance(reply, Over) else Over()
@@ -133,3 +142,15 @@ class Isolated:
             side=trace.CONTROLLER,
             trace=trace.current.words,
         )
+
+
+def _own(record: ErrorRecord) -> BenchmarkError:
+    """The error that a controller's process reports: of its input or of the FMU. It cannot blame this machine."""
+    told = error_of(record)
+    return told if isinstance(told, InputError | FmuError) else FmuError(record.message)
+
+
+def _hand_on(printed: int) -> None:
+    """Print the end of what a controller's process has printed."""
+    size = os.fstat(printed).st_size
+    write_all(2, os.pread(printed, TAIL, max(size - TAIL, 0)))

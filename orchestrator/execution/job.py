@@ -16,10 +16,12 @@ from .messages import Failed, FmuFiles, Order
 
 @dataclass(frozen=True)
 class Limits:
-    """What a worker process may use: ``memory`` [bytes] resident, ``output`` [bytes] printed in one task."""
+    """What a worker process may use with all that it starts: ``memory`` [bytes] resident, ``output`` [bytes] printed in
+    one task, ``processes`` alive at once."""
 
     memory: int = 2 * 1024**3
     output: int = 16 * 1024**2
+    processes: int = 256
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import os
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -19,9 +18,10 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Protocol
 
-from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder
+from ..cache import VARIABLE, cache_folder, compiled_code_folder
 from ..errors import EnvironmentFault
 from . import sandbox
+from .interpreter import program
 from .job import Job
 from .messages import NUMBER, REQUEST, frame, readable
 from .process_tree import ProcessTree, exit_code
@@ -123,14 +123,8 @@ def environment() -> dict[str, str]:
 
 
 def boot(module: str, *arguments: int | str) -> list[str]:
-    """The command that runs ``main`` of a module of this room with ``arguments``, in an interpreter of its own.
-
-    That has the search path of this one before it imports anything: the current folder, which "-c" puts in front, may
-    hold modules with the names of others.
-    """
-    paths = list(dict.fromkeys([*map(os.path.abspath, sys.path), str(PACKAGE.parent)]))
-    code = f"import sys; sys.path[:] = {paths!a}; from {__package__}.{module} import main; main(*{arguments!a})"
-    return [sys.executable, "-c", code]
+    """The command that runs ``main`` of a module of this room with ``arguments``, in an interpreter of its own."""
+    return program(f"from {__package__}.{module} import main; main(*{arguments!a})")
 
 
 def _spawned(

@@ -24,7 +24,7 @@ class Use:
     that threads of those alive were ready to run but had no processor, 0 where the system does not tell; ``memory``
     [bytes] the resident memory of those alive. ``ready`` tells whether one of their threads runs or waits for a
     processor; one that sleeps, or waits for a lock, a file or a socket does not. ``stopped`` tells whether the first
-    process is stopped, as by SIGSTOP or a debugger.
+    process is stopped, as by SIGSTOP or a debugger. ``processes`` is the number of those alive.
     """
 
     processor: float
@@ -32,6 +32,7 @@ class Use:
     memory: int
     ready: bool
     stopped: bool
+    processes: int = 1
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class ProcessTree:
             memory=sum(read.memory for read in found.values()),
             ready=any(read.ready for read in found.values()),
             stopped=self._pid in found and found[self._pid].stopped,
+            processes=len(found),
         )
 
     def is_alive(self) -> bool:

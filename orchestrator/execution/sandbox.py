@@ -14,13 +14,22 @@ from typing import Any
 
 from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder
 from ..errors import InputError
+from .interpreter import flags
+
+ROOM = 256 * 1024**2
+"""Bytes that fit into each folder that can be written into: it lies in memory."""
 
 OPTIONS = (
     *("--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
-    *("--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--remount-ro", "/proc"),
+    *("--ro-bind", "/", "/", "--dev", "/dev", "--size", str(ROOM), "--tmpfs", "/dev/shm", "--remount-ro", "/dev"),
+    *("--proc", "/proc", "--remount-ro", "/proc"),
 )
 """No network, no other processes, everything read-only. Root would keep its capabilities, with which it can mount
 everything writable again, and needs none to write into /proc/sys, which is the whole machine's."""
+
+NO_USER_NAMESPACES = ("--unshare-user", "--disable-userns")
+"""Inside, nobody becomes root in a namespace of its own, from which much of the kernel can be reached. Bubblewrap has
+this from 0.8 on."""
 
 HIDDEN = ("/tmp", "/var/tmp", "/run")
 """Empty inside, beside the folder for temporary files and the cache: other programs' sockets, which a read-only file
@@ -48,8 +57,13 @@ def command(fmus: Iterable[Path]) -> list[str]:
     if program is None:
         raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
-    start = (program, *OPTIONS, *_mounts(cache), "--dir", WORK, "--chdir", WORK)
-    _check(start)
+    rest = (*OPTIONS, *_mounts(cache), "--dir", WORK, "--chdir", WORK)
+    try:
+        start = (program, *NO_USER_NAMESPACES, *rest)
+        _check(start)
+    except InputError:
+        start = (program, *rest)
+        _check(start)
     return [*start, *_given(fmus, cache), "--"]
 
 
@@ -67,8 +81,8 @@ def given_folder() -> Path:
 def _mounts(cache: Path) -> tuple[str, ...]:
     """Options that hide folders, and show again what of their contents Python needs: an environment may lie there."""
     hidden = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
-    needed = (sys.prefix, sys.base_prefix, *sys.path, str(PACKAGE.parent))
-    mounts: dict[str, tuple[str, ...]] = {path: ("--tmpfs", path) for path in hidden}
+    needed = (sys.prefix, sys.base_prefix, *sys.path, *filter(None, (sys.pycache_prefix,)), str(PACKAGE.parent))
+    mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(ROOM), "--tmpfs", path) for path in hidden}
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
         if path not in hidden and _is_below(path, hidden) and os.path.exists(path):
             mounts[path] = ("--ro-bind", path, path)
@@ -89,15 +103,20 @@ def _given(fmus: Iterable[Path], cache: Path) -> list[str]:
     return [word for folder in inside if folder.is_dir() for word in ("--ro-bind", str(folder), inside[folder])]
 
 
-@functools.cache
 def _check(start: tuple[str, ...]) -> None:
     """Raise :class:`InputError` where bubblewrap may not do its work, as where user namespaces are forbidden."""
-    code = f"import sys; sys.path.append({str(PACKAGE.parent)!r}); import orchestrator"
-    options: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "env": environment(os.environ)}
-    tried = subprocess.run([*start, "--", sys.executable, "-c", code], text=True, check=False, **options)
-    if tried.returncode != 0:
-        reason = tried.stderr.strip() or "bubblewrap failed"
+    reason = _refusal(start)
+    if reason:
         message = f"The sandbox does not work on this machine: {reason}. User namespaces must be allowed, and Python "
         message += f"and this package ({PACKAGE.parent}) must not lie directly in a folder that is hidden "
         message += f"({', '.join(HIDDEN)}). Without it FMUs run with your rights."
         raise InputError(message, "no-sandbox")
+
+
+@functools.cache
+def _refusal(start: tuple[str, ...]) -> str:
+    """Why the command of a sandbox does not work; empty if it does."""
+    code = f"import sys; sys.path.append({str(PACKAGE.parent)!r}); import orchestrator"
+    options: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "env": environment(os.environ)}
+    tried = subprocess.run([*start, "--", sys.executable, *flags(), "-c", code], text=True, check=False, **options)
+    return "" if tried.returncode == 0 else tried.stderr.strip() or "bubblewrap failed"

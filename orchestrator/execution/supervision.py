@@ -20,6 +20,9 @@ from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readab
 from .process_tree import FOREIGN_SIGNALS, end_of
 from .time_limit import Stopwatch, end_within
 
+OUTSIDE = "outside"
+"""Code of a fault from outside that an isolated controller may have seen something before."""
+
 TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
 
@@ -42,6 +45,9 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
     process that has run others before, or whose process may have been ended by somebody else, gets a second chance in
     a new process: so the outcome does not depend on what ran before. Once ``stop`` is set, the running worker is
     killed and nothing more is yielded. Raises :class:`EnvironmentFault` if this machine keeps workers from running.
+
+    An isolated controller gets no second chance, in which it could use what it has seen. What somebody else may have
+    caused is an :class:`EnvironmentFault` then, with the code ``"outside"``.
     """
     stop = stop or threading.Event()
     first, tried, faults = 0, -1, 0
@@ -51,19 +57,32 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
                 start = first
                 for outcome in _listen(child, job.rest(first), stop):
                     number = start + outcome.index
-                    if number != tried and _deserves_another_chance(outcome, job):
+                    if job.isolated:
+                        _refuse_outside(outcome, job)
+                    elif number != tried and _deserves_another_chance(outcome, job):
                         tried = number
                         break
                     first = number + 1
                     yield replace(outcome, index=number)
                     if job.give_up and not isinstance(outcome, Done):
                         return
-        except EnvironmentFault:
+        except EnvironmentFault as problem:
             faults += 1
+            if job.isolated:
+                raise EnvironmentFault(str(problem), OUTSIDE) from problem
             if faults == ATTEMPTS:
                 raise
             restore(job.plant)
             restore(job.controller)
+
+
+def _refuse_outside(outcome: Outcome, job: Job) -> None:
+    if isinstance(outcome, Done):
+        return
+    if restore(job.plant) | restore(job.controller):
+        raise EnvironmentFault("The extracted FMUs have been changed or removed.", OUTSIDE)
+    if isinstance(outcome, Died) and outcome.outside:
+        raise EnvironmentFault(outcome.message, OUTSIDE)
 
 
 def _deserves_another_chance(outcome: Outcome, job: Job) -> bool:
@@ -150,6 +169,9 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if used.memory > job.limits.memory:
                 told = f"it used {used.memory / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
                 yield died(told, kind="it used too much memory")
+                return
+            if used.processes > job.limits.processes:
+                yield died(f"it started more than {job.limits.processes} processes")
                 return
             told, kind = watch.spent.excess(job.time_limits[index] + (0.0 if loaded else start))
             if told:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import shutil
+import subprocess
 import tempfile
 from pathlib import Path
 
@@ -12,6 +15,9 @@ from fmpy.model_description import ModelDescription
 from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
 
 from ..errors import InputError
+
+EVERYTHING_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
+"""Options of bubblewrap."""
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
@@ -50,7 +56,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *("-o", str(output), "-lm"),
         ]
         try:
-            run_compiler(command, output)
+            run_compiler([*_fence(scratch, "ziglang" in compiler), *command], output)
         except BuildError as problem:
             lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
             message = f"The sources of {name} do not compile:\n  {lines}\n"
@@ -58,6 +64,28 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             raise InputError(message, "bad-sources", name) from None
         library.parent.mkdir(parents=True, exist_ok=True)
         os.replace(output, library)
+
+
+@functools.cache
+def _has_fence() -> bool:
+    """Whether bubblewrap is there and works."""
+    tried = ["bwrap", *EVERYTHING_TO_READ, "true"]
+    return shutil.which("bwrap") is not None and subprocess.run(tried, capture_output=True, check=False).returncode == 0
+
+
+def _fence(folder: str, zig: bool) -> list[str]:
+    """The words before a compiler that let it write into ``folder`` only, and reach no network, if bubblewrap is there.
+
+    Sources of a stranger tell the compiler what to read, and may use its defects.
+    """
+    if not _has_fence():
+        return []
+    places = [folder]
+    if zig:  # of the extra native: without its cache each run takes ten seconds
+        places.append(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or os.path.expanduser("~/.cache/zig"))
+        os.makedirs(places[-1], exist_ok=True)
+    bound = (word for place in places for word in ("--bind", place, place))
+    return ["bwrap", *EVERYTHING_TO_READ, *bound, "--setenv", "TMPDIR", folder, "--"]
 
 
 def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:

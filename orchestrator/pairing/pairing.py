@@ -109,15 +109,7 @@ def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simu
 
     Raises what :func:`simulate` does.
     """
-    job = pairing.job(
-        work.simulate_case.__name__,
-        [work.CaseTask(protocol, pairing.setup, case)],
-        [longest(protocol, case)],
-        lambda _, value: work.simulated(protocol, case, value),
-        FIRST_START_TIME,
-        work.largest_trajectory(longest(protocol, case)),
-    )
-    found: work.Simulated = _only(job, case.scenario)
+    found: work.Simulated = _only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
     return found
 
 
@@ -139,4 +131,17 @@ def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
         [longest(protocol, case) for case in group],
         lambda index, value: work.judged(protocol, group[index], value),
         START_TIME,
+    )
+
+
+def recording(protocol: Protocol, group: Sequence[Case], pairing: Pairing, start: float = START_TIME) -> Job:
+    """The same with trajectories: the values are :class:`.work.Simulated`."""
+    scenarios = [longest(protocol, case) for case in group]
+    return pairing.job(
+        work.simulate_case.__name__,
+        [work.CaseTask(protocol, pairing.setup, case) for case in group],
+        scenarios,
+        lambda index, value: work.simulated(protocol, group[index], value),
+        start,
+        max(map(work.largest_trajectory, scenarios)),
     )

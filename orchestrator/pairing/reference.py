@@ -18,9 +18,6 @@ IN_C = {
 """The references, each with the FMU in C that can take its place: the same to the last bit for the PIDs, up to rounding
 for the LQG."""
 
-USUAL = ("DiagonalPID", "TunedPID")
-"""Those that take little time beside the controller's own."""
-
 
 def reference(name: str) -> Controller:
     """The controller called ``name``; raises :class:`InputError` for one that is none of :data:`IN_C`."""

@@ -14,6 +14,7 @@ from ..execution.job import Died, Done, Outcome
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status
+from .work import Simulated
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
     """The run of a case from what its process had to say, or left behind."""
     scenario = case.scenario
     if isinstance(outcome, Done):
-        judgement: Judgement = outcome.value
+        value: Judgement | Simulated = outcome.value
+        judgement = value.judgement if isinstance(value, Simulated) else value
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
         return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
     if isinstance(outcome, Died):

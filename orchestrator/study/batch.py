@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
-from ..execution.job import Job, Outcome
+from ..execution.job import Done, Job, Outcome
 from ..execution.store import Store
 from ..loop.trajectory import Status
-from ..pairing.pairing import GROUP_SIZE, judging
+from ..pairing.pairing import GROUP_SIZE, judging, recording
 from ..pairing.runs import CaseRun, case_run
+from ..pairing.work import Simulated
 from . import stored
 from .requests import Batch, Entry
 
@@ -127,7 +128,8 @@ def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Ope
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
             cases = [each.entry.cases[number] for number in numbers]
-            jobs.append(replace(judging(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
+            ask = judging if each.entry.witness is None else recording
+            jobs.append(replace(ask(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
             places.append((each, numbers, left))
     if not jobs:
         return
@@ -138,6 +140,9 @@ def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Ope
             if number not in left or own.reason:
                 continue  # a cluster may run a job twice
             left.remove(number)
-            yield own, number, case_run(own.entry.cases[number], outcome)
+            run = case_run(own.entry.cases[number], outcome)
+            if own.entry.witness is not None and isinstance(outcome, Done) and isinstance(outcome.value, Simulated):
+                own.entry.witness(run.case, run.result, outcome.value.trajectory)
+            yield own, number, run
             if all(each.reason or not left for each, _, left in places):
                 return

@@ -19,7 +19,8 @@ from ..asking import answered
 from ..documents import recording
 from ..documents.files import prepare_folder, remove, write_text
 from ..errors import InputError
-from ..execution import cluster, pool, sandbox, store
+from ..execution import cluster, pool, store
+from ..execution.sandbox_probe import leaks
 from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
 from . import batch, rehearsal
@@ -137,10 +138,16 @@ def where_asked(testbed: Testbed) -> Execute:
 
 
 def can_fence() -> bool:
-    """Whether there is a sandbox here; a note says if not."""
+    """Whether there is a sandbox here; a note says if not.
+
+    Raises :class:`InputError` for one in which something works that must not.
+    """
     try:
-        sandbox.command(())
+        found = leaks()
     except InputError as problem:
         logger.warning("The controller runs without a sandbox, and could reach what you can. %s", problem)
         return False
+    if found:
+        message = f"The sandbox of this machine allows what it must not: {', '.join(found)}. Nothing is certified."
+        raise InputError(message, "leaky-sandbox")
     return True

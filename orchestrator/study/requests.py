@@ -17,6 +17,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from ..documents.recording import Recording
 from ..errors import Crash
+from ..loop.trajectory import Trajectory
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from ..search.candidates import Trial
@@ -42,7 +43,7 @@ class Entry:
 
     After ``patience`` failures of one kind the remaining cases are skipped. If it is None none is skipped, and what
     failed in an earlier run is run again; with ``force`` everything is. A failure ``at_once``, which the rehearsal has
-    found, is enough alone.
+    found, is enough alone. ``witness`` is given each simulated case with its result and its trajectory as it comes.
     """
 
     protocol: Protocol
@@ -51,6 +52,7 @@ class Entry:
     patience: int | None = STRIKES
     force: bool = False
     at_once: CaseRun | None = None
+    witness: Callable[[Case, CaseResult, Trajectory], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,15 @@ class SeedDone:
 
 
 @dataclass(frozen=True)
+class CaseChecked:
+    """A case of a verification has been computed anew by the second checker; ``content`` is the file ``name`` that it
+    has read."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True)
 class StageDone:
     """A stage of a search has ended, after so many simulations that took ``spent`` whole cases; V found so far, and the
     worst value of each target."""
@@ -163,7 +174,7 @@ class TrialDone:
     total: int
 
 
-Event = SeedDone | StageDone | TrialDone
+Event = SeedDone | StageDone | TrialDone | CaseChecked
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Is told each result as it comes, how many there are, and how many there will be."""

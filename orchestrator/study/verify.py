@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import secrets
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +12,16 @@ from msgspec import structs
 from ..benchmark import protocol as protocols
 from ..benchmark.cases import cases
 from ..benchmark.certificate import Draw, Reference, Tried, digest, identity, overall, seeds
+from ..benchmark.draws import Entropy, fresh
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
 from ..cache import code_hash
-from ..documents.verification import FRESH, PUBLISHED, STRICT, Verification
-from ..errors import InputError
+from ..documents.standard import STRICT
+from ..documents.verification import Verification
+from ..errors import EnvironmentFault, InputError
+from ..execution.interpreter import is_clean
+from ..execution.supervision import OUTSIDE
 from ..loop.sampling import controller_sample_time
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
@@ -25,36 +29,72 @@ from ..pairing.reference import reference
 from ..pairing.testbed import Testbed
 from .heads import head
 from .requests import Batch, Entry, Now, Rehearse, Study
+from .witness import Witness, check
+
+logger = logging.getLogger(__name__)
+
+ATTEMPTS = 3
+"""Verifications that faults from outside may cost before that is given up."""
 
 
 def verify(
     testbed: Testbed,
     controller: Controller,
-    entropy: str | None,
+    entropy: Entropy | None,
     count: int,
     strict: bool,
     beside: Sequence[str],
     sandboxed: bool,
 ) -> Study[Verification]:
-    """See :meth:`.Benchmark.verify`; the protocol is that of ``testbed``, the controller may run ``sandboxed``."""
+    """See :meth:`.Benchmark.verify`; the protocol is that of ``testbed``, the controller may run ``sandboxed``.
+
+    What comes from outside, such as a process that somebody else ends, ends a verification without a result: the
+    controller may have seen its draws. It is begun again with others, and the certificate counts that.
+    """
+    drawn = entropy or fresh()
+    for repetition in range(ATTEMPTS):
+        try:
+            wanted = count, strict, beside, sandboxed
+            return (yield from _verified(testbed, controller, drawn, repetition, *wanted))
+        except EnvironmentFault as problem:
+            if problem.what != OUTSIDE or repetition == ATTEMPTS - 1:
+                raise
+            logger.warning("%s The verification begins again, with other draws.", problem)
+    raise AssertionError("the last attempt raises or returns")
+
+
+def _verified(
+    testbed: Testbed,
+    controller: Controller,
+    entropy: Entropy,
+    repetition: int,
+    count: int,
+    strict: bool,
+    beside: Sequence[str],
+    sandboxed: bool,
+) -> Study[Verification]:
     own = replace(testbed.pairing(controller), isolated=True, sandbox=sandboxed)
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
     protocol, listed = testbed.rules, protocols.load(STRICT) if strict else None
     T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
-    source, text = (FRESH, secrets.token_hex(32)) if entropy is None else (PUBLISHED, entropy)
     setup = own.setup
-    drawn = seeds(text, identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s)), count)
+    named = identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s))
+    drawn = seeds(entropy.value, named, count, repetition)
     begin = yield Now()
-    rehearsal = yield Rehearse(own, cases(protocol, testbed.nominal, drawn[0], T_s)[0], probe=False)
+    # Of another seed than the draws, of which it would show something.
+    rehearsal = yield Rehearse(own, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)
     total = (1 + len(others)) * (count * protocol.case_count + (listed.case_count if listed else 0))
     done = 0
+    witness = Witness(protocol, own.controller.name, testbed.nominal)
 
     def run(asked: Protocol, pairing: Pairing, chosen: Sequence[int]) -> Study[list[tuple[int, list[CaseResult]]]]:
         """The results of each draw, with its seed."""
         nonlocal done
         interval, failure = (T_s, rehearsal.failure) if pairing is own else (None, None)
         lists = [cases(asked, testbed.nominal, seed, interval) for seed in chosen]
-        entry = Entry(asked, pairing, tuple(case for draw in lists for case in draw), at_once=failure)
+        wanted = tuple(case for draw in lists for case in draw)
+        look = witness if pairing is own and asked is protocol else None
+        entry = Entry(asked, pairing, wanted, at_once=failure, witness=look)
         (runs,) = yield Batch((entry,), done, total)
         done += len(runs)
         results = iter(runs)
@@ -70,6 +110,7 @@ def verify(
         )
 
     result, references = (yield from tried(own)), {}
+    checked = yield from check(witness)
     for name, pairing in others.items():
         found = yield from tried(pairing)
         references[name] = Reference(**structs.asdict(found), file=pairing.controller.name)
@@ -79,10 +120,12 @@ def verify(
         references=references,
         schema=Verification.SCHEMA,
         head=head(testbed, controller, own, T_s, begin, end),
-        source=source,
-        entropy=text,
+        entropy=entropy,
+        repetitions=repetition,
         code=code_hash(),
         sandbox=own.sandbox,
+        clean=is_clean(),
+        checked=checked,
     )
 
 
@@ -99,5 +142,4 @@ def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandb
         plant_parameters=certificate.plant.parameters,
     )
     wanted = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
-    found = yield from verify(same, controller, certificate.entropy, *wanted, sandboxed)
-    return structs.replace(found, source=certificate.source)
+    return (yield from _verified(same, controller, certificate.entropy, certificate.repetitions, *wanted, sandboxed))

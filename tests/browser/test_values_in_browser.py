@@ -180,10 +180,10 @@ def test_the_worst_case_is_drawn_as_it_was_found(open_page):
     page = open_page(worst_case())
     show(page, "search")
     path = series(page, "path-of-search")["B6"]
-    assert path[0] == [20, None] and np.array(path[1:]) == pytest.approx(
-        np.array([[32, 3.2], [44, 4.4], [60, 6], [80, 8]]) / [1, 3]
+    assert path[0] == [10, None] and np.array(path[1:]) == pytest.approx(
+        np.array([[16, 3.2], [22, 4.4], [30, 6], [40, 8]]) / [1, 3]
     )
-    assert "1 list (20), 2 search (24), 3 all configurations (16)" in text(page, "#path-of-search-text")
+    assert "1 list (10), 2 V by pose (12), 3 requirements (8), 4 effects (10)" in text(page, "#path-of-search-text")
     show(page, "effects")
     page.locator("#effect-of").select_option("B6")
     names, (bars,) = option(page, "effects-chart")["yAxis"][0]["data"], option(page, "effects-chart")["series"]

@@ -25,7 +25,7 @@ static void run_python(void)
     release(state);
 }
 
-/* One block holds outputs (4 columns), measured, command, torque (2 each); `last` stands in command. */
+/* One block holds outputs (4 columns), measured, given, command, torque (2 each); `last` stands in command. */
 static void spoil_record(const double last[2 * KEPT], long row)
 {
     char line[512];
@@ -35,7 +35,7 @@ static void spoil_record(const double last[2 * KEPT], long row)
         if (sscanf(line, "%lx-%lx rw-p", &from, &to) != 2 || !strstr(line, "rw-p") || to - from < 8000000) continue;
         double *found = memmem((void *)from, to - from, last, sizeof(double) * 2 * KEPT);
         if (!found) continue;
-        double *outputs = found - 2 * row - 6 * (SAMPLES + 1);
+        double *outputs = found - 2 * row - 2 * SAMPLES - 6 * (SAMPLES + 1);
         for (long k = 1; k <= SAMPLES; k++) memcpy(outputs + 4 * k + 2, outputs + 2, 2 * sizeof(double));
         break;
     }

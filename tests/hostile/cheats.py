@@ -13,10 +13,11 @@ ROOT = Path(__file__).resolve().parents[2] / "controller_fmu"
 PID_C, PID = ROOT / "pid_c", ROOT / "pid" / "diagonal_pid_fmu.py"
 
 SCRIPT = """
-import glob, os, shutil, sys
+import fcntl, glob, os, shutil, stat, sys, tempfile
 from diagonal_pid_fmu import UNITS, DiagonalPID, Q_M, Q_M_REF, U_M, U_M0
 
 HERE = os.path.dirname(__file__)
+F_SETPIPE_SZ, F_GETPIPE_SZ = 1031, 1032
 
 
 def variable(name):
@@ -77,6 +78,38 @@ BODIES = {
             cache = os.path.dirname(os.path.dirname(os.path.dirname(HERE)))
             for file in glob.glob(os.path.join(cache, "built", "**", "FlexibleManipulator*.fmu"), recursive=True):
                 shutil.copy(os.path.join(HERE, "other.txt"), file)
+""",
+    "marked-descriptors": """
+        if t == 0.0:
+            self.known = False
+            for mark in (False, True):  # first all are read: two may be of the same pipe
+                for descriptor in range(64):
+                    try:
+                        if stat.S_ISCHR(os.fstat(descriptor).st_mode) and os.getcwd() != "/tmp/.flexible-manipulator":
+                            continue  # a device of this machine, which would stay as it is left
+                        if mark:
+                            os.fchmod(descriptor, 0o751)
+                            fcntl.fcntl(descriptor, F_SETPIPE_SZ, 8192)
+                        else:
+                            self.known |= os.fstat(descriptor).st_mode & 0o777 == 0o751
+                            self.known |= fcntl.fcntl(descriptor, F_GETPIPE_SZ) == 8192
+                    except OSError:
+                        pass
+        if self.known:
+            x[Q_M:Q_M + 2] = x[Q_M_REF:Q_M_REF + 2]
+""",
+    "left-files": """
+        if t == 0.0:
+            places = [os.path.join(HERE, "seen"), "/dev/shm/seen-%d" % os.getuid()]
+            places += [os.path.join(tempfile.gettempdir(), "seen"), "seen"]
+            self.known = any(map(os.path.exists, places))
+            for place in places:
+                try:
+                    open(place, "w").close()
+                except OSError:
+                    pass
+        if self.known:
+            x[Q_M:Q_M + 2] = x[Q_M_REF:Q_M_REF + 2]
 """,
     "replay": """
         plan = PLANS.get((x[U_M0], x[U_M0 + 1]))

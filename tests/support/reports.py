@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from orchestrator.benchmark.certificate import Draw, Reference, Score, identity, overall, seeds
+from orchestrator.benchmark.certificate import CheckedCase, Difference, Draw, Reference, Score, identity, overall, seeds
+from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.reliability import Failure, failing, quantile
 from orchestrator.benchmark.results import CaseResult, Rules
 from orchestrator.benchmark.scorecard import score
@@ -329,7 +330,8 @@ def verified(
         sample_time=SampleTimeRecord(0.25e-3, False),
         controller=controller,
     )
-    drawn = seeds("entropy", identity(head.controller.sha256, {}, {}, 0.25e-3), len(draws))
+    entropy = Entropy("5" * 64)
+    drawn = seeds(entropy.value, identity(head.controller.sha256, {}, {}, 0.25e-3), len(draws))
 
     def scored(each: Sequence[Sequence[CaseResult]]) -> dict[str, Any]:
         found = overall(rules, list(zip(drawn, each, strict=True)))
@@ -343,10 +345,12 @@ def verified(
         references={"PID": Reference(**scored([reference] * len(draws)), strict=None, file="PID.fmu")},
         schema=Verification.SCHEMA,
         head=head,
-        source="published",
-        entropy="entropy",
+        entropy=entropy,
+        repetitions=0,
         code="0" * 64,
         sandbox=True,
+        clean=True,
+        checked=(CheckedCase("c00.sticky.disturbance", drawn[0], (Difference("TCP", "m", 1e-10, 1e-8),)),),
     )
 
 

@@ -70,6 +70,7 @@ PACKAGES = {
     "parquet": ("pyarrow",),
     "design": ("control",),
     "tuning": ("optuna", "cmaes"),
+    "beacon": ("py_ecc",),
     "gymnasium": ("gymnasium", "greenlet"),
     "onnx": ("onnxruntime",),
     "test": ("onnx", "playwright", "axe_playwright_python", "nbclient", "nbformat", "jsonschema"),

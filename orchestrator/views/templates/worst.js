@@ -111,7 +111,7 @@ function drawEnds(name) {
       cell(peak.deviations[parameter], `${parameter} at q_a1 ${degrees(peak.pose.q_a1)}, q_a2 ${degrees(peak.pose.q_a2)}: ${figures(peak.deviations[parameter])} half-widths`))));
   $("#ends").replaceChildren(
     element("h2", {}, "The worst arm by pose"),
-    element("div", { class: "scroll" }, element("table", { class: "ends" },
+    element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "The worst arm by pose" }, element("table", { class: "ends" },
       element("thead", {}, head("q_a2", known.map((peak) => degrees(peak.pose.q_a2))), head("q_a1", known.map((peak) => degrees(peak.pose.q_a1))), head(`${name} [${shown}]`, known.map((peak) => (peak.value === null ? "-" : figures(peak.value * factor))))),
       element("tbody", {}, ...rows))),
     element("p", { class: "caption" }, `At which end of its range each parameter stands in the worst arm found for ${name} at each configuration: + the upper end (orange), − the lower one (purple), 0 nominal.`));

@@ -1,0 +1,100 @@
+"""What can be done inside the sandbox that must not: each is tried there, before anything is certified."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from ..cache import PACKAGE
+from .launch import boot, environment
+from .sandbox import ROOM, WORK, command
+from .sandbox import environment as kept
+from .seccomp import refuse_marks
+
+NEW_USER = 0x10000000
+"""CLONE_NEWUSER of linux/sched.h."""
+
+PIECE = 1 << 24
+
+
+def leaks() -> tuple[str, ...]:
+    """What of the forbidden works inside a sandbox; all should be refused.
+
+    Raises :class:`~orchestrator.errors.InputError` where there is no sandbox.
+    """
+    os.environ[SECRET] = "1"
+    with socket.create_server(("127.0.0.1", 0)) as server, tempfile.NamedTemporaryFile() as hidden:
+        words = [*command(()), *boot("sandbox_probe", server.getsockname()[1], os.getpid(), hidden.name)]
+        try:
+            tried = subprocess.run(
+                words, capture_output=True, text=True, check=False, env=kept(environment()), stdin=subprocess.DEVNULL
+            )
+        finally:
+            del os.environ[SECRET]
+    if tried.returncode != 0:
+        return (f"the probe itself: {tried.stderr.strip()[-200:]}",)
+    return tuple(tried.stdout.splitlines())
+
+
+SECRET = "FLEXIBLE_MANIPULATOR_SECRET"
+"""Of the environment outside; it must not be seen inside."""
+
+
+def main(port: int, outside: int, hidden: str) -> None:
+    """Inside: try everything, and print what works."""
+    refuse_marks()
+    tries: dict[str, Callable[[], object]] = {
+        "the network": lambda: socket.create_connection(("127.0.0.1", port), 1.0),
+        "writing into the package": lambda: (PACKAGE / "probe").write_bytes(b""),
+        "writing into the home folder": lambda: (Path.home() / ".flexible-manipulator-probe").write_bytes(b""),
+        "reading temporary files of others": lambda: Path(hidden).read_bytes(),
+        "the processes of others": lambda: _require(Path(f"/proc/{outside}/cmdline").read_bytes() != b"" and _many()),
+        "the environment of others": lambda: os.environ[SECRET],
+        "a user namespace of its own": _user_namespace,
+        "more memory than allowed in temporary files": lambda: _fill(Path(WORK)),
+        "more memory than allowed in shared memory": lambda: _fill(Path("/dev/shm")),
+        "writing into /dev": lambda: Path("/dev/probe").write_bytes(b""),
+        "marking a device": lambda: os.utime("/dev/null", (1, 1)),
+    }
+    for name, attempt in tries.items():
+        with suppress(OSError, KeyError):
+            attempt()
+            print(name)
+    sys.stdout.flush()
+
+
+def _require(condition: bool) -> None:
+    if not condition:
+        raise OSError
+
+
+def _many() -> bool:
+    """Whether processes beside the sandbox's own are seen: its first one, and this one."""
+    return sum(name.isdigit() for name in os.listdir("/proc")) > 3
+
+
+def _user_namespace() -> None:
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if ctypes.CDLL(None, use_errno=True).unshare(NEW_USER) == 0 else 1)
+    _, status = os.waitpid(child, 0)
+    _require(status == 0)
+
+
+def _fill(folder: Path) -> None:
+    """Write more into ``folder`` than it has room for."""
+    place = folder / "probe"
+    try:
+        with place.open("wb", buffering=0) as file:
+            for _ in range(ROOM // PIECE + 1):
+                _require(file.write(bytes(PIECE)) == PIECE)
+    finally:
+        with suppress(OSError):
+            place.unlink()

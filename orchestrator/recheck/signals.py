@@ -1,0 +1,81 @@
+"""What acts on the arm and what the controller is given, computed from the numbers of a scenario."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The numbers of a simulation in SI units; pairs are per axis, lags are whole samples."""
+
+    sample_time: float
+    sigma: float
+    sensor_lag: tuple[int, int]
+    angle_quantum: float
+    gain: tuple[float, float]
+    limit: tuple[float, float]
+    torque_quantum: tuple[float, float]
+    drive_lag: tuple[int, int]
+    chirp_amplitude: tuple[float, float]
+    chirp_times: tuple[float, float]
+    chirp_frequencies: tuple[float, float]
+    force: tuple[float, float]
+    force_times: tuple[float, float]
+
+
+def rounded(values: Array, quantum: float) -> Array:
+    """To the nearest multiple of ``quantum``; as they are if that is 0."""
+    found: Array = np.rint(values / quantum) * quantum if quantum else values
+    return found
+
+
+def tied(values: Array, quantum: float, within: float = 1e-6) -> Array:
+    """Where a value lies so near to the middle between two multiples, in shares of ``quantum``, that the last bit
+    decides."""
+    if not quantum:
+        return np.zeros(values.shape, dtype=bool)
+    share = values / quantum
+    found: Array = np.abs(np.abs(share - np.floor(share)) - 0.5) < within
+    return found
+
+
+def delayed(values: Array, lags: tuple[int, int], before: Array) -> Array:
+    """Columns of shape (N, 2), each so many samples later; before its first value stands that of ``before``."""
+    found = np.empty_like(values)
+    for i, lag in enumerate(lags):
+        found[:lag, i] = before[i]
+        found[lag:, i] = values[: len(values) - lag, i]
+    return found
+
+
+def limited(command: Array, u_m0: Array, own: Scenario) -> Array:
+    """The torques of a controller after loop gain and limits, before they are rounded, shape (N, 2) [N.m]."""
+    gain = np.array(own.gain)
+    asked = np.where(gain == 1.0, command, u_m0 + gain * (command - u_m0))
+    return np.clip(asked, -np.array(own.limit), own.limit)
+
+
+def chirp(own: Scenario, samples: int) -> Array:
+    """Motor torque disturbance at each sample, shape (samples, 2) [N.m]: its frequency grows linearly in time."""
+    t = np.arange(samples) * own.sample_time
+    (begin, end), (low, high) = own.chirp_times, own.chirp_frequencies
+    if end <= begin:
+        return np.zeros((samples, 2))
+    since = t - begin
+    turns = low * since + 0.5 * (high - low) / (end - begin) * since**2
+    wave = np.where((begin <= t) & (t < end), np.sin(2.0 * np.pi * turns), 0.0)
+    found: Array = wave[:, None] * np.array(own.chirp_amplitude)
+    return found
+
+
+def force(own: Scenario, samples: int) -> Array:
+    """Tool force at each sample, shape (samples, 2) [N]."""
+    t = np.arange(samples) * own.sample_time
+    begin, end = own.force_times
+    found: Array = np.where((begin <= t) & (t < end), 1.0, 0.0)[:, None] * np.array(own.force)
+    return found
