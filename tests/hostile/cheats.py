@@ -77,7 +77,7 @@ BODIES = {
         if t == 0.0:
             cache = os.path.dirname(os.path.dirname(os.path.dirname(HERE)))
             for file in glob.glob(os.path.join(cache, "built", "**", "FlexibleManipulator*.fmu"), recursive=True):
-                shutil.copy(os.path.join(HERE, "other.txt"), file)
+                shutil.copyfile(os.path.join(HERE, "other.txt"), file)  # no copy(): it sets the mode, which is refused
 """,
     "marked-descriptors": """
         if t == 0.0:
