@@ -51,18 +51,15 @@ HOPE = 0.02
 CONFIRMED = 1
 """Members of each peak that are repeated over the whole case at the end of a leg."""
 
-FOR_EVER = 1e3
-"""Time [s] that no test is as long as."""
-
-SETTLING, SLOWER = 4.0, 1.25
-"""Time after the force [s] that B6 is waited for at the least, and in shares of the largest B6 known at the start."""
+SETTLING, SLOWER, LONGEST = 3.0, 1.5, 1e3
+"""Time after the force [s] that B6 is waited for at the least, in shares of the largest B6 known at the pose, and at
+the most: no test is as long. It is rounded up to whole seconds, so that few lengths differ."""
 
 
 @dataclass
 class Climb:
     """The search of one start: what is known, what is searched for at which ``poses``, and the share of V of each
-    criterion's value, ``weights``; B6 is waited for ``settling`` [s] after the force. Whole cases are spent up to
-    ``limit``."""
+    criterion's value, ``weights``. Whole cases are spent up to ``limit``."""
 
     history: History
     wanted: Sequence[Target]
@@ -70,7 +67,6 @@ class Climb:
     weights: dict[Target, float]
     seed: int
     start: int
-    settling: float
     limit: float
     elites: Elites = field(default_factory=Elites)
 
@@ -88,9 +84,8 @@ class Climb:
 
 def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
     """Try ``members`` for a criterion, each at its pose, as far as the start's share lasts; gives the results."""
-    view = short(climb.protocol, target, climb.settling)
     tried, spent = list[Member](), climb.history.spent
-    for member in (replace(member, short=view) for member in members):
+    for member in (_seen(climb, target, member) for member in members):
         spent += 0.0 if member in climb.history.found else cost(member, climb.protocol)
         if spent <= climb.limit:
             tried.append(member)
@@ -99,6 +94,13 @@ def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[lis
         value = severity(target, result, climb.protocol.stability)
         climb.elites.take(_peak(climb, target, member), value, member)
     return results
+
+
+def _seen(climb: Climb, target: Target, member: Member) -> Member:
+    """The member in as short a simulation as shows the target: B6 is waited for by what is known at the pose."""
+    known = climb.elites.largest(_peak(climb, target, member))
+    settling = math.ceil(min(max(SETTLING, SLOWER * known), LONGEST))
+    return replace(member, short=short(climb.protocol, target, settling))
 
 
 def _peak(climb: Climb, target: Target, member: Member) -> Peak:
@@ -110,7 +112,7 @@ def rise(climb: Climb, limit: float) -> Asking[None]:
     while True:
         target = max(climb.wanted, key=lambda each: _promise(climb, each))
         before, spent = climb.elites.mean(target, climb.poses), climb.history.spent
-        children = generation(climb, target)
+        children = [_seen(climb, target, member) for member in generation(climb, target)]
         price = sum(cost(member, climb.protocol) for member in children if member not in climb.history.found)
         if not children or spent + price > limit:
             return
@@ -203,8 +205,3 @@ def learn(climb: Climb, members: Sequence[Member]) -> Asking[None]:
             if value > max(found.get(member.q_a, (-math.inf,))[0], known):
                 found[member.q_a] = value, member
         yield from begin(climb, target, [member for _, member in found.values()])
-
-
-def waited(largest: float | None) -> float:
-    """Time after the force [s] that B6 is waited for, by the largest value known at the start."""
-    return min(max(SETTLING, SLOWER * (largest or 0.0)), FOR_EVER)

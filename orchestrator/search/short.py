@@ -28,7 +28,7 @@ def short(protocol: Protocol, target: Target, settling: float) -> Variation | No
     """What of a case shows the ``target``; None for the whole.
 
     B5 takes the force alone, at once and without a chirp, as does a stability test; B7 what comes before the force; B6
-    all until ``settling`` [s] after it, since what the chirp leaves behind has a part in it.
+    all until ``settling`` [s] after it: a controller with a memory settles otherwise after a chirp.
     """
     rules = protocol.disturbance
     t_1, t_2 = (Fraction(time).limit_denominator(1000) for time in (rules.t_1, rules.t_2))

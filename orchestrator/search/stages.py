@@ -31,18 +31,13 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
     criteria = [target for target in hunt.wanted if target.criterion]
     if not goes_on or not criteria:
         return
-    slowest = max(
-        (value for target in criteria if target.criterion == "B6" for value, _ in hunt.history.severities(target)),
-        default=None,
-    )
     first, share = hunt.history.spent, SEARCHED if hunt.listed else SEARCHED_ALONE
     whole = share * (hunt.budget - first)
     specs = hunt.rules.criteria
     weights = {target: specs[target.criterion].weight / specs[target.criterion].target for target in criteria}
     for start in range(hunt.restarts):
-        settling = by_pose.waited(slowest)
         begin, end = (first + whole * number / hunt.restarts for number in (start, start + 1))
-        climb = Climb(hunt.history, criteria, hunt.poses, weights, seed, start, settling, end)
+        climb = Climb(hunt.history, criteria, hunt.poses, weights, seed, start, end)
         yield from _begin(hunt, climb)
         found = list[Member]()
         name = f"V by pose, start {start + 1}" if hunt.restarts > 1 else "V by pose"
