@@ -1,7 +1,8 @@
-"""Mutated messages of workers, answers of isolated controllers, results.json and trajectories.npz: each is refused in
-one clear error, or makes sense.
+"""Mutated messages of workers, answers of isolated controllers, results.json, trajectories.npz and verification.json:
+each is refused in one clear error, or makes sense.
 
     python benchmarks/fuzz.py                    10,000 messages, 10,000 answers, 300 results.json, 100 trajectories.npz
+                                                 3,000 verification.json
     python benchmarks/fuzz.py --seed 7 --messages 100000
 
 Counts what came of them. The exit code is 1 if anything but an error of the family was raised, or something was
@@ -12,6 +13,7 @@ have come to, a scorecard that is not that of the cases.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
 import functools
 import io
@@ -33,19 +35,25 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]
 
 import msgspec  # noqa: E402
 import numpy as np  # noqa: E402
-from support.reports import RECORDINGS, results_of  # noqa: E402
+from msgspec.structs import replace  # noqa: E402
+from support.reports import RECORDINGS, results_of, verified  # noqa: E402
 
-from orchestrator import compare  # noqa: E402
+from benchmarks import leaderboard_tables as tables  # noqa: E402
+from orchestrator import Benchmark, Controller, compare  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.cases import cases  # noqa: E402
-from orchestrator.benchmark.metrics import expected  # noqa: E402
-from orchestrator.benchmark.results import Judgement, Measurements  # noqa: E402
+from orchestrator.benchmark.certificate import overall  # noqa: E402
+from orchestrator.benchmark.metrics import expected, named  # noqa: E402
+from orchestrator.benchmark.results import CaseResult, Judgement, Measurements, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
-from orchestrator.codec import Malformed, pack, plain  # noqa: E402
+from orchestrator.codec import Malformed, pack, plain, to_json  # noqa: E402
+from orchestrator.documents import standard  # noqa: E402
 from orchestrator.documents.evaluation import Evaluation  # noqa: E402
-from orchestrator.documents.files import RESULTS, TRAJECTORIES  # noqa: E402
+from orchestrator.documents.files import RESULTS, TRAJECTORIES, VERIFICATION  # noqa: E402
+from orchestrator.documents.head import SampleTimeRecord  # noqa: E402
 from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
-from orchestrator.errors import BenchmarkError, FmuError  # noqa: E402
+from orchestrator.documents.verification import CHECKED, Verification, differences  # noqa: E402
+from orchestrator.errors import BenchmarkError, FmuError, InputError  # noqa: E402
 from orchestrator.execution.isolation import Isolated, Over, Ready  # noqa: E402
 from orchestrator.execution.messages import (  # noqa: E402
     Failed,
@@ -61,6 +69,7 @@ from orchestrator.fmi.port import LOST, WARNING, exchange  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.pairing import work  # noqa: E402
 from orchestrator.pairing.built_in import built_in  # noqa: E402
+from orchestrator.study.verify import repeat  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
 PROTOCOL = protocols.load("quick")
@@ -305,6 +314,73 @@ def mutated_recordings(folder: Path, chance: random.Random) -> None:
     file.write_bytes(stream.getvalue())
 
 
+HOSTILE = (
+    b"", b"{}", b"[]", b"null", b"[" * 100_000, b'{"a":' * 100_000, b"\xff\xfe{}", b"\0", b"NaN", b'{"schema": 1e999}',
+    b"\xef\xbb\xbf{}", b'"' + b"x" * 10_000_000 + b'"',
+)  # fmt: skip
+"""Files that are no certificate."""
+
+
+def certificate() -> Verification:
+    """A certificate under the standard conditions, of a controller that settles in an instant and another of each
+    reference's name."""
+    drawn, listed = protocols.load(standard.PROTOCOL), protocols.load(standard.STRICT)
+
+    def ended(protocol: protocols.Protocol, B5: float) -> list[CaseResult]:
+        found = []
+        for case in cases(protocol, NOMINAL, 0):
+            figures = {name: True if name == "settled" else B5 for name in expected(protocol, case)}
+            own = Judgement(status=Status.DONE, time=float(case.end), measurements=Measurements(**figures))
+            found.append(named(case, own))
+        return found
+
+    pid = Controller().archive
+    draws = [ended(drawn, 1e-6 * (1 + number)) for number in range(standard.COUNT)]
+    made = verified(draws, draws[0], draws[0], rules(drawn), file=pid.name, sha256=pid.sha256)
+    strict = overall(rules(listed), [(made.draws[0].seed, ended(listed, 1e-6))])
+    (reference,) = made.references.values()
+    plant = replace(made.plant, nominal=NOMINAL)
+    return replace(
+        made,
+        strict=strict,
+        head=replace(made.head, sample_time=SampleTimeRecord(0.25e-3, True), plant=plant),
+        references=dict.fromkeys(standard.USUAL, replace(reference, strict=strict)),
+        checked=made.checked * CHECKED,
+    )
+
+
+def mutated_certificate(folder: Path, chance: random.Random) -> None:
+    """Spoil verification.json, seldom in one of its 636 cases."""
+    file = folder / VERIFICATION
+    text, how = file.read_bytes(), chance.random()
+    if how < 0.1:
+        file.write_bytes(chance.choice(HOSTILE))
+    elif how < 0.3:
+        file.write_bytes(damaged(text, chance))
+    else:
+        whole = json.loads(text)
+        listed = {} if how < 0.4 else {"cases": whole.pop("cases")}
+        changed = mutated(whole, chance)
+        file.write_text(json.dumps({**changed, **listed} if isinstance(changed, dict) else changed))
+
+
+def read_certificate(place: Path) -> str:
+    """Load a certificate, show it, compare it, begin to repeat it, and list it beside a repetition."""
+    found = Verification.load(place / VERIFICATION)
+    check_sense(plain(found))
+    found.report(place.parents[1] / "report.html")
+    repr(found)
+    compare([found])
+    differences(found, found)
+    with contextlib.suppress(InputError):
+        next(repeat(Benchmark("verification"), found, None, False))
+    with contextlib.suppress(InputError):
+        listed = tables.verified_table(tables.submissions(place.parent))
+        assert listed.count("\n") == 3 and not set(listed) & set("<>[]")
+        return "listed"
+    return "accepted"
+
+
 def attempt(read: Callable[[], str], what: str, problems: list[str]) -> str:
     """What became of one mutation."""
     try:
@@ -317,7 +393,7 @@ def attempt(read: Callable[[], str], what: str, problems: list[str]) -> str:
 
 
 def fuzz(
-    seed: int, messages: int, answers: int, results: int, recordings: int
+    seed: int, messages: int, answers: int, results: int, recordings: int, certificates: int
 ) -> tuple[dict[str, Counter[str]], list[str]]:
     """Outcomes by kind of input, and a line for each that is neither refused nor makes sense."""
     outcomes: defaultdict[str, Counter[str]] = defaultdict(Counter)
@@ -342,16 +418,26 @@ def fuzz(
                     (folder / name).write_bytes(content)
                 spoil(folder, chance)
                 outcomes[what][attempt(partial(read_run, folder), f"{what} {number}", problems)] += 1
+        place = Path(place, "submissions", "mine")
+        place.mkdir(parents=True)
+        (place / "README.md").write_text("how to make it")
+        known = to_json(certificate()).encode()
+        (place / "repeat.json").write_bytes(known)
+        for number in range(certificates):
+            (place / VERIFICATION).write_bytes(known)
+            mutated_certificate(place, chance)
+            how = attempt(partial(read_certificate, place), f"certificate {number}", problems)
+            outcomes["certificates"][how] += 1
     return outcomes, problems
 
 
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, default in (("seed", 0), ("messages", 10000), ("answers", 10000), ("results", 300), ("recordings", 100)):
+    counts = {"seed": 0, "messages": 10000, "answers": 10000, "results": 300, "recordings": 100, "certificates": 3000}
+    for name, default in counts.items():
         parser.add_argument(f"--{name}", type=int, default=default, help=f"default: {default}")
-    given = parser.parse_args()
-    outcomes, problems = fuzz(given.seed, given.messages, given.answers, given.results, given.recordings)
+    outcomes, problems = fuzz(**vars(parser.parse_args()))
     for what, counted in outcomes.items():
         print(f"{what:18}", ", ".join(f"{count} {how}" for how, count in sorted(counted.items())))
     print(*problems, sep="\n")

@@ -185,6 +185,7 @@ def test_a_selection_takes_tests_by_name_and_pose(tmp_path):
 
 SETS = "[sets]\nperformance = []\n[[tests]]\nname = 'x'\nsystems = 'absent'\nduration = 1"
 LOOPS = ("sample_time = 'soon'", "noise_power = nan", "torque_bits = 60", "unknown = 1")
+SHORT = "[[tests]]\nname = 'x'\nsystems = 'performance'\nduration = 5\nrequirements = ['A3']"
 SELECTIONS = ("tests = ['nose']", "poses = [18]", "poses = [-1]")
 
 
@@ -194,6 +195,7 @@ SELECTIONS = ("tests = ['nose']", "poses = [18]", "poses = [-1]")
         "name = 1",
         "not TOML",
         SETS,
+        SHORT,
         *(f"[loop]\n{line}" for line in LOOPS),
         *(f"[selection]\n{line}" for line in SELECTIONS),
     ],

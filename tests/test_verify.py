@@ -32,7 +32,7 @@ from orchestrator.benchmark.certificate import Figure, Score, identity, overall,
 from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
-from orchestrator.cli import report
+from orchestrator.cli import evaluate, report
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
 from orchestrator.codec import from_json, to_json
@@ -378,6 +378,15 @@ def test_the_protocol_moves_what_it_lists():
     listed = {case.id: case.scenario for case in Benchmark("strict").cases}
     moved = Benchmark("strict-verification", seed=3).cases
     assert len(moved) == 108 and all(listed[case.id] != case.scenario for case in moved)
+
+
+def test_a_protocol_without_b5_gives_no_cost_and_says_why(bench, tmp_path, capsys):
+    file, folder = tmp_path / "no-b5.toml", tmp_path / "run"
+    file.write_text(TWO_CASES.replace('"B5", ', ""))
+    assert evaluate.main(["--protocol", str(file), "--output-dir", str(folder)]) == EXIT_OK
+    assert "No cost V: the protocol does not measure B5." in " ".join(capsys.readouterr().out.split())
+    found = verified(replace(bench, protocol=file), Controller())
+    assert found.complete and found.cost.mean is None and found.criteria["B6"].mean is not None
 
 
 def test_a_draw_without_a_value_leaves_no_mean(honest, bench):

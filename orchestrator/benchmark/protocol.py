@@ -209,16 +209,26 @@ def load(name: str | Path) -> Protocol:
         if not tests:
             raise Malformed("there are no tests")
         for test in protocol.tests:
-            protocol.sets[test.systems]
-            if test.poses and max(test.poses) >= protocol.grid.size:
-                raise Malformed(f"the test {test.name} has a pose {max(test.poses)}; there are {protocol.grid.size}")
-            if test.repeats and test.repeats not in {other.name for other in protocol.tests}:
-                raise Malformed(f"the test {test.name} repeats {test.repeats}, which is no test")
+            _check(protocol, test)
     except Malformed as problem:
         raise InputError(f"{name} does not describe a protocol: {problem}.", "bad-protocol", name) from None
     except KeyError as problem:
         raise InputError(f"{name} has no set of systems {problem}.", "bad-protocol", name, problem.args[0]) from None
     return protocol
+
+
+def _check(protocol: Protocol, test: Test) -> None:
+    """Raise what is wrong with a test beside the other parts of its protocol."""
+    protocol.sets[test.systems]
+    least = 2.0 * protocol.stability.limit_cycle_window
+    if test.poses and max(test.poses) >= protocol.grid.size:
+        raise Malformed(f"the test {test.name} has a pose {max(test.poses)}; there are {protocol.grid.size}")
+    if test.repeats and test.repeats not in {other.name for other in protocol.tests}:
+        raise Malformed(f"the test {test.name} repeats {test.repeats}, which is no test")
+    if test.requirements and test.duration < least:
+        raise Malformed(
+            f"the test {test.name} of {test.requirements[0]} takes {float(test.duration):g} s, not {least:g}"
+        )
 
 
 def _read(name: str) -> dict[str, Any]:

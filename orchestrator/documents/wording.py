@@ -106,6 +106,9 @@ def without_cost(results: Results) -> str:
         return ""
     criteria = {test.name for test in results.rules.tests if test.criteria}
     lost = sum(case.test in criteria and case.status != "done" for case in results.cases)
+    if not lost:
+        absent = (name for name, entry in results.criteria.items() if entry.value is None)
+        return f"the protocol does not measure {', '.join(absent)}"
     return f"{lost} of the cases that B1 to B7 are measured in are unstable"
 
 

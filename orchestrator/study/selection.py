@@ -51,7 +51,9 @@ def shown(
     statuses = {run.result.status for run in runs}
     if Status.DONE not in statuses or Status.TIMEOUT in statuses:
         return chosen
-    test = next(test for test in protocol.tests if "B5" in test.criteria)
+    test = next((test for test in protocol.tests if "B5" in test.criteria), None)
+    if test is None:  # a protocol of one's own, without a force whose course could be compared
+        return chosen
     size = min(SPREAD_SYSTEMS, sum(run.case.test == test for run in runs))
     sample_time = runs[0].case.scenario.sample_time
 
