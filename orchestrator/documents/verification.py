@@ -161,10 +161,11 @@ class Verification(Document, Comparable, kw_only=True):
             return "a V is not that of its draws"
         scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
         listed: list[tuple[Verification | Score, ...]] = [tried, tuple(each.strict for each in tried if each.strict)]
-        for same in listed:
-            for each in same[1:]:
-                if same[0].criteria.keys() - each.criteria or same[0].requirements.keys() - each.requirements:
-                    return "a reference lacks criteria or requirements of the controller"
+        if any(each.requirements.keys() != same[0].requirements.keys() for same in listed for each in same):
+            return "a reference has other requirements than the controller"
+        known = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}
+        if any({name: (c.unit, c.target) for name, c in each.criteria.items()} != known for each in scores):
+            return "its criteria are not those of its rules"
         if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
             return "it is complete or not, other than its cases"
         if any(not each.difference <= each.bound for case in self.checked for each in case.differences):

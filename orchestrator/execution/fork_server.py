@@ -17,6 +17,7 @@ import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 
+from . import read_only
 from .lean import lean_imports
 from .messages import DESCRIPTORS, NUMBER, REQUEST, readable, write_all
 from .process_tree import adopt_orphans, children
@@ -33,17 +34,19 @@ class _Worker:
     folder: str
 
 
-def main(control: int, owner: int, module: str, scratch: str) -> None:
+def main(control: int, owner: int, module: str, scratch: str, protected: int) -> None:
     """Fork a worker for every message that comes through the socket ``control``, until that is closed.
 
     It also ends, and all workers with it, at SIGTERM and when the process ``owner`` is not its parent any more.
     ``module`` is imported first, and its function ``prepare`` called if there is one. Workers work in folders inside
-    ``scratch``, which is removed at the end.
+    ``scratch``, which is removed at the end. If ``protected``, the package is read-only where that can be done.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # until there is something to clean up
     workers: dict[int, _Worker] = {}
     try:
+        if protected:
+            read_only.protect()
         adopt_orphans()
         with lean_imports():
             importlib.import_module(f"{__package__}.worker")

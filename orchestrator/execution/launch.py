@@ -143,7 +143,7 @@ def _spawned(
 class ForkServer:
     """The near end of a fork server, which ends with this process at the latest."""
 
-    def __init__(self, module: str) -> None:
+    def __init__(self, module: str, protected: bool) -> None:
         self._lock = threading.Lock()
         self._closed, self._words = False, ""
         if not any(compiled_code_folder().rglob("*.nbc")):
@@ -153,7 +153,7 @@ class ForkServer:
             self._control, far = map(stack.enter_context, socket.socketpair())
             self._scratch = tempfile.mkdtemp(prefix="flexible-manipulator-")
             stack.callback(shutil.rmtree, self._scratch, ignore_errors=True)
-            command = boot("fork_server", far.fileno(), os.getpid(), module, self._scratch)
+            command = boot("fork_server", far.fileno(), os.getpid(), module, self._scratch, int(protected))
             self._process = _spawned(command, self._output.fileno(), [far.fileno()], environment())
             far.close()
             self._resources = stack.pop_all()
@@ -185,16 +185,16 @@ class ForkServer:
         self._output.close()
 
 
-_servers: dict[tuple[str, Path, Path], ForkServer] = {}
+_servers: dict[tuple[str, bool, Path, Path], ForkServer] = {}
 _servers_lock = threading.Lock()
 
 
-def _fork_server(module: str) -> ForkServer:
-    """The fork server of this process for this module and cache."""
-    key = (module, cache_folder(), compiled_code_folder())
+def _fork_server(module: str, protected: bool) -> ForkServer:
+    """The fork server of this process for this module and cache; from a ``protected`` one the package is read-only."""
+    key = (module, protected, cache_folder(), compiled_code_folder())
     with _servers_lock:
         if key not in _servers:
-            _servers[key] = ForkServer(module)
+            _servers[key] = ForkServer(module, protected)
         return _servers[key]
 
 
@@ -230,7 +230,8 @@ class _ForkedProcess:
         self._code: int | None = None
         words = ""
         for _ in range(ATTEMPTS):
-            server = _fork_server(job.work.partition(":")[0])
+            # A worker with an isolated controller starts a sandbox, which takes rights that a protected one gives up.
+            server = _fork_server(job.work.partition(":")[0], not job.isolated)
             self._status, far = socket.socketpair()
             try:
                 with far, suppress(OSError):

@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import errno
 import os
 import signal
 import socket
@@ -68,6 +69,24 @@ def remount(plant, controller, task):
             found.append("open")
         except OSError:
             found.append("refused")
+    return " ".join(found).encode()
+
+
+def change_package(plant, controller, task):
+    """What comes of attempts to change mounts, and to leave byte-code in the package and NumPy, and a module there."""
+    import numpy
+
+    import orchestrator
+
+    libc, package, library = ctypes.CDLL(None), *(Path(each.__file__).parent for each in (orchestrator, numpy))
+    found = [str(libc.mount(None, bytes(package), None, REMOUNT | BIND, None)), str(libc.umount(bytes(package)))]
+    for name in (package / "__pycache__" / "x.pyc", library / "__pycache__" / "x.pyc", library.parent / "x.py"):
+        try:
+            name.write_bytes(b"")
+            name.unlink()
+            found.append("written")
+        except OSError as problem:
+            found.append(errno.errorcode[problem.errno])
     return " ".join(found).encode()
 
 

@@ -32,6 +32,11 @@ def bubblewrap_works() -> bool:
     return program is not None and _runs([program, *sandbox.OPTIONS, "--", "true"])
 
 
+def namespaces_work() -> bool:
+    """Whether a process may have user and mount namespaces of its own."""
+    return _runs([sys.executable, "-c", "from orchestrator.execution.read_only import protect as p; exit(not p())"])
+
+
 def _runs(command: list[str]) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
@@ -84,6 +89,7 @@ TOOLS: Mapping[str, Tool] = {
     "gcc": _program("gcc", "needs gcc"),
     "clang": _program("clang", "needs clang"),
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
+    "namespaces": Tool("needs Linux that allows user namespaces", namespaces_work),
     "musl-gcc": _program("musl-gcc", "needs musl (musl-gcc)"),
     "qemu-aarch64": _program("qemu-aarch64", "needs QEMU for programs of Linux on arm64 (qemu-aarch64)"),
     "wine": _program("wine", "needs Wine (wine)"),

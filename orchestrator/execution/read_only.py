@@ -1,0 +1,94 @@
+"""The package and the interpreter's libraries read-only, in a process and all that it starts (Linux).
+
+A controller that runs with the user's rights could leave byte-code behind that a later run imports. In a mount
+namespace of its own the process sees these folders read-only; it gives up the capabilities with which it could change
+that. Nothing else is protected: what else the user may write, a controller may (docs/running.md).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import site
+import struct
+import sys
+import sysconfig
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from ..cache import PACKAGE
+
+PACKAGES = ("orchestrator", "plant_fmu", "controller_fmu")
+"""The project's packages, which lie side by side."""
+
+NEW_USER, NEW_MOUNTS = 0x10000000, 0x00020000
+"""CLONE_NEWUSER, CLONE_NEWNS of unshare(2)."""
+
+READ_ONLY, REMOUNT, BIND, RECURSIVE, SLAVE, RELATIVE = 1, 32, 4096, 16384, 1 << 19, 1 << 21
+"""MS_RDONLY, MS_REMOUNT, MS_BIND, MS_REC, MS_SLAVE, MS_RELATIME of mount(2)."""
+
+KEPT = os.ST_NOSUID | os.ST_NODEV | os.ST_NOEXEC | os.ST_NOATIME | os.ST_NODIRATIME if sys.platform == "linux" else 0
+"""Flags of a mount that one without capabilities outside may not take away; as numbers, those of mount(2)."""
+
+DROP_BOUND, NO_NEW_PRIVILEGES = 24, 38
+"""PR_CAPBSET_DROP, PR_SET_NO_NEW_PRIVS of prctl(2)."""
+
+CAPABILITIES = 64
+"""More than there are."""
+
+CAPSET_VERSION = 0x20080522
+"""_LINUX_CAPABILITY_VERSION_3."""
+
+
+def folders() -> tuple[str, ...]:
+    """What is to be read-only: real paths of folders that exist, none inside another."""
+    libraries = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts"))
+    own = (str(PACKAGE.parent / name) for name in PACKAGES)
+    given = filter(None, (*own, *libraries, site.getusersitepackages(), sys.pycache_prefix))
+    known = {Path(os.path.realpath(each)) for each in given if os.path.isdir(each)}
+    return tuple(sorted(str(each) for each in known if known.isdisjoint(each.parents)))
+
+
+def protect() -> bool:
+    """Make these folders read-only for this process and all that it will start; False where that cannot be done.
+
+    The process has one thread. It is tried in a copy of the process first: half of it would be worse than nothing.
+    """
+    if sys.platform != "linux":
+        return False
+    chosen = folders()
+    pid = os.fork()
+    if pid == 0:
+        done = False
+        with suppress(OSError):
+            _protect(chosen)
+            done = not any(os.access(folder, os.W_OK) for folder in chosen)
+        os._exit(0 if done else 1)
+    if os.waitpid(pid, 0)[1] != 0:
+        return False
+    _protect(chosen)
+    return True
+
+
+def _protect(chosen: Iterable[str]) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    uid, gid = os.getuid(), os.getgid()
+    _call(libc.unshare(NEW_USER | NEW_MOUNTS))
+    for name, words in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
+        Path("/proc/self", name).write_text(words)
+    _call(libc.mount(None, b"/", None, ctypes.c_ulong(RECURSIVE | SLAVE), None))
+    for folder in chosen:
+        path, kept = folder.encode(), os.statvfs(folder).f_flag
+        flags = kept & KEPT | (RELATIVE if kept & os.ST_RELATIME else 0)
+        _call(libc.mount(path, path, None, ctypes.c_ulong(BIND | RECURSIVE), None))
+        _call(libc.mount(None, path, None, ctypes.c_ulong(REMOUNT | BIND | READ_ONLY | flags), None))
+    for capability in range(CAPABILITIES):
+        libc.prctl(DROP_BOUND, capability, 0, 0, 0)  # it fails for those that there are not
+    _call(libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0))
+    _call(libc.capset(struct.pack("II", CAPSET_VERSION, 0), bytes(24)))  # none effective, permitted or inheritable
+
+
+def _call(result: int) -> None:
+    if result != 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
