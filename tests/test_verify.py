@@ -34,7 +34,7 @@ from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
 from orchestrator.cli import evaluate, report
 from orchestrator.cli import verify as command
-from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_OK
+from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.documents.standard import USUAL
 from orchestrator.documents.verification import Verification, differences
@@ -219,8 +219,10 @@ def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, fau
     assert not found.complete
 
 
-@pytest.mark.parametrize("name", ["DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG"])
+@pytest.mark.parametrize("name", tables.PAGES)
 def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
+    if name.startswith("Robust"):
+        require("compiler")
     controller = Controller.built_in(name)
     found = verified(bench, controller)
     ordinary = replace(bench, seed=found.draws[0].seed).evaluate(controller, recordings=False)
@@ -273,6 +275,9 @@ def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp
     assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in said
     assert report.main([str(tmp_path)]) == EXIT_OK
     assert found.entropy.value in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_NOT_STANDARD
+    said = capsys.readouterr().err
+    assert "not standard: the protocol is not verification" in said and "equal to the certificate, but" in said
     written.write_text(to_json(found).replace(found.draws[1].cases, "0" * 64))
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_INCOMPLETE
     said = capsys.readouterr().err
