@@ -307,13 +307,16 @@ def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path)
         file.write_text(to_json(certificate).replace(old, new))
         assert refusal(Verification.load, file).what == ("other-schema" if new == "other" else "damaged")
     assert refusal(Verification.load, tmp_path / "none").what == "no-file"
+    file.write_text(to_json(structs.replace(certificate, requirements={})))
+    assert "lacks a requirement" in str(refusal(Verification.load, file))
 
 
 def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path, monkeypatch):
     listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
     pid = structs.replace(certificate.references[PID], strict=listed)
     second = structs.replace(certificate, strict=listed, references={PID: pid}, sandbox=True)
-    for name, known in (("second", second), ("first", structs.replace(second, requirements={}))):
+    held = dict.fromkeys(second.requirements, second.requirements["A3"])
+    for name, known in (("second", second), ("first", structs.replace(second, requirements=held))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")

@@ -30,6 +30,7 @@ from .files import REPORT, VERIFICATION
 from .reasons import Reason, failure_notes, reason_notes, reason_text
 from .scorecard import criterion_column
 from .standard import STRICT, deviations
+from .wording import REQUIREMENTS
 
 VERIFY_AGAIN = "to run it again, verify again"
 
@@ -160,9 +161,8 @@ class Verification(Document, Comparable, kw_only=True):
         if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
             return "a V is not that of its draws"
         scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
-        listed: list[tuple[Verification | Score, ...]] = [tried, tuple(each.strict for each in tried if each.strict)]
-        if any(each.requirements.keys() != same[0].requirements.keys() for same in listed for each in same):
-            return "a reference has other requirements than the controller"
+        if any(each.requirements.keys() != REQUIREMENTS.keys() for each in scores):
+            return "a score lacks a requirement, or has one that there is not"
         known = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}
         if any({name: (c.unit, c.target) for name, c in each.criteria.items()} != known for each in scores):
             return "its criteria are not those of its rules"
