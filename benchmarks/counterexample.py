@@ -3,8 +3,9 @@
     python benchmarks/counterexample.py                    RobustLQG, the 66 arms of counterexample.json
 
 The arms are those of a genetic search with a simulator of its own, one for each of B5, B6 and B7 at each pose of
-``strict``. The file has, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1,
-the direction of the force [rad], the sweep [Hz], the seed of the noise, and the value that the outsider's simulator gave.
+``strict``. The file has, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of
+Table 1, the direction of the force [rad], the sweep [Hz], the seed of the noise, and the value that the outsider's
+simulator gave.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ def main() -> int:
         values = [getattr(next(own).measurements, name) for _ in found]
         equal = values == [each["value"] for each in found]
         same = same and equal
-        print(f"{name}: mean {sum(values) / len(values):.6g}, {'the' if equal else 'NOT the'} outsider's to the last bit")
+        words = "the outsider's, to the last bit" if equal else "NOT the outsider's"
+        print(f"{name}: mean {sum(values) / len(values):.6g}, {words}")
     print(f"V of these and the list: {score(rules(protocol), results).cost:.2f}")
     return 0 if same else 1
 
