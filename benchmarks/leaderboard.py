@@ -66,13 +66,15 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 """What of the package computes the figures."""
 
 
-def evaluate(name: str, folder: Path, before: Figures | None = None) -> dict[str, Any]:
+def evaluate(
+    name: str, folder: Path, before: Figures | None = None, budgets: Sequence[int] = BUDGETS
+) -> dict[str, Any]:
     """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found; over
     the seeds. With the figures from ``before``, with the native plant alone, and with their seeds and time per step."""
-    return Benchmark().engine(folder / name).run(studied(name, folder / name, before))
+    return Benchmark().engine(folder / name).run(studied(name, folder / name, before, budgets))
 
 
-def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, Any]]:
+def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[int]) -> Study[dict[str, Any]]:
     """The study of it, made of others, whose files are in ``folder``."""
     controller, searched, hashes = built(name), searched_as(name), {}
     for plant in ("native", "python") if before is None else ("native",):
@@ -81,7 +83,7 @@ def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, 
     assert len(set(hashes.values())) == 1, "the native plant gives other results"
     results, strict = run.results, Benchmark("strict")
     listed = yield from study.evaluate(strict, searched, recordings=False, inside="strict")
-    found = yield from _agreed(strict, searched)
+    found = yield from _agreed(strict, searched, budgets)
     if before is None:
         seeds = yield from study.spread(Benchmark(), searched, SEEDS, recordings=False, inside="seeds")
         over = {"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements}
@@ -105,9 +107,9 @@ def studied(name: str, folder: Path, before: Figures | None) -> Study[dict[str, 
     }
 
 
-def _agreed(strict: Benchmark, searched: Controller) -> Study[Robustness]:
-    """A search with the smallest budget at which independent starts agree."""
-    for budget in BUDGETS:
+def _agreed(strict: Benchmark, searched: Controller, budgets: Sequence[int]) -> Study[Robustness]:
+    """A search with the first of the budgets at which independent starts agree, or the last."""
+    for budget in budgets:
         found = yield from answer_of(worst_case(strict, searched, budget, restarts=STARTS, inside="strict"))
         if agree(found.starts):
             break
@@ -190,6 +192,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="only write the tables from the figures that are kept")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
     parser.add_argument("--search", action="store_true", help="evaluate and search with the native plant, not the rest")
+    parser.add_argument("--budget", type=int, help="of the search; without it, the first at which the starts agree")
     parser.add_argument("--same", action="store_true", help="only check that the FMUs give the cases that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
@@ -200,7 +203,7 @@ def main() -> None:
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for name in () if options.table or options.same else options.names or PAGES:
         before = next((each for each in kept if name_of(each) == name), None) if options.search else None
-        new = evaluate(name, options.runs, before)
+        new = evaluate(name, options.runs, before, (options.budget,) if options.budget else BUDGETS)
         kept = [each for each in kept if name_of(each) != name] + [new]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     for file, text in pages(kept).items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -91,11 +92,12 @@ class _Enough(Exception):
 
 
 def _seconds(entry: Entry, execute: Execute) -> float:
-    """The time that the first case of an entry takes [s]."""
+    """The time that the first case of an entry takes [s]; with the start of its process if it comes to nothing."""
+    begin = time.perf_counter()
     with store.opened(None) as empty:
         one = Batch((Entry(entry.protocol, entry.pairing, entry.cases[:1]),))
         ((run,),) = batch.run(one, execute, empty)
-    return run.wall_time
+    return run.wall_time or time.perf_counter() - begin
 
 
 def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, share: float = 1.0) -> CaseRun:
