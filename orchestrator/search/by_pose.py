@@ -36,9 +36,6 @@ EXCHANGED, CROSSED = 0.25, 0.15
 PUSHED, SWEPT, HEARD = 0.35, 0.1, 0.05
 """Shares of the children that get another direction of the force, the other sweep, another realization of the noise."""
 
-ANYWHERE = 0.5
-"""Share of the new directions that are any, for B6, which has its largest values at directions far from each other."""
-
 TURNED = 0.5
 """Share of the children at other poses than the configurations' that have signs turned, too."""
 
@@ -173,8 +170,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     found = moves.turned(found, stream)
     push, sweep, noise = stream.uniform(size=3)
     if push < PUSHED and peak.target.criterion != "B7":  # which is measured before the force
-        anywhere = peak.target.criterion == "B6" and push < ANYWHERE * PUSHED
-        found = moves.pushed_anywhere(found, stream) if anywhere else moves.pushed(found, stream)
+        found = moves.pushed(found, stream)
     if sweep < SWEPT and peak.target.criterion != "B5":  # which is searched for without a chirp
         found = moves.swept(found, climb.protocol)
     return moves.heard(found, stream) if noise < HEARD else found
