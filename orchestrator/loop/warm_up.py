@@ -6,14 +6,19 @@ import numpy as np
 
 from ..exact_time import seconds
 from ..fmi.port import unconnected
+from ..jit import arithmetic_now
 from . import closed_loop, serving
 from .disturbances import ChirpSignal, PulseSignal
 from .plan import make_plan
-from .scenario import NO_DELAY
+from .random_streams import noise
+from .scenario import NO_DELAY, Noise
 
 
 def warm_up() -> None:
-    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types."""
+    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types.
+
+    They have to be those of a simulation: the noise, for example, is read-only.
+    """
     two, port = np.zeros(2), unconnected((), 2, (), 2)
     parts = closed_loop.Loop(
         first=0,
@@ -25,7 +30,7 @@ def warm_up() -> None:
         limit=two,
         torque_quantum=two,
         angle_quantum=0.0,
-        noise=np.zeros((1, 2)),
+        noise=noise(Noise(sigma=1.0), 1),
         chirp=ChirpSignal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
         abort_distance=0.0,
@@ -33,3 +38,4 @@ def warm_up() -> None:
     record = closed_loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), *(np.zeros((0, 2)) for _ in range(3)))
     closed_loop.run(port, port, parts, record)
     serving.warm_up()
+    arithmetic_now()

@@ -6,6 +6,7 @@ The types are checked when they are unpacked, on both sides.
 from __future__ import annotations
 
 import contextlib
+import importlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,10 +68,15 @@ class TimingRecord(Struct, frozen=True):
 
 
 def prepare() -> None:
-    """Import and compile everything a simulation needs."""
+    """Import and compile everything a simulation needs, so that no worker has to."""
     from ..benchmark import one_pass
     from ..loop.warm_up import warm_up
 
+    for module in ("orchestrator.loop.master", "fmpy.validation"):
+        importlib.import_module(module)
+    for task in (CaseTask, RecordTask, ScenarioTask):
+        with contextlib.suppress(Malformed):
+            unpack(b"", task)  # what its fields are is found out at the first time
     warm_up()
     one_pass.warm_up()
 
