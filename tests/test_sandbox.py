@@ -19,6 +19,7 @@ from support.refusals import refusal
 
 from orchestrator import Benchmark
 from orchestrator.execution import sandbox, sandbox_probe
+from orchestrator.execution.interpreter import program
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
@@ -103,6 +104,24 @@ def test_the_environment_is_not_handed_on(own, monkeypatch):
 def test_a_worker_works_in_an_empty_folder(own):
     folder, files, sockets, main = literal_eval(inside(own, "surroundings"))
     assert (folder, files, sockets, main) == (sandbox.WORK, [], 1, None)
+
+
+@sandboxed
+def test_a_controller_alone_sees_none_of_the_users_files(tmp_path):
+    """One of them may be the certificate that is repeated, from which its draws follow."""
+    own = tmp_path / "verification.json"
+    own.write_text("{}")
+    files = [str(own), str(ROOT / "README.md"), str(ROOT / "tests" / "conftest.py"), str(sandbox.PACKAGE / "cache.py")]
+    code = (
+        f"import os; print([os.path.exists(name) for name in {files!r}]); import orchestrator.execution.controller_host"
+    )
+    seen = {}
+    for alone in (False, True):
+        words = [*sandbox.command((), alone=alone), *program(code)]
+        done = finished(words, folder=tmp_path, environment=sandbox.environment(os.environ))
+        assert done.returncode == 0, done.stderr
+        seen[alone] = literal_eval(done.stdout)
+    assert seen == {False: [False, True, True, True], True: [False, False, "tests" in str(sys.path), True]}
 
 
 SCRIPT = """

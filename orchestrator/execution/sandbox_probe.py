@@ -31,7 +31,9 @@ def leaks() -> tuple[str, ...]:
     """
     os.environ[SECRET] = "1"
     with socket.create_server(("127.0.0.1", 0)) as server, tempfile.NamedTemporaryFile() as hidden:
-        words = [*command(()), *boot("sandbox_probe", server.getsockname()[1], os.getpid(), hidden.name)]
+        own = next((entry.path for entry in os.scandir(Path.home()) if entry.is_file()), hidden.name)
+        told = (server.getsockname()[1], os.getpid(), hidden.name, own)
+        words = [*command((), alone=True), *boot("sandbox_probe", *told)]
         try:
             tried = subprocess.run(
                 words, capture_output=True, text=True, check=False, env=kept(environment()), stdin=subprocess.DEVNULL
@@ -47,7 +49,7 @@ SECRET = "FLEXIBLE_MANIPULATOR_SECRET"
 """Of the environment outside; it must not be seen inside."""
 
 
-def main(port: int, outside: int, hidden: str) -> None:
+def main(port: int, outside: int, hidden: str, own: str) -> None:
     """Inside: try everything, and print what works."""
     refuse_marks()
     tries: dict[str, Callable[[], object]] = {
@@ -62,6 +64,7 @@ def main(port: int, outside: int, hidden: str) -> None:
         "more memory than allowed in shared memory": lambda: _fill(Path("/dev/shm")),
         "writing into /dev": lambda: Path("/dev/probe").write_bytes(b""),
         "marking a device": lambda: os.utime("/dev/null", (1, 1)),
+        "reading files of the home folder": lambda: Path(own).read_bytes(),
     }
     for name, attempt in tries.items():
         with suppress(OSError, KeyError):
