@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import socket
 import subprocess
 import sys
@@ -49,6 +50,16 @@ SECRET = "FLEXIBLE_MANIPULATOR_SECRET"
 """Of the environment outside; it must not be seen inside."""
 
 
+FILE = sys.executable
+"""One that all sandboxes show."""
+
+VIRTUAL = 40
+"""AF_VSOCK of linux/socket.h."""
+
+GET_KEYRING, SESSION = 0, -3
+"""KEYCTL_GET_KEYRING_ID, KEY_SPEC_SESSION_KEYRING of linux/keyctl.h."""
+
+
 def main(port: int, outside: int, hidden: str, own: str) -> None:
     """Inside: try everything, and print what works."""
     refuse_marks()
@@ -65,6 +76,11 @@ def main(port: int, outside: int, hidden: str, own: str) -> None:
         "writing into /dev": lambda: Path("/dev/probe").write_bytes(b""),
         "marking a device": lambda: os.utime("/dev/null", (1, 1)),
         "reading files of the home folder": lambda: Path(own).read_bytes(),
+        "the keyring of the session": lambda: _require(_keyring() >= 0),
+        "sockets of virtual machines": lambda: socket.socket(VIRTUAL, socket.SOCK_STREAM),
+        "locking files of the machine": lambda: _locked(FILE),
+        "watching files of the machine": lambda: _require(ctypes.CDLL(None).inotify_init() >= 0),
+        "whether files of the machine lie in memory": lambda: _forget(FILE),
     }
     for name, attempt in tries.items():
         with suppress(OSError, KeyError):
@@ -89,6 +105,23 @@ def _user_namespace() -> None:
         os._exit(0 if ctypes.CDLL(None, use_errno=True).unshare(NEW_USER) == 0 else 1)
     _, status = os.waitpid(child, 0)
     _require(status == 0)
+
+
+def _keyring() -> int:
+    number = {"x86_64": 250, "aarch64": 219}.get(platform.machine())
+    return -1 if number is None else int(ctypes.CDLL(None).syscall(number, GET_KEYRING, SESSION, 0))
+
+
+def _locked(name: str) -> None:
+    import fcntl
+
+    with open(name, "rb") as file:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+
+
+def _forget(name: str) -> None:
+    with open(name, "rb") as file:
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def _fill(folder: Path) -> None:
