@@ -28,6 +28,9 @@ COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "benchmark" / "one_pass
 COMPUTING = ("fmi", "loop", "benchmark", "jit.py"), ("numpy", "numba", "fmpy")
 """Sources and libraries that numbers may change with; FMPy brings the solver of Model Exchange."""
 
+SYSTEM = ("/bin", "/dev", "/etc", "/gnu", "/lib", "/lib32", "/lib64", "/libx32", "/nix", "/proc", "/sbin", "/usr")
+"""The system's own folders, on Linux."""
+
 logger = logging.getLogger(__name__)
 
 
@@ -59,6 +62,11 @@ def _writable(wanted: Path) -> Path:
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     logger.warning("%s: everything is compiled anew, in %s. %s", reason, folder, remedy)
     return Path(folder)
+
+
+def user_folders() -> set[str]:
+    """The folders at the top of the file system that may hold files of users: all but the system's."""
+    return {entry.path for entry in os.scandir("/") if entry.is_dir(follow_symlinks=False)} - {*SYSTEM}
 
 
 def compiled_code_folder() -> Path:

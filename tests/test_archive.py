@@ -263,7 +263,19 @@ def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
 def test_a_compiler_of_foreign_sources_writes_into_its_folder_only(tmp_path):
     own, other = tmp_path / "own", tmp_path / "other"
     own.mkdir()
-    words = compilation._fence(str(own), zig=False)
+    words = compilation._fence(str(own), ["true"], zig=False)
     script = f"touch {own}/written; touch {other}; touch $TMPDIR/temporary"
     subprocess.run([*words, "sh", "-c", script], check=False, capture_output=True)
     assert {file.name for file in own.iterdir()} == {"written", "temporary"} and not other.exists()
+
+
+@pytest.mark.needs("bubblewrap", "compiler")
+def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path):
+    """A source could include the certificate that is repeated, and hand it to the controller that it becomes."""
+    own, other = tmp_path / "own" / "scratch", tmp_path / "verification.json"
+    own.mkdir(parents=True)
+    other.write_text("secret")
+    (own.parent / "source.c").write_text("own")
+    words = compilation._fence(str(own), ["true"], zig=False)
+    done = subprocess.run([*words, "cat", other, own.parent / "source.c"], check=False, capture_output=True)
+    assert done.stdout == b"own"

@@ -19,6 +19,7 @@ from support.refusals import refusal
 
 from orchestrator import Benchmark
 from orchestrator.execution import sandbox, sandbox_probe
+from orchestrator.execution.interpreter import program
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
@@ -103,6 +104,69 @@ def test_the_environment_is_not_handed_on(own, monkeypatch):
 def test_a_worker_works_in_an_empty_folder(own):
     folder, files, sockets, main = literal_eval(inside(own, "surroundings"))
     assert (folder, files, sockets, main) == (sandbox.WORK, [], 1, None)
+
+
+@sandboxed
+def test_a_controller_alone_sees_none_of_the_users_files(tmp_path):
+    """One of them may be the certificate that is repeated, from which its draws follow."""
+    own = tmp_path / "verification.json"
+    own.write_text("{}")
+    files = [str(own), str(ROOT / "README.md"), str(ROOT / "tests" / "conftest.py"), str(sandbox.PACKAGE / "cache.py")]
+    code = (
+        f"import os; print([os.path.exists(name) for name in {files!r}]); import orchestrator.execution.controller_host"
+    )
+    seen = {}
+    for alone in (False, True):
+        words = [*sandbox.command((), alone=alone), *program(code)]
+        done = finished(words, folder=tmp_path, environment=sandbox.environment(os.environ))
+        assert done.returncode == 0, done.stderr
+        seen[alone] = literal_eval(done.stdout)
+    assert seen == {False: [False, True, True, True], True: [False, False, "tests" in str(sys.path), True]}
+
+
+CALLS = """
+import ctypes, fcntl, mmap, os, platform, socket, sys
+from orchestrator.execution.seccomp import refuse_marks
+libc = ctypes.CDLL(None)
+file = open(sys.executable, "rb")
+keyctl = {"x86_64": 250, "aarch64": 219}[platform.machine()]
+flag = getattr(os, "RWF_NOWAIT", 8)
+refused = [
+    lambda: fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
+    lambda: fcntl.lockf(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
+    lambda: fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK),
+    lambda: fcntl.fcntl(file, fcntl.F_NOTIFY, fcntl.DN_ACCESS),
+    lambda: os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED),
+    lambda: os.preadv(file.fileno(), [bytearray(1)], 0, flag),
+    lambda: mmap.mmap(-1, 4096).madvise(21),
+    lambda: socket.socket(40, socket.SOCK_STREAM),
+    lambda: libc.inotify_init() >= 0 or 1 / 0,
+    lambda: libc.syscall(keyctl, 0, -3, 0) >= 0 or 1 / 0,
+]
+allowed = [
+    lambda: fcntl.fcntl(file, fcntl.F_GETFL),
+    lambda: os.preadv(file.fileno(), [bytearray(1)], 0),
+    lambda: mmap.mmap(-1, 4096).madvise(mmap.MADV_DONTNEED),
+    lambda: [socket.socket(family) for family in (socket.AF_UNIX, socket.AF_INET, socket.AF_INET6)],
+]
+
+def works(call):
+    try:
+        call()
+    except (OSError, ZeroDivisionError):
+        return False
+    return True
+
+assert refuse_marks()
+print([works(call) for call in refused], [works(call) for call in allowed])
+"""
+
+
+@pytest.mark.needs("linux")
+def test_calls_that_leave_or_find_a_trace_are_refused(tmp_path):
+    """Locks, watched files, pages in memory, keyrings, sockets of virtual machines: they are the whole machine's."""
+    done = finished([*program(CALLS)], folder=tmp_path)
+    assert done.stdout.split("] ") == [str(10 * [False])[:-1], str(4 * [True]) + "\n"], done.stderr
 
 
 SCRIPT = """

@@ -28,15 +28,17 @@ from support.tools import PRESENT, require
 from benchmarks import leaderboard_tables as tables
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark import certificate as certificates
+from orchestrator.benchmark import draws
+from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
-from orchestrator.benchmark.draws import Entropy
+from orchestrator.benchmark.draws import QUICKNET, Beacon, Entropy
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
 from orchestrator.cli import evaluate, report
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
-from orchestrator.documents.standard import USUAL
+from orchestrator.documents.standard import USUAL, deviations
 from orchestrator.documents.verification import Verification, differences
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.trajectory import Status
@@ -309,9 +311,75 @@ def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path)
     assert refusal(Verification.load, tmp_path / "none").what == "no-file"
     file.write_text(to_json(structs.replace(certificate, requirements={})))
     assert "lacks a requirement" in str(refusal(Verification.load, file))
+    first, *others = certificate.cases
+    file.write_text(to_json(structs.replace(certificate, cases=(structs.replace(first, seed=7), *others))))
+    assert "a case is of no draw" in str(refusal(Verification.load, file))
 
 
-def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path, monkeypatch):
+def test_an_invented_cost_is_refused(certificate, tmp_path):
+    """It has to be that of its draws, and the sum of its criteria."""
+    free = tuple(structs.replace(draw, cost=0.0) for draw in certificate.draws)
+    invented = structs.replace(certificate, draws=free, cost=Figure(0.0, 0.0))
+    criteria = {name: structs.replace(entry, mean=0.0, sd=0.0) for name, entry in certificate.criteria.items()}
+    file = tmp_path / "verification.json"
+    for known in (invented, structs.replace(certificate, criteria=criteria)):
+        file.write_text(to_json(known))
+        assert "not the sum of its criteria" in str(refusal(Verification.load, file))
+
+
+def test_a_beacon_that_is_only_said_to_be_checked_is_not_standard(certificate, tmp_path, monkeypatch):
+    beacon = Beacon(QUICKNET, 123, "0" * 96, checked=True, published="2023-08-23T15:15:32Z")
+    told = structs.replace(certificate, entropy=Entropy(beacon.randomness, "beacon", beacon))
+    monkeypatch.setattr(draws, "check", lambda *_: False)  # as without py_ecc
+    assert told.entropy.problem == "" and "the signature of the beacon was not checked" in told.deviations
+    monkeypatch.undo()
+    if PRESENT["py_ecc"]:
+        assert told.entropy.problem == "the signature of its beacon is wrong"
+
+
+def test_draws_that_were_chosen_by_repetitions_are_not_standard(certificate):
+    """A controller may end itself by a signal that others could have sent, where its draw looks bad."""
+    again = structs.replace(certificate, repetitions=1)
+    assert set(again.deviations) - set(certificate.deviations) == {
+        "1 verifications were begun before, with other draws"
+    }
+
+
+def test_every_case_of_the_protocol_is_asked_for(certificate):
+    standard = protocols.load("verification")
+    ids = [case.id for case in Benchmark("verification").cases]
+    ended = tuple(structs.replace(certificate.cases[0], id=id, seed=seed) for seed in (1, 2, 3) for id in ids)
+    words = "the protocol is not verification as it comes with the benchmark"
+    head = structs.replace(certificate.head, protocol="verification", protocol_file="", rules=rules(standard))
+    assert words not in deviations(head, 3, ended, None, USUAL)
+    twice = (*ended[:-1], ended[-2])
+    assert words in deviations(head, 3, twice, None, USUAL)
+
+
+def test_the_order_of_the_cases_is_mixed(bench, monkeypatch):
+    """It tells a controller nothing that knows how many there were before, and changes no result."""
+    orders = [verification.mixed(value, 210) for value in (FIXED.value, FIXED.value[::-1])]
+    assert all(sorted(order) == list(range(210)) for order in orders) and orders[0] != orders[1]
+    found = verified(bench, Controller(), draws=FIXED)
+    monkeypatch.setattr(verification, "mixed", lambda _, count: list(range(count))[::-1])
+    assert differences(found, verified(bench, Controller(), draws=FIXED)) == ((), ())
+
+
+def test_a_repetition_under_other_conditions_is_not_standard(certificate, bench, monkeypatch, capsys):
+    """A forged certificate may say that there was a sandbox; what counts is whether there is one now."""
+    now, words = structs.replace(certificate, sandbox=False), "the controller had no sandbox"
+    monkeypatch.setattr(Verification, "deviations", property(lambda self: (words,) if self is now else ()))
+    monkeypatch.setattr(Verification, "load", lambda _: certificate)
+    monkeypatch.setattr(Benchmark, "repeat", lambda *_, **__: now)
+    file = str(Controller().archive.file)
+    assert command.main(["--repeat", "verification.json", file]) == EXIT_NOT_STANDARD
+    assert f"not standard: this repetition: {words}" in capsys.readouterr().err
+
+
+@pytest.fixture
+def submitted(certificate, tmp_path, monkeypatch) -> Verification:
+    """The certificate of two submissions, "first" and "second", as if it were of the standard conditions; the first is
+    said to meet all requirements."""
     listed = Score(**{name: getattr(certificate, name) for name in Score.__struct_fields__})
     pid = structs.replace(certificate.references[PID], strict=listed)
     second = structs.replace(certificate, strict=listed, references={PID: pid}, sandbox=True)
@@ -322,22 +390,59 @@ def test_submissions_are_ranked_by_their_certificates(certificate, tmp_path, mon
         (tmp_path / name / "README.md").write_text("how to make the FMU")
     assert "not standard: the protocol" in str(refusal(tables.submissions, tmp_path))
     monkeypatch.setattr(Verification, "deviations", ())
+    assert "is the controller of first" in str(refusal(tables.submissions, tmp_path))
+    monkeypatch.setattr(tables, "_is_same", lambda *_: False)
+    return second
+
+
+@pytest.fixture
+def again(submitted, tmp_path_factory) -> Path:
+    """The folder of the maintainers, with a repetition of the second submission."""
+    folder = tmp_path_factory.mktemp("repetitions")
+    later = structs.replace(submitted.timing, start="later")
+    repeated = structs.replace(submitted, head=structs.replace(submitted.head, timing=later))
+    (folder / "second.json").write_text(to_json(repeated))
+    return folder
+
+
+def test_submissions_are_ranked_by_their_certificates(submitted, again, tmp_path):
     lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
     assert {line.count("|") for line in lines} == {12} and all(line.endswith("claimed |") for line in lines[2:])
-    (tmp_path / "second" / "repeat.json").write_text(to_json(second))
-    lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
+    lines = tables.verified_table(tables.submissions(tmp_path, again)).splitlines()
     assert lines[2].startswith("| second") and lines[2].endswith("repeated |")
-    (tmp_path / "second" / "repeat.json").write_text(to_json(second).replace(second.draws[0].cases, "0" * 64))
-    assert "its repetition differs" in str(refusal(tables.submissions, tmp_path))
-    (tmp_path / "second" / "repeat.json").unlink()
-    marked = tmp_path / "[x](javascript:alert(1))"
-    marked.mkdir()
-    (marked / "verification.json").write_text(to_json(second))
-    assert "name of letters" in str(refusal(tables.submissions, tmp_path))
-    shutil.rmtree(marked)
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(tables.submissions, tmp_path).what == "submission"
+
+
+def test_a_repetition_has_to_agree_and_to_be_one(submitted, again, tmp_path, monkeypatch):
+    file = again / "second.json"
+    text = file.read_text()
+    file.write_text(text.replace(submitted.draws[0].cases, "0" * 64))
+    assert "its repetition differs" in str(refusal(tables.submissions, tmp_path, again))
+    file.write_text(to_json(submitted))
+    assert "is a copy" in str(refusal(tables.submissions, tmp_path, again))
+    file.write_text(text.replace('"sandbox": true', '"sandbox": false'))
+    unusual = property(lambda self: () if self.sandbox else ("the controller had no sandbox",))
+    monkeypatch.setattr(Verification, "deviations", unusual)
+    assert "its repetition is not standard" in str(refusal(tables.submissions, tmp_path, again))
+
+
+def test_an_author_cannot_say_that_it_was_repeated(submitted, again, tmp_path):
+    (tmp_path / "second" / "repeat.json").write_bytes((again / "second.json").read_bytes())
+    assert "has a repetition in its own folder" in str(refusal(tables.submissions, tmp_path))
+    (tmp_path / "second" / "repeat.json").unlink()
+    (tmp_path / "second" / "link.fmu").symlink_to("/dev/zero")
+    assert "has a link" in str(refusal(tables.submissions, tmp_path))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["[x](javascript:alert(1))", "second.", "second ", "TunedPID", "tunedpid", "SECOND", "a" * 41, "\u202enoces"],
+)
+def test_a_submission_has_a_name_of_its_own(name, submitted, tmp_path):
+    shutil.copytree(tmp_path / "second", tmp_path / name)
+    assert any(words in str(refusal(tables.submissions, tmp_path)) for words in ("name of letters", "name of another"))
 
 
 def test_what_is_not_standard_is_named(certificate):

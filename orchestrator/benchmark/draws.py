@@ -7,6 +7,7 @@ check it afterwards (https://drand.love). A round counts if it is later than the
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import secrets
 from collections.abc import Mapping
@@ -67,6 +68,14 @@ class Beacon(Struct):
         """The round's random number, 256 bits as hexadecimal digits."""
         return hashlib.sha256(bytes.fromhex(self.signature)).hexdigest()
 
+    @property
+    def confirmed(self) -> bool | None:
+        """Whether the signature is that of the round; None where that cannot be checked here."""
+        try:
+            return check(CHAINS[self.chain], self.round, self.signature) or None
+        except InputError:
+            return False
+
 
 class Entropy(Struct):
     """256 bits as hexadecimal digits, and where they come from."""
@@ -92,7 +101,9 @@ class Entropy(Struct):
             late = self.beacon.time > moment(self.beacon.published)
         except (InputError, OverflowError):
             return "its beacon has no time"
-        return "" if late else "its beacon is not later than the publication of the controller"
+        if not late:
+            return "its beacon is not later than the publication of the controller"
+        return "the signature of its beacon is wrong" if self.beacon.confirmed is False else ""
 
 
 def fresh() -> Entropy:
@@ -150,6 +161,7 @@ def moment(text: str) -> datetime:
     return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
 
+@functools.cache
 def check(chain: Chain, number: int, signature: str) -> bool:
     """Whether the signature of a round has been checked, which needs the package py_ecc (extra ``beacon``).
 

@@ -38,9 +38,9 @@ EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu --draws round.json --published 2027-01-31T12:00:00Z
   python -m orchestrator.verify --repeat verification.json my_controller.fmu
 
-With --repeat, exit code 0 says that the results are equal to those of the certificate, to the last bit, and that it was
-made under the standard conditions; 4 that they are equal, but the conditions are others, which are named; 1 that they
-differ; 3 that cases were skipped or lost, so that this is not judged.
+With --repeat, exit code 0 says that the results are equal to those of the certificate, to the last bit, and that both
+were made under the standard conditions; 4 that they are equal, but the conditions are others, which are named; 1 that
+they differ; 3 that cases were skipped or lost, so that this is not judged.
 """
 
 
@@ -136,7 +136,8 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     if results:
         print("not equal to the certificate", file=sys.stderr)
         return EXIT_INCOMPLETE
-    unusual = certificate.deviations
+    own = (f"this repetition: {words}" for words in found.deviations if words not in certificate.deviations)
+    unusual = (*certificate.deviations, *own)
     for line in unusual:
         print(printable(f"not standard: {line}"), file=sys.stderr)
     print(f"equal to the certificate{', but not under the standard conditions' if unusual else ''}", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -99,8 +100,10 @@ class Verification(Document, Comparable, kw_only=True):
             found.append(f"fewer than {CHECKED} cases were checked by the second checker")
         if not self.clean:
             found.append("the interpreter was not clean")
-        if self.entropy.beacon is not None and not self.entropy.beacon.checked:
+        if self.entropy.beacon is not None and not self.entropy.beacon.confirmed:
             found.append("the signature of the beacon was not checked")
+        if self.repetitions:
+            found.append(f"{self.repetitions} verifications were begun before, with other draws")
         return tuple(found)
 
     @property
@@ -166,6 +169,11 @@ class Verification(Document, Comparable, kw_only=True):
         known = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}
         if any({name: (c.unit, c.target) for name, c in each.criteria.items()} != known for each in scores):
             return "its criteria are not those of its rules"
+        weights = {name: entry.weight / entry.target for name, entry in self.rules.criteria.items()}
+        if not all(_adds_up(each, weights) for each in scores):
+            return "a V is not the sum of its criteria"
+        if any({case.seed for case in each.cases} - {*drawn} for each in scores):
+            return "a case is of no draw"
         if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
             return "it is complete or not, other than its cases"
         if any(not each.difference <= each.bound for case in self.checked for each in case.differences):
@@ -173,6 +181,15 @@ class Verification(Document, Comparable, kw_only=True):
         if any(entry.passed != entry.tally.passed for each in scores for entry in each.requirements.values()):
             return "a verdict is not that of its tally"
         return ""
+
+
+def _adds_up(score: Verification | Score, weights: Mapping[str, float]) -> bool:
+    """Whether V is what its criteria give, up to rounding."""
+    means = [each.mean for each in score.criteria.values()]
+    if score.cost.mean is None or None in means:
+        return score.cost.mean is None
+    total = sum(weight * (score.criteria[name].mean or 0.0) for name, weight in weights.items())
+    return math.isclose(score.cost.mean, total, rel_tol=1e-9, abs_tol=1e-12)
 
 
 def differences(first: Verification, second: Verification) -> tuple[tuple[str, ...], tuple[str, ...]]:

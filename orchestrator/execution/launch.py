@@ -99,7 +99,9 @@ def _fence(job: Job) -> list[str]:
     if not job.sandbox:
         return []
     # Of a plant that somebody else steps nothing is shown.
-    return sandbox.command((job.controller.folder,) if job.isolated else (job.plant.folder, job.controller.folder))
+    if job.isolated:
+        return sandbox.command((job.controller.folder,), alone=True)
+    return sandbox.command((job.plant.folder, job.controller.folder))
 
 
 def _send(channel: socket.socket, data: bytes, stop: threading.Event) -> None:

@@ -7,14 +7,16 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder
+from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder, user_folders
 from ..errors import InputError
 from .interpreter import flags
+from .read_only import PACKAGES
 
 ROOM = 256 * 1024**2
 """Bytes that fit into each folder that can be written into: it lies in memory."""
@@ -39,6 +41,9 @@ HANDED_ON = (VARIABLE, "PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PAT
 HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")
 """Of the environment: where things are, and what numbers may depend on. Passwords and tokens stay outside."""
 
+BUILDERS = "build_fmus.py"
+"""The module beside the packages."""
+
 WORK = "/tmp/.flexible-manipulator"
 """The working folder inside: new and empty. The folder for temporary files is not empty if Python or this package lies
 below it."""
@@ -48,8 +53,9 @@ GIVEN = ".given"
 sandbox, however that or its owner ends."""
 
 
-def command(fmus: Iterable[Path]) -> list[str]:
-    """The words before a command that let it run in a sandbox with the extracted ``fmus``.
+def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
+    """The words before a command that let it run in a sandbox with the extracted ``fmus``; one of a controller
+    ``alone`` shows none of the user's files.
 
     Raises :class:`InputError` where there is no sandbox on this machine.
     """
@@ -57,7 +63,7 @@ def command(fmus: Iterable[Path]) -> list[str]:
     if program is None:
         raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
-    rest = (*OPTIONS, *_mounts(cache), "--dir", WORK, "--chdir", WORK)
+    rest = (*OPTIONS, *_mounts(cache, alone), "--dir", WORK, "--chdir", WORK)
     try:
         start = (program, *NO_USER_NAMESPACES, *rest)
         _check(start)
@@ -78,10 +84,11 @@ def given_folder() -> Path:
     return cache_folder() / GIVEN
 
 
-def _mounts(cache: Path) -> tuple[str, ...]:
+def _mounts(cache: Path, alone: bool) -> tuple[str, ...]:
     """Options that hide folders, and show again what of their contents Python needs: an environment may lie there."""
-    hidden = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
-    needed = (sys.prefix, sys.base_prefix, *sys.path, *filter(None, (sys.pycache_prefix,)), str(PACKAGE.parent))
+    writable = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
+    needed = [sys.prefix, sys.base_prefix, *filter(None, (sys.pycache_prefix,)), *_search_path(alone)]
+    hidden = writable | (_rest(needed) if alone else set())
     mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(ROOM), "--tmpfs", path) for path in hidden}
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
         if path not in hidden and _is_below(path, hidden) and os.path.exists(path):
@@ -89,7 +96,29 @@ def _mounts(cache: Path) -> tuple[str, ...]:
     if str(cache) not in hidden and _is_below(str(cache), hidden):
         mounts[str(cache)] = ("--symlink", os.path.realpath(cache), str(cache))
     # A folder before what lies in it: a later mount hides what is already there.
-    return tuple(word for path in sorted(mounts) for word in mounts[path])
+    made = (word for path in sorted(mounts) for word in mounts[path])
+    return (*made, *(word for path in sorted(hidden - writable) for word in ("--remount-ro", path)))
+
+
+def _search_path(alone: bool) -> tuple[str, ...]:
+    """Where modules are found; alone, of the folder around this package and of the current one only the packages."""
+    around = str(PACKAGE.parent)
+    if not alone:
+        return (*sys.path, around)
+    libraries = filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))
+    left_out = {around, os.getcwd()} - {sysconfig.get_path(name) for name in ("purelib", "platlib")}
+    others = [path for path in sys.path if path and not any(_is_below(each, (path,)) for each in left_out)]
+    return (*others, *libraries, *(os.path.join(around, name) for name in (*PACKAGES, BUILDERS)))
+
+
+def _rest(needed: Iterable[str]) -> set[str]:
+    """What a controller alone does not see: all folders but the system's, and the one around this package.
+
+    One of the user's files is the certificate that is repeated, or the round of a beacon: with it a controller could
+    compute its draws.
+    """
+    around = os.path.realpath(PACKAGE.parent)
+    return user_folders() | (set() if _is_below(around, map(os.path.realpath, needed)) else {around})
 
 
 def _is_below(path: str, folders: Iterable[str]) -> bool:

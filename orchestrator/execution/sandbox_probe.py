@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import socket
 import subprocess
 import sys
@@ -31,7 +32,9 @@ def leaks() -> tuple[str, ...]:
     """
     os.environ[SECRET] = "1"
     with socket.create_server(("127.0.0.1", 0)) as server, tempfile.NamedTemporaryFile() as hidden:
-        words = [*command(()), *boot("sandbox_probe", server.getsockname()[1], os.getpid(), hidden.name)]
+        own = next((entry.path for entry in os.scandir(Path.home()) if entry.is_file()), hidden.name)
+        told = (server.getsockname()[1], os.getpid(), hidden.name, own)
+        words = [*command((), alone=True), *boot("sandbox_probe", *told)]
         try:
             tried = subprocess.run(
                 words, capture_output=True, text=True, check=False, env=kept(environment()), stdin=subprocess.DEVNULL
@@ -47,7 +50,17 @@ SECRET = "FLEXIBLE_MANIPULATOR_SECRET"
 """Of the environment outside; it must not be seen inside."""
 
 
-def main(port: int, outside: int, hidden: str) -> None:
+FILE = sys.executable
+"""One that all sandboxes show."""
+
+VIRTUAL = 40
+"""AF_VSOCK of linux/socket.h."""
+
+GET_KEYRING, SESSION = 0, -3
+"""KEYCTL_GET_KEYRING_ID, KEY_SPEC_SESSION_KEYRING of linux/keyctl.h."""
+
+
+def main(port: int, outside: int, hidden: str, own: str) -> None:
     """Inside: try everything, and print what works."""
     refuse_marks()
     tries: dict[str, Callable[[], object]] = {
@@ -62,6 +75,12 @@ def main(port: int, outside: int, hidden: str) -> None:
         "more memory than allowed in shared memory": lambda: _fill(Path("/dev/shm")),
         "writing into /dev": lambda: Path("/dev/probe").write_bytes(b""),
         "marking a device": lambda: os.utime("/dev/null", (1, 1)),
+        "reading files of the home folder": lambda: Path(own).read_bytes(),
+        "the keyring of the session": lambda: _require(_keyring() >= 0),
+        "sockets of virtual machines": lambda: socket.socket(VIRTUAL, socket.SOCK_STREAM),
+        "locking files of the machine": lambda: _locked(FILE),
+        "watching files of the machine": lambda: _require(ctypes.CDLL(None).inotify_init() >= 0),
+        "whether files of the machine lie in memory": lambda: _forget(FILE),
     }
     for name, attempt in tries.items():
         with suppress(OSError, KeyError):
@@ -86,6 +105,23 @@ def _user_namespace() -> None:
         os._exit(0 if ctypes.CDLL(None, use_errno=True).unshare(NEW_USER) == 0 else 1)
     _, status = os.waitpid(child, 0)
     _require(status == 0)
+
+
+def _keyring() -> int:
+    number = {"x86_64": 250, "aarch64": 219}.get(platform.machine())
+    return -1 if number is None else int(ctypes.CDLL(None).syscall(number, GET_KEYRING, SESSION, 0))
+
+
+def _locked(name: str) -> None:
+    import fcntl
+
+    with open(name, "rb") as file:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+
+
+def _forget(name: str) -> None:
+    with open(name, "rb") as file:
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def _fill(folder: Path) -> None:

@@ -6,7 +6,9 @@ import functools
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import fmpy
@@ -14,10 +16,11 @@ from fmpy.model_description import ModelDescription
 
 from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
 
+from ..cache import user_folders
 from ..errors import InputError
 
-EVERYTHING_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
-"""Options of bubblewrap."""
+SYSTEM_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
+"""Options of bubblewrap; the folders of users are hidden by others."""
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
@@ -56,7 +59,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *("-o", str(output), "-lm"),
         ]
         try:
-            run_compiler([*_fence(scratch, "ziglang" in compiler), *command], output)
+            run_compiler([*_fence(scratch, compiler, "ziglang" in compiler), *command], output)
         except BuildError as problem:
             lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
             message = f"The sources of {name} do not compile:\n  {lines}\n"
@@ -69,23 +72,32 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
 @functools.cache
 def _has_fence() -> bool:
     """Whether bubblewrap is there and works."""
-    tried = ["bwrap", *EVERYTHING_TO_READ, "true"]
+    tried = ["bwrap", *SYSTEM_TO_READ, "true"]
     return shutil.which("bwrap") is not None and subprocess.run(tried, capture_output=True, check=False).returncode == 0
 
 
-def _fence(folder: str, zig: bool) -> list[str]:
-    """The words before a compiler that let it write into ``folder`` only, and reach no network, if bubblewrap is there.
+def _fence(folder: str, compiler: Sequence[str], zig: bool) -> list[str]:
+    """The words before a ``compiler`` that let it write into ``folder`` only, read beside that what the system, Python
+    and the FMU around the folder hold, and reach no network, if bubblewrap is there.
 
-    Sources of a stranger tell the compiler what to read, and may use its defects.
+    Sources of a stranger tell the compiler what to read, and may use its defects. What they include they could hand to
+    a controller that must not know it, such as the certificate that is repeated.
     """
     if not _has_fence():
         return []
+    program = shutil.which(compiler[0]) or sys.executable
+    around = [str(each) for name in (program, os.path.realpath(program)) for each in Path(name).parents[:2]]
+    shown = [sys.prefix, sys.base_prefix, str(FMI_HEADERS), os.path.dirname(folder), *around]
+    hidden = user_folders()
+    below = sorted({name for name in shown if any(Path(name).is_relative_to(each) for each in hidden)} - hidden)
+    read = [word for name in sorted(hidden) for word in ("--tmpfs", name)]
+    read += [word for name in below for word in ("--ro-bind", name, name)]
     places = [folder]
     if zig:  # of the extra native: without its cache each run takes ten seconds
         places.append(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or os.path.expanduser("~/.cache/zig"))
         os.makedirs(places[-1], exist_ok=True)
     bound = (word for place in places for word in ("--bind", place, place))
-    return ["bwrap", *EVERYTHING_TO_READ, *bound, "--setenv", "TMPDIR", folder, "--"]
+    return ["bwrap", *SYSTEM_TO_READ, *read, *bound, "--setenv", "TMPDIR", folder, "--"]
 
 
 def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
@@ -92,13 +93,16 @@ def _verified(
         nonlocal done
         interval, failure = (T_s, rehearsal.failure) if pairing is own else (None, None)
         lists = [cases(asked, testbed.nominal, seed, interval) for seed in chosen]
-        wanted = tuple(case for draw in lists for case in draw)
+        listing = [case for draw in lists for case in draw]
+        order = mixed(entropy.value, len(listing))
+        wanted = tuple(listing[place] for place in order)
         look = witness if pairing is own and asked is protocol else None
         entry = Entry(asked, pairing, wanted, at_once=failure, witness=look)
         (runs,) = yield Batch((entry,), done, total)
         done += len(runs)
-        results = iter(runs)
-        return [(seed, [next(results).result for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
+        known = dict(zip(order, runs, strict=True))
+        results = (known[place].result for place in range(len(listing)))
+        return [(seed, [next(results) for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
 
     def tried(pairing: Pairing) -> Study[Tried]:
         found, known = (yield from run(protocol, pairing, drawn)), rules(protocol)
@@ -127,6 +131,12 @@ def _verified(
         clean=is_clean(),
         checked=checked,
     )
+
+
+def mixed(entropy: str, count: int) -> list[int]:
+    """An order of ``count`` cases that follows from the ``entropy``: in the listed one, a controller that finds out how
+    many cases there were before, or when it is started, would know which test it is in."""
+    return sorted(range(count), key=lambda place: hashlib.sha256(f"{entropy}\norder {place}".encode()).digest())
 
 
 def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandboxed: bool) -> Study[Verification]:
