@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from .api.benchmark import Benchmark
     from .api.comparing import compare
+    from .api.linear_loop import LinearLoop
     from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
@@ -39,6 +40,7 @@ __all__ = [
     "Evaluation",
     "FmuError",
     "InputError",
+    "LinearLoop",
     "LinearModel",
     "Reliability",
     "Robustness",
@@ -58,6 +60,7 @@ _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".pairing.controller",
     "Evaluation": ".documents.evaluation",
+    "LinearLoop": ".api.linear_loop",
     "LinearModel": ".api.linear_model",
     "Reliability": ".documents.reliability",
     "Robustness": ".documents.robustness",

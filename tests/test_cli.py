@@ -201,6 +201,44 @@ def test_simulation_writes_table_and_picture_and_overwrites_nothing(quick_pid_fi
     assert all("[" in name for name in header) and [float(row[0]) for row in rows] == [k / 4000 for k in range(201)]
 
 
+def test_several_simulations_stand_on_one_page(quick_pid_file: Path, tmp_path: Path) -> None:
+    also = ("--with", f"{quick_pid_file} --set K_p[1]=60", "--with", "--gain 2 1 --duration 0.06")
+    words = (quick_pid_file, "--set", "K_p[2]=12", "--duration", "0.05", *also, "--output-dir", "out")
+    finished = call("simulate", *words, folder=tmp_path)
+    assert finished.code == 0 and "done, 0.06 s" in finished.out and finished.out.count("no verdict") == 6
+    assert {file.suffix for file in (tmp_path / "out").glob("trajectory-3.*")} == {".npz", ".png"}
+    first, second, third = (
+        np.load(tmp_path / "out" / f"trajectory{end}.npz")["u_c[1] [N.m]"] for end in ("", "-2", "-3")
+    )
+    assert len(first) == len(second) == 201 and len(third) == 241 and not np.array_equal(first, second)
+    page = (tmp_path / "out" / "simulation.html").read_text(encoding="utf-8")
+    assert f"simulation {quick_pid_file.name} --set K_p[1]=60" in page and "--output-dir out" in page
+    assert len(json.loads(call("simulate", *words, "--json", folder=tmp_path).out)) == 3
+
+
+def test_simulations_that_contradict_themselves(quick_pid_file: Path, tmp_path: Path) -> None:
+    for words in ("--with 'a b'", "'", "--from run x", "--with=--ideal"):
+        assert "--with" in refusal(tmp_path, "simulate", f"--with={words}")
+    assert "more than once" in refusal(tmp_path, "simulate", "--with", "--gain 2 1", "--with", "--gain 2 1")
+    case = ("--case", "c07.nominal.noise")
+    assert "--case already says" in refusal(tmp_path, "simulate", quick_pid_file, *case, "--with", "--test noise")
+
+
+def test_a_simulation_that_ends_before_its_test_has_no_verdict(quick_pid_file: Path, tmp_path: Path) -> None:
+    """Short of the end, the arm still moves: that is neither unstable nor a limit cycle, and it may yet settle."""
+    finished = call("simulate", quick_pid_file, "--duration", "10.6", "--json", folder=tmp_path)
+    result = json.loads(finished.out)
+    assert result["status"] == "done" and result["measurements"]["settled"] is False
+    assert not {"rest_error", "limit_cycle_x", "limit_cycle_ratio"} & set(result["measurements"])
+    shown = call("simulate", quick_pid_file, "--duration", "10.6", folder=tmp_path).out
+    assert "there is no verdict" in shown and "B6 [s]" in shown and "> 0." in shown and "unstable" not in shown
+
+
+def test_the_direction_of_the_force_may_be_given_in_degrees() -> None:
+    in_degrees = vars(simulate._parser().parse_args(["--force-direction", "-90"]))
+    assert in_degrees["phi_F"] == pytest.approx(-math.pi / 2)
+
+
 @pytest.mark.needs("compiler")  # the package holds the manipulator in C
 def test_simulation_exports_a_package(tmp_path: Path) -> None:
     assert call("simulate", "--duration", "0.05", "--export-ssp", "case.ssp", folder=tmp_path).code == 0

@@ -12,7 +12,8 @@ from support.reports import recording, results_of, scaled, searched, seeded, spr
 from orchestrator.cli import compare
 from orchestrator.documents import comparison_figures
 from orchestrator.documents.evaluation import Evaluation
-from orchestrator.documents.figures import FIGURES, STYLE
+from orchestrator.documents.figures import FIGURES
+from orchestrator.documents.style import STYLE
 from plant_fmu.flexible_manipulator import coefficients, dynamics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 

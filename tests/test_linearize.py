@@ -76,7 +76,7 @@ def test_models_travel(tmp_path):
     assert tuple(npz["states"]) == model.states == tuple(str(cell[0]) for cell in mat["states"].ravel())
     assert mat["T_s"] == npz["T_s"] == T_S
     np.testing.assert_array_equal(npz["q_m_rest"], model.at.q_m)
-    assert "<table" in model._repr_html_() and "compliant" in model._repr_html_()
+    assert "<table" in model._repr_html_() and "nominal" in model._repr_html_()
     import control
 
     system = model.to_control()

@@ -17,7 +17,7 @@ from orchestrator.documents.commands import simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import BoundRecord, SampleTimeRecord
 from orchestrator.documents.payload import ROWS, report_payload
-from orchestrator.documents.recording import MOTION_INTERVALS, TORQUE_INTERVALS
+from orchestrator.documents.recording import MOTION_INTERVALS
 from orchestrator.documents.results import LoopDelay
 from orchestrator.documents.run import contradictions
 from orchestrator.documents.scorecard import facts
@@ -78,7 +78,7 @@ def test_a_page_stays_below_5_MB_and_keeps_every_peak_however_lively_its_signals
     noise = np.random.default_rng(0)
     rows = 6 * MOTION_INTERVALS
     motion = np.column_stack([np.arange(rows), np.resize(offsets, (rows, 2)), noise.standard_normal((rows, 2))])
-    torque = noise.standard_normal((4 * TORQUE_INTERVALS, 3)).astype(np.float32)
+    torque = noise.standard_normal((2 * MOTION_INTERVALS, 3)).astype(np.float32)
     lively = replace(recording(("B5",)), motion=motion.astype(np.float32), torque=torque)
     run = replace(RUN, recordings=(lively,) * 30 + (replace(lively, about=recording(("spread",)).about),) * 20)
     assert len(page_html(run.page()).encode()) < 5e6

@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..study.engine import Engine, OnEvent
     from ..study.evaluate import Options
     from ..study.requests import Event, OnResult
+    from .linear_loop import LinearLoop
     from .linear_model import LinearModel
     from .simulation import Simulation
 
@@ -530,7 +531,7 @@ class Benchmark(Testbed):
     def linearize(
         self,
         q_a: tuple[float, float],
-        system: str = "compliant",
+        system: str = "nominal",
         *,
         test: str = "disturbance",
         variation: Variation | None = None,
@@ -563,12 +564,48 @@ class Benchmark(Testbed):
             As :meth:`case_at`; if the plant is an FMU of your own, whose equations are not known; or if the variation
             delays the measurement.
         """
+        from .linear_model import linear_model
+
+        return linear_model(self._known(q_a, system, test, variation), sampled, delay, friction)
+
+    def linear_loop(
+        self,
+        controller: Given | object,
+        q_a: tuple[float, float],
+        system: str = "nominal",
+        *,
+        test: str = "disturbance",
+        variation: Variation | None = None,
+        friction: Friction = "sticking",
+    ) -> LinearLoop:
+        """The linearized plant in a loop with a controller: poles, sensitivity, stability margins.
+
+        Parameters
+        ----------
+        controller : Controller, path or linear system
+            An FMU, which is linearized at rest by its impulse response; or matrices: a ``.mat``, ``.npz`` or ``.json``
+            file, or a system with A, B, C, D and a sample time, as for
+            :func:`~controller_fmu.controller_from_state_space`.
+        q_a, system, test, variation, friction
+            As in :meth:`linearize`. The model is sampled with the controller's sample time.
+
+        Raises
+        ------
+        InputError
+            As :meth:`linearize`; if the controller cannot be used, or its FMU is not linear at rest.
+        FmuError, Crash
+            If the FMU fails.
+        """
+        from .linear_loop import linear_loop
+
+        return linear_loop(self, controller, self._known(q_a, system, test, variation), friction)
+
+    def _known(self, q_a: tuple[float, float], system: str, test: str, variation: Variation | None) -> Case:
+        """The case to linearize; raises :class:`InputError` for a plant whose equations are not known."""
         if self.plant not in (AUTO, PYTHON, NATIVE):
             message = f"The equations of {self.plant} are not known; only the benchmark's manipulator is linearized."
             raise InputError(message, "no-equations", self.plant)
-        from .linear_model import linear_model
-
-        return linear_model(self.case_at(q_a, system, test, variation), sampled, delay, friction)
+        return self.case_at(q_a, system, test, variation)
 
     def engine(
         self,

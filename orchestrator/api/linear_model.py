@@ -5,20 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..benchmark.case import Case
 from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, linearized, modes, rest, sampled
+from ..benchmark.loop_analysis import System
 from ..documents.document import Shown
 from ..documents.files import streamed, write_bytes
 from ..errors import InputError
 from ..loop.scenario import NO_DELAY
 from ..views.table import Cell, Column, Note, Quantity, Summary, Table, Value
-from ..views.units import HERTZ, MILLIMETRE, RADIAN, TORQUE
+from ..views.units import DEGREE, HERTZ, MILLIMETRE, TORQUE
 
-# Imports inside functions: SciPy's files and the optional package control are loaded by those who need them.
+# Imports inside functions: SciPy's files, Matplotlib and the package control are loaded by those who need them.
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,24 @@ class LinearModel(Shown):
         time = "continuous" if self.sample_time is None else f"sampled every {self.sample_time * 1e3:g} ms"
         return f"{self.system} system at {angles}, {self.friction}, {time}"
 
+    @property
+    def matrices(self) -> System:
+        """The matrices and the sample time alone."""
+        return System(self.A, self.B, self.C, self.D, self.sample_time)
+
+    def plot(self, name: str = "plant_bode") -> Figure:
+        """One of the figures ``plant_bode``, ``plant_step`` (of a sampled model) and ``poles``."""
+        from ..documents.loop_figures import drawn
+
+        return drawn(self.matrices, None, name)
+
+    def save_plots(self, folder: str | Path) -> list[str]:
+        """Write all figures into ``folder`` as PDF, SVG and PNG; returns their names without endings."""
+        from ..documents.loop_figures import drawings
+        from ..documents.style import write_drawn
+
+        return write_drawn(drawings(self.matrices, None), Path(folder))[0]
+
     def to_control(self) -> Any:
         """The model as a ``control.StateSpace``. Needs the package control (the extra ``design``)."""
         import control
@@ -96,7 +118,7 @@ class LinearModel(Shown):
 
     def summary(self) -> Summary:
         """Where it is linearized, and frequencies and damping of its motions."""
-        units = {"q_a": RADIAN, "q_m": RADIAN, "u_m": TORQUE, "X": MILLIMETRE}
+        units = {"q_a": DEGREE, "q_m": DEGREE, "u_m": TORQUE, "X": MILLIMETRE}
         rest: tuple[tuple[Cell, ...], ...] = tuple(
             (Quantity(name, units[name]), *(Value(each, unit=units[name]) for each in pair))
             for name, pair in self.at._asdict().items()

@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
+
 from ..benchmark import cases as case_list
 from ..benchmark.case import Case
 from ..benchmark.linearization import rest
-from ..benchmark.metrics import named
+from ..benchmark.metrics import AT_THE_END, named
+from ..benchmark.results import rules
 from ..benchmark.scorecard import kind
 from ..documents.files import write_bytes
 from ..errors import InputError
 from ..fmi.archive import open_archive
+from ..loop.trajectory import Status
 from ..pairing.built_in import built_in
 from ..pairing.controller import Controller
 from ..pairing.pairing import simulate_case
@@ -28,11 +32,24 @@ def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simu
     pairing, wanted = testbed.sampled(controller, case)
     scenario = wanted.scenario
     found = simulate_case(pairing, testbed.rules, wanted)
+    ending, cut_short = found.trajectory.ending, scenario.duration < wanted.test.duration
     result = named(wanted, found.judgement)
+    if cut_short:  # what is judged at the end of a test is judged at another time here, which means nothing
+        figures = msgspec.structs.replace(result.measurements, **dict.fromkeys(AT_THE_END))
+        own = {"status": ending.status, "message": ending.message, "measurements": figures, "judged_until": None}
+        result = msgspec.structs.replace(result, **own)
     plain = case_list.case(testbed.rules, wanted.configuration, wanted.system, wanted.test, testbed.seed).scenario
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
+    verdict = "no verdict" if cut_short and ending.status is Status.DONE else kind(result, testbed.rules.stability)
     return Simulation(
-        wanted, pairing.controller.name, found.trajectory, result, varied, kind(result, testbed.rules.stability)
+        wanted,
+        pairing.controller.name,
+        found.trajectory,
+        result,
+        varied,
+        verdict,
+        rules(testbed.rules),
+        cut_short,
     )
 
 

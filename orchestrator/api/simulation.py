@@ -13,14 +13,14 @@ import numpy as np
 from msgspec.structs import asdict
 
 from ..benchmark.case import Case
-from ..benchmark.results import CaseResult, Kind
+from ..benchmark.results import CaseResult, Kind, Rules
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Shown
 from ..documents.files import write_bytes
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
-from ..views.table import Column, Note, Part, Quantity, Summary, Table, Value
-from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE
+from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
+from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, Unit
 
 # Imports inside functions: Matplotlib and pandas are loaded by those who need them.
 
@@ -41,6 +41,8 @@ class _Saved(Struct, frozen=True):
     result: CaseResult
     varied: bool
     kind: Kind
+    rules: Rules
+    cut_short: bool
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,10 @@ class Simulation(Shown):
         Whether the scenario was varied, so that it is not a case of the protocol any more.
     kind : str
         What it came to: ``"quiet"``, ``"ring-down"``, ``"limit cycle"``, ``"unstable"`` or ``"no verdict"``.
+    rules : Rules
+        What the protocol asks for.
+    cut_short : bool
+        Whether the simulation was to end before the test does, so that there is no verdict.
     """
 
     case: Case
@@ -69,6 +75,8 @@ class Simulation(Shown):
     result: CaseResult
     varied: bool
     kind: Kind
+    rules: Rules
+    cut_short: bool
 
     @property
     def time(self) -> np.ndarray:
@@ -153,19 +161,22 @@ class Simulation(Shown):
 
     def summary(self) -> Summary:
         """How it ended, and what was measured."""
-        ending, rows = self.ending, []
-        for name, unit in UNITS.items():
-            value = getattr(self.result.measurements, name)
-            if value is not None:
-                rows.append((Quantity(name.replace("_", " "), unit), Value(value, unit=unit)))
-        rows.append((Quantity("largest TCP error", MILLIMETRE), Value(float(self.tcp_error.max()), unit=MILLIMETRE)))
-        parts: list[Part] = [Table("Measured", (Column("quantity"), Column("value")), tuple(rows))]
-        if self.case.test.requirements:
-            until = self.result.judged_until
-            later = f", judged until {until:g} s" if until is not None and until > self.ending.time else ""
-            parts.append(Note(f"verdict: {self.kind}{later}", warning=False))
-        message = f": {ending.message}" if ending.message else ""
-        return Summary(self.title, f"{ending.status.value} at {ending.time:g} s{message}", tuple(parts))
+        return _summary({"value": self}, self.title, self._ended)
+
+    def page(self) -> Page:
+        """Time plots with zoom, the arm moving, and the summary."""
+        return overlay({self.controller: self})
+
+    @property
+    def _cut_short_words(self) -> str:
+        whole = f"before the test does ({float(self.case.test.duration):g} s)"
+        end = f"The simulation ends at {self.ending.time:g} s, {whole}: there is no verdict"
+        return f"{end}, and the figures are those of this part alone."
+
+    @property
+    def _ended(self) -> str:
+        message = f": {self.ending.message}" if self.ending.message else ""
+        return f"{self.ending.status.value} at {self.ending.time:g} s{message}"
 
     def _repr_html_(self) -> str:
         from ..views.page import fragment  # as in Shown
@@ -176,3 +187,60 @@ class Simulation(Shown):
 
     def __repr__(self) -> str:
         return f"Simulation({self.title}: {self.ending.status.value} at {self.ending.time:g} s)"
+
+
+def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] | None = None) -> Page:
+    """The page of simulations by name, their signals over each other; ``commands`` repeat them."""
+    from ..documents.simulation_page import Shown as Entry
+    from ..documents.simulation_page import page
+
+    repeat = commands or {}
+    first, *others = simulations.values()
+    shown = [Entry(name, each.case, each.trajectory, repeat.get(name, "")) for name, each in simulations.items()]
+    title = f"{len(simulations)} simulations" if others else first.title
+    kicker = ", ".join(simulations) if others else first._ended
+    return page(title, kicker, first.rules, shown, beside(simulations).parts)
+
+
+def beside(simulations: Mapping[str, Simulation]) -> Summary:
+    """What was measured of simulations by name, in a column each."""
+    first, *others = simulations.values()
+    if not others:
+        return first.summary()
+    return _summary(simulations, f"{len(simulations)} simulations", f"{first.case.id} and others")
+
+
+def _summary(simulations: Mapping[str, Simulation], title: str, kicker: str) -> Summary:
+    """The figures of each in a column, and what must be known about them."""
+    several = len(simulations) > 1
+    rows: list[tuple[Cell, ...]] = []
+    for name, unit in UNITS.items():
+        cells = [_figure(each, name, unit) for each in simulations.values()]
+        if any(cell is not None for cell in cells):
+            rows.append((Quantity(name.replace("_", " "), unit), *cells))
+    largest = (Value(float(each.tcp_error.max()), unit=MILLIMETRE) for each in simulations.values())
+    rows.append((Quantity("largest TCP error", MILLIMETRE), *largest))
+    if several:
+        rows.append(("verdict", *(each.kind if each.case.test.requirements else "-" for each in simulations.values())))
+        rows.append(
+            ("ended", *(f"{each.ending.status.value}, {each.ending.time:g} s" for each in simulations.values()))
+        )
+    parts: list[Part] = [Table("Measured", (Column("quantity"), *map(Column, simulations)), tuple(rows))]
+    for name, each in simulations.items():
+        who = f"{name}: " if several else ""
+        if each.cut_short:
+            parts.append(Note(who + each._cut_short_words))
+        elif each.case.test.requirements and not several:
+            until = each.result.judged_until
+            later = f", judged until {until:g} s" if until is not None and until > each.ending.time else ""
+            parts.append(Note(f"verdict: {each.kind}{later}", warning=False))
+    return Summary(title, kicker, tuple(parts))
+
+
+def _figure(simulation: Simulation, name: str, unit: Unit) -> Cell:
+    """A figure; a settling time that the end of the simulation has cut off is a limit."""
+    figures = simulation.result.measurements
+    value = getattr(figures, name)
+    if value is None:
+        return None
+    return Value(value, unit=unit, beyond=">" if name == "B6" and figures.settled is False else "")

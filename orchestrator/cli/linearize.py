@@ -1,13 +1,19 @@
-"""Linearize the plant at a pose: matrices as a file for MATLAB, Octave or NumPy, and the arm's modes."""
+"""Linearize the plant at a pose: matrices as a file, modes, and plots; with a controller, margins of the loop."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..api.benchmark import Benchmark
+from ..api.linear_loop import MATRICES, LinearLoop
+from ..api.linear_model import LinearModel
+from ..documents.robustness import Robustness
+from ..errors import InputError
 from . import options, output
 from .guard import EXIT_OK
 from .values import Parser, number
@@ -16,6 +22,9 @@ EXAMPLES = """examples:
   python -m orchestrator.linearize --configuration 45 -60 --output model.mat     A, B, C, D with the loop's delay
   python -m orchestrator.linearize --system random_3 --continuous                its modes, not sampled
   python -m orchestrator.linearize --test delay_2 --friction sliding             with the delay of a test of A2
+  python -m orchestrator.linearize --plots plots                                 Bode diagram, step response, poles
+  python -m orchestrator.linearize my_controller.fmu --plots plots               the loop: margins, sensitivity, Nichols
+  python -m orchestrator.linearize gains.mat --robustness runs/my-strict-worst   beside the margins that a search found
 
 exit codes: 0 done, 2 bad input"""
 
@@ -23,19 +32,65 @@ exit codes: 0 done, 2 bad input"""
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
-    bench = Benchmark(given.protocol, given.seed or 0, plant_parameters=dict(given.plant_parameters), plant=given.plant)
+    _refuse_idle(given)
+    bench = options.benchmark(given)
+    if given.controller is None:
+        return _plant(bench, given)
+    return _loop(bench, given)
+
+
+def _pose(given: argparse.Namespace) -> tuple[float, float]:
     q_a1, q_a2 = (math.radians(angle) for angle in given.configuration)
+    return q_a1, q_a2
+
+
+def _plant(bench: Benchmark, given: argparse.Namespace) -> int:
+    """The model of the plant alone."""
     model = bench.linearize(
-        (q_a1, q_a2),
+        _pose(given),
         given.system,
         test=given.test,
         sampled=not given.continuous,
         delay=not given.no_delay,
-        friction=given.friction,
+        friction=given.friction or "sticking",
     )
     if given.output is not None and not given.dry_run:
         print(f"written to {model.save(given.output)}", file=sys.stderr)
-    document = {name: getattr(model, name).tolist() for name in "ABCD"} | {
+    _draw(model, given)
+    output.put(model, given, _document(model))
+    return EXIT_OK
+
+
+def _loop(bench: Benchmark, given: argparse.Namespace) -> int:
+    """The loop with a controller, and what a search found beside it."""
+    found = {} if given.robustness is None else Robustness.load(given.robustness).margins
+    is_matrices = given.controller.suffix in MATRICES
+    controller = given.controller if is_matrices else options.controller(given)
+    loop = bench.linear_loop(
+        controller, _pose(given), given.system, test=given.test, friction=given.friction or "sliding"
+    )
+    _draw(loop, given)
+    document = {
+        **_document(loop.model),
+        "controller": {name: getattr(loop.controller, name).tolist() for name in "ABCD"},
+        "mismatch": loop.mismatch,
+        "stable": loop.stable,
+        "margins": [each._asdict() for each in loop.margins] if loop.stable else None,
+        "found": found,
+        "modes": [mode._asdict() for mode in loop.modes],
+    }
+    output.put(loop.beside(found), given, document)
+    return EXIT_OK
+
+
+def _draw(shown: LinearModel | LinearLoop, given: argparse.Namespace) -> None:
+    """Write the plots that were asked for."""
+    if given.plots is not None and not given.dry_run:
+        output.tell_written(given.plots, (f"{name}.png" for name in shown.save_plots(given.plots)))
+
+
+def _document(model: LinearModel) -> dict[str, Any]:
+    return {name: getattr(model, name).tolist() for name in "ABCD"} | {
         "T_s": model.sample_time,
         "states": model.states,
         "inputs": model.inputs,
@@ -43,12 +98,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "at": model.at._asdict(),
         "modes": [mode._asdict() for mode in model.modes],
     }
-    output.put(model, given, document)
-    return EXIT_OK
+
+
+def _refuse_idle(given: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for options that would have no effect."""
+    if given.controller is None and given.robustness is not None:
+        raise InputError("--robustness is for the loop with a controller: give one, too.", "contradiction")
+    asked = {
+        "--set": given.controller_parameters,
+        "--parameters": given.parameter_files,
+        "--map": given.connections,
+        "--mapping": given.mapping_files,
+        "--sample-time": given.sample_time,
+    }
+    idle = [name for name, value in asked.items() if value]
+    if idle and (given.controller is None or given.controller.suffix in MATRICES):
+        raise InputError(f"{' and '.join(idle)} would change an FMU, and none is given.", "contradiction")
+    if given.controller is None:
+        return
+    beside = [f"--{name.replace('_', '-')}" for name in ("continuous", "no_delay", "output") if getattr(given, name)]
+    if beside:
+        message = f"{' and '.join(beside)} {'are' if len(beside) > 1 else 'is'} for the plant alone: leave that out."
+        raise InputError(message, "contradiction")
 
 
 def _parser() -> Parser:
-    parser = Parser("linearize", "Linearize the plant at a pose, for the design of a controller.", EXAMPLES)
+    parser = Parser("linearize", "Linearize the plant at a pose, or its loop with a controller.", EXAMPLES)
+    options.add_controller(
+        parser, "an FMU, linearized at rest, or the matrices of a .mat, .npz or .json file (default: the plant alone)"
+    )
     options.add_protocol(parser)
     which = parser.add_argument_group("which model")
     which.add_argument(
@@ -60,7 +138,7 @@ def _parser() -> Parser:
         help="link angles in degrees (default: 18 -50, in the middle of the workspace)",
     )
     which.add_argument(
-        "--system", default="compliant", metavar="NAME", help="compliant (default), nominal, random_1, ..."
+        "--system", default="nominal", metavar="NAME", help="nominal (default), compliant, random_1, ..."
     )
     which.add_argument(
         "--test", default="disturbance", metavar="NAME", help="whose gain and delay the loop has (default: disturbance)"
@@ -70,8 +148,12 @@ def _parser() -> Parser:
     which.add_argument(
         "--friction",
         choices=("sticking", "sliding"),
-        default="sticking",
-        help="slope of the friction at zero speed (default), or the viscous part alone",
+        help="slope of the friction at zero speed (default for the plant alone), or the viscous part alone (default "
+        "for a loop, whose margins it makes smaller)",
+    )
+    parser.add_argument("--plots", type=Path, metavar="FOLDER", help="draw Bode diagram, steps, poles; of a loop, more")
+    parser.add_argument(
+        "--robustness", type=Path, metavar="RUN", help="a search for the worst case, whose margins are shown beside"
     )
     output.add_options(parser, "the matrices, states and modes")
     output.add_dry_run(parser, "the model")

@@ -58,14 +58,16 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
     )
 
 
-def add_controller(parser: argparse.ArgumentParser) -> None:
-    """Options that say which controller is run, how it is used, and under which conditions."""
+def add_controller(
+    parser: argparse.ArgumentParser, which: str = "the controller to test (default: the paper's PID)"
+) -> None:
+    """Options that say ``which`` controller is run, how it is used, and under which conditions."""
     parser.add_argument(
         "controller",
         nargs="?",
         type=Path,
         metavar="CONTROLLER.fmu",
-        help="the controller to test (default: the paper's PID)",
+        help=which,
     )
     parser.add_argument(
         "--set",

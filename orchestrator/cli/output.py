@@ -14,6 +14,7 @@ from ..text import printable
 from ..views.csv import csv
 from ..views.latex import latex
 from ..views.markdown import markdown
+from ..views.table import Summary
 from ..views.terminal import show, terminal
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from .values import Parser
@@ -40,14 +41,16 @@ def add_dry_run(options: argparse._ActionsContainer, what: str) -> None:
     options.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
 
 
-def put(shown: Shown, given: argparse.Namespace, document: Any = None) -> None:
+def put(shown: Shown | Summary, given: argparse.Namespace, document: Any = None) -> None:
     """Print what was asked for; ``document`` is what JSON holds if that is not ``shown``."""
     if given.json:
         print(to_json(shown if document is None else document))
-    elif given.form:
-        print(FORMS[given.form][1](shown.summary().tables))
+        return
+    summary = shown if isinstance(shown, Summary) else shown.summary()
+    if given.form:
+        print(FORMS[given.form][1](summary.tables))
     else:
-        show(shown.summary(), terminal())
+        show(summary, terminal())
 
 
 def add_files(parser: Parser) -> None:

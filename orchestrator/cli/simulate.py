@@ -1,26 +1,29 @@
-"""Simulate ONE case of the benchmark, or a variation of it, and write its signals (NPZ, CSV, MAT) and a plot."""
+"""Simulate ONE case of the benchmark, or variations of it, and write signals (NPZ, CSV, MAT), a page and a plot."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..api.benchmark import Benchmark
-from ..api.simulation import Simulation
+from ..api.simulation import Simulation, beside, overlay
 from ..benchmark.case import Case
 from ..benchmark.variation import Variation
 from ..documents import case_file, trajectory_files
-from ..documents.files import prepare_folder, write_bytes
+from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..text import file_name
+from ..views.page import page_html
 from . import options, output
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .output import free
@@ -34,7 +37,16 @@ EXAMPLES = """examples:
   python -m orchestrator.simulate --from runs/my_controller-paper --case c07.compliant.gain_1 the same, as it was run
   python -m orchestrator.simulate --configuration 45 -60 --system random_3 --plant-set psi[2]=1e-3
   python -m orchestrator.simulate --ideal --torque-limit 5 3                                  saturation alone
+  python -m orchestrator.simulate mine.fmu --with other.fmu --with "--gain 2 1"               one page for all three
+
+Each --with adds a simulation: the words in quotes are options of this command, in addition to the others or in their
+place. If they name a controller, its parameters, mapping and sample time are those in the quotes alone. A single word
+that begins with a dash needs an equals sign: --with=--ideal.
+
+The direction of the force is an angle in the x,z plane, from the x axis towards the z axis.
 """
+
+PAGE = "simulation.html"
 
 CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
 """Which case is simulated if no option says so; angles in degrees."""
@@ -42,48 +54,92 @@ CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
-    given = _parser().parse_args(arguments)
-    run = Results.load(given.run) if given.run is not None else None
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = _parser().parse_args(words)
     _refuse_idle(given)
+    run = Results.load(given.run) if given.run is not None else None
     bench = options.benchmark(given) if run is None else _benchmark_of(run, given)
-    controller = options.controller(given) if run is None else _controller_of(run, given)
-    wanted = variation(given)
-    case = _case(bench, given)
-    case = bench.varied(case, wanted) if wanted != Variation() else case
+    chosen = {name: _chosen(bench, run, each) for name, each in _simulations(given).items()}
+    (controller, case), *others = chosen.values()
+    named = {name or controller.file_name: each for name, each in chosen.items()}
     options.announce(bench, controller)
     if given.dry_run:
-        print(f"1 case to simulate: {case.id}, {float(case.scenario.duration):g} s")
+        for _, each in chosen.values():
+            print(f"1 case to simulate: {each.id}, {float(each.scenario.duration):g} s")
         return EXIT_OK
     if given.export_ssp is not None:
         print(f"written: {bench.export_ssp(controller, case, given.export_ssp)}", file=sys.stderr)
-    simulation = bench.simulate(controller, case)
-    folder = given.output_dir or Path("runs") / _folder_name(controller, bench, simulation)
+    simulations = {name: bench.simulate(*each) for name, each in named.items()}
+    first, *_ = simulations.values()
+    folder = given.output_dir or Path("runs") / (_folder_name(controller, bench, first) + ("-beside" if others else ""))
     if given.output_dir is None:
         folder = free(folder)
     prepare_folder(folder)
-    written = _write(bench, simulation, folder, given)
-    output.put(simulation, given, simulation.result)
-    output.tell_written(folder, written)
-    return EXIT_OK if simulation.ending.status in (Status.DONE, Status.UNSTABLE) else EXIT_INCOMPLETE
+    command = f"{_parser().prog} {shlex.join(words)}".strip()
+    written = [name for each in enumerate(simulations.values()) for name in _write(bench, *each, folder, given)]
+    write_text(folder / PAGE, page_html(overlay(simulations, dict.fromkeys(simulations, command))))
+    results = [each.result for each in simulations.values()]
+    output.put(beside(simulations), given, results if others else results[0])
+    output.tell_written(folder, [*written, PAGE])
+    fine = all(each.ending.status in (Status.DONE, Status.UNSTABLE) for each in simulations.values())
+    return EXIT_OK if fine else EXIT_INCOMPLETE
 
 
-def _write(bench: Benchmark, simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
-    """Write what was asked for; returns the names of the files."""
+def _simulations(given: argparse.Namespace) -> dict[str, argparse.Namespace]:
+    """What each simulation is given, by its name; that of the first one is empty."""
+    found = {"": given}
+    for words in given.beside:
+        try:
+            split = shlex.split(words)
+        except ValueError as problem:
+            raise InputError(f"--with {words}: {problem}.", "bad-words", "--with", words) from None
+        own = _parser().parse_args(split)
+        kept = vars(given) if own.controller is None else {**vars(given), **_controllers_own(own)}
+        merged = _parser().parse_args(split, argparse.Namespace(**kept))
+        merged.controller = own.controller or given.controller
+        if own.beside or own.run is not None:
+            raise InputError("--with cannot hold --with or --from.", "contradiction", "--with", words)
+        name = words if own.controller is None else words.replace(str(own.controller), own.controller.name)
+        if name in found:
+            raise InputError(f"--with gives {name} more than once.", "repeated", "--with", words)
+        found[name] = merged
+    return found
+
+
+def _controllers_own(given: argparse.Namespace) -> dict[str, Any]:
+    """What another controller is given in the place of the first one's, before its own options are read."""
+    lists = ("controller_parameters", "parameter_files", "connections", "mapping_files")
+    return {**dict.fromkeys(("controller", "sample_time")), **{name: [] for name in lists}}
+
+
+def _chosen(bench: Benchmark, run: Results | None, given: argparse.Namespace) -> tuple[Controller, Case]:
+    """The controller and the case of a simulation."""
+    controller = options.controller(given) if run is None else _controller_of(run, given)
+    wanted = variation(given)
+    case = _case(bench, given)
+    return controller, bench.varied(case, wanted) if wanted != Variation() else case
+
+
+def _write(bench: Benchmark, number: int, simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
+    """Write what was asked for of the simulation with this ``number``; returns the names of the files."""
+    end = f"-{number + 1}" if number else ""
     table = simulation.columns()
     writers = {
-        "trajectory.npz": (True, trajectory_files.write_npz),
-        "trajectory.csv": (given.csv, trajectory_files.write_csv),
-        "trajectory.mat": (given.mat, trajectory_files.write_mat),
+        f"trajectory{end}.npz": (True, trajectory_files.write_npz),
+        f"trajectory{end}.csv": (given.csv, trajectory_files.write_csv),
+        f"trajectory{end}.mat": (given.mat, trajectory_files.write_mat),
     }
     written = [name for name, (wanted, _) in writers.items() if wanted]
     for name in written:
         writers[name][1](table, folder / name)
     if given.record:
         own = simulation.case, simulation.controller, bench.nominal, simulation.trajectory, simulation.result
-        write_bytes(folder / case_file.NAME, case_file.packed(bench.rules, *own))
-        written.append(case_file.NAME)
-    trajectory_files.write_plot(simulation.plot(), folder / "trajectory.png")
-    return [*written, "trajectory.png"]
+        record = Path(case_file.NAME).with_stem(Path(case_file.NAME).stem + end).name
+        write_bytes(folder / record, case_file.packed(bench.rules, *own))
+        written.append(record)
+    picture = f"trajectory{end}.png"
+    trajectory_files.write_plot(simulation.plot(), folder / picture)
+    return [*written, picture]
 
 
 def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulation) -> str:
@@ -176,6 +232,15 @@ def _parser() -> argparse.ArgumentParser:
     which.add_argument("--system", metavar="NAME", help="nominal (default), compliant, slippery, sticky, random_1, ...")
     which.add_argument("--test", metavar="NAME", help="a test of the protocol, such as gain_1 (default: disturbance)")
     add_options(parser)
+    parser.add_argument(
+        "--with",
+        dest="beside",
+        action="append",
+        default=[],
+        metavar="WORDS",
+        help="another simulation on the same page: a controller, options of this command in quotes, or both; may be "
+        "given again",
+    )
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
     parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
     parser.add_argument(

@@ -53,7 +53,7 @@ def write_files(found: Sweep, folder: Path, given: argparse.Namespace) -> Sequen
     write_text(folder / CSV, found.csv())
     if len(found.varied) > 2:
         return [CSV]
-    from ..documents.figures import FORMATS  # Matplotlib takes as long to load as the rest of the command
+    from ..documents.style import FORMATS  # Matplotlib takes as long to load as the rest of the command
 
     figure = found.plot()
     write_bytes(folder / SVG, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import fields
 from typing import Any
 
@@ -39,7 +40,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     single("--t-3", "start of the chirp [s]")
     single("--t-4", "end of the chirp [s]")
     single("--force", "tool force [N]")
-    single("--phi-F", "its direction [rad]")
+    direction = group.add_mutually_exclusive_group()
+    direction.add_argument("--phi-F", type=NUMBER, metavar="RADIANS", help="its direction [rad]")
+    direction.add_argument(
+        "--force-direction",
+        dest="phi_F",
+        type=lambda word: math.radians(NUMBER(word)),
+        metavar="DEGREES",
+        help="the same in degrees",
+    )
     single("--t-1", "start of the force [s]")
     single("--t-2", "end of the force [s]")
 

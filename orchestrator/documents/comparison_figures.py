@@ -18,16 +18,16 @@ from ..search.findings import Margin
 from .comparability import same_controller
 from .document import Comparable
 from .evaluation import Evaluation
-from .figures import DASHED, label, legend_above, window, within, write_drawn
+from .figures import window, within
 from .recording import EXAMPLE, Recording
 from .robustness import Robustness
 from .spread import Spread
+from .style import DASHED, HUES, label, legend_above, write_drawn
 
 MM = 1 / 25.4
 ONE_COLUMN, TWO_COLUMNS = 88 * MM, 180 * MM
 """Widths of a figure [inch]."""
 
-HUES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 DASHES = ("solid", (0, (4, 1.5)), (0, (1, 1)))
 MARKERS = "osD^vP"
 """Controllers are told apart by colour (after Okabe and Ito), and by dashes or markers: in print as well."""

@@ -6,10 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,35 +15,12 @@ from plant_fmu.flexible_manipulator import dynamics
 from plant_fmu.flexible_manipulator.coefficients import Joint
 from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
 
-from .files import prepare_folder, streamed, write_bytes
 from .recording import EXAMPLE, SYSTEMS, Recording
 from .run import Run
+from .style import COLOURS, DASHED, MUTED, SIZE, legend_above, write_drawn
 from .trajectory_files import interpreted
 
-FORMATS: Mapping[str, Mapping[str, Any]] = {
-    "pdf": {"metadata": {"CreationDate": None}},
-    "svg": {"metadata": {"Date": None}},
-    "png": {"dpi": 200},
-}
-"""File endings, and what keeps a file free of the time it was written at."""
-
-STYLE: Any = {
-    "font.size": 8,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "lines.linewidth": 0.8,
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "flexible-manipulator",
-}
-SIZE = (3.4, 2.4)
-"""One column of a paper [inch]."""
-
 ARC_MINUTE = math.pi / (180 * 60)
-COLOURS = ("#0072b2", "#d55e00")
-"""After Okabe and Ito, distinguishable by colour-blind readers."""
-MUTED = "0.72"
-DASHED: Any = {"color": "k", "linestyle": "dashed", "linewidth": 0.7}
 
 
 def write_figures(run: Run, folder: Path) -> tuple[list[str], list[str]]:
@@ -54,19 +29,6 @@ def write_figures(run: Run, folder: Path) -> tuple[list[str], list[str]]:
     Returns the names of the figures written, without endings, and of the others.
     """
     return write_drawn({name: partial(draw, run) for name, draw in FIGURES.items()}, folder)
-
-
-def write_drawn(drawings: Mapping[str, Callable[[], Figure | None]], folder: Path) -> tuple[list[str], list[str]]:
-    """The same for any figures, by name."""
-    prepare_folder(folder)
-    with rc_context(STYLE):
-        made = {name: draw() for name, draw in drawings.items()}
-        for name, figure in made.items():
-            if figure is not None:
-                for ending, options in FORMATS.items():
-                    data = streamed(partial(figure.savefig, format=ending, **options))
-                    write_bytes(folder / f"{name}.{ending}", data)
-    return [name for name in made if made[name] is not None], [name for name in made if made[name] is None]
 
 
 def stiffness(run: Run) -> Figure:
@@ -191,12 +153,6 @@ def _peak(entry: Recording, due_to_force: bool) -> float:
     return float(max(entry.error[within(entry, *window(entry, due_to_force))], default=0.0))
 
 
-def label(name: str) -> str:
-    """A stranger's name as Matplotlib shows it: it leaves out what begins with an underscore, and ``$`` begins a
-    formula."""
-    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
-
-
 def _target(run: Run, name: str) -> float:
     return run.results.criteria[name].target
 
@@ -206,8 +162,3 @@ def _axes(xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     axes = figure.subplots()
     axes.set(xlabel=xlabel, ylabel=ylabel)
     return figure, axes
-
-
-def legend_above(axes: Axes) -> None:
-    """A legend that covers nothing of what is drawn, wherever that is."""
-    axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)

@@ -26,8 +26,8 @@ TORQUE = ("t [s]", "u_m1 [N.m]", "u_m2 [N.m]")
 OBSERVED = ("q_a[1]", "q_a[2]")
 """Plant outputs that are recorded beside q_m and X."""
 
-MOTION_INTERVALS, TORQUE_INTERVALS = 1800, 900
-"""Intervals that the signals are thinned out to."""
+MOTION_INTERVALS = 1800
+"""Intervals that the signals of the motion are thinned out to."""
 
 EXAMPLE, SYSTEMS = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
@@ -87,14 +87,17 @@ class Recording:
         return distance
 
 
-def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recording:
-    """The thinned recording of a simulated case; the trajectory holds the outputs ``q_a[1]`` and ``q_a[2]`` too."""
+def record(
+    case: Case, roles: Sequence[str], trajectory: Trajectory, motion_intervals: int = MOTION_INTERVALS
+) -> Recording:
+    """The thinned recording of a simulated case, its torques to half the intervals of its motion; the trajectory holds
+    the outputs ``q_a[1]`` and ``q_a[2]`` too."""
     scenario, ending = case.scenario, trajectory.ending
     offset = trajectory.X - trajectory.X[0]
     links = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
     moved = np.column_stack([offset, links - links[0]])
-    kept = thin(np.column_stack([offset, trajectory.tcp_error]), MOTION_INTERVALS)
-    torque_kept = thin(trajectory.torque, TORQUE_INTERVALS)
+    kept = thin(np.column_stack([offset, trajectory.tcp_error]), motion_intervals)
+    torque_kept = thin(trajectory.torque, motion_intervals // 2)
     about = About(
         id=case.id,
         roles=tuple(roles),

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from ..search.candidates import Trial
 from ..views.units import number
-from .figures import COLOURS, DASHED, SIZE, STYLE, label
 from .picture import Picture
+from .style import COLOUR_MAP, COLOURS, DASHED, SIZE, STYLE, label
 
 MOST_NUMBERS = 120
 """Fields of a map that have room for a number each."""
@@ -63,7 +63,7 @@ def _map(
     up, right = values[first], values[across]
     V = np.array([math.nan if trial.cost is None else trial.cost for trial in trials]).reshape(len(up), -1)
     holds = np.array([trial.holds for trial in trials]).reshape(V.shape)
-    image = axes.imshow(V, origin="lower", aspect="auto", cmap="viridis_r")
+    image = axes.imshow(V, origin="lower", aspect="auto", cmap=COLOUR_MAP)
     middle = np.nanmax(V, initial=0.0) * 0.4 + np.nanmin(V, initial=math.inf) * 0.6
     axes.grid(False)
     axes.set_xticks(range(len(right)), [f"{value:g}" for value in right])

@@ -101,13 +101,30 @@ def response(
     With ``initially`` they are there already during initialization. Raises
     :class:`~orchestrator.errors.FmuError` if a call fails.
     """
+    errors = np.zeros((SAMPLES, 2))
+    errors[begin:] = ERROR
+    return answers(slave, setup, steady, sample_time, errors, ERROR if initially else 0.0)
+
+
+def answers(
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    errors: np.ndarray,
+    initial_error: float = 0.0,
+) -> np.ndarray:
+    """Torques [N.m] of a controller at rest that measures ``q_m_ref - errors``; shapes (N, 2), errors in rad.
+
+    During initialization it measures ``q_m_ref - initial_error``. Raises :class:`~orchestrator.errors.FmuError` if a
+    call fails.
+    """
     q_m_ref = np.array(steady.q_m_ref)
-    first = tuple(q_m_ref - ERROR) if initially else steady.q_m_ref
+    first = (steady.q_m_ref[0] - initial_error, steady.q_m_ref[1] - initial_error)
     step = float(sample_time)
-    torques = np.empty((SAMPLES, 2))
-    with prepared(slave, setup, steady, sample_time, SAMPLES * step, first) as port:
-        for k in range(SAMPLES):
-            measured = q_m_ref - ERROR if k >= begin else q_m_ref
+    torques = np.empty_like(errors)
+    with prepared(slave, setup, steady, sample_time, len(errors) * step, first) as port:
+        for k, measured in enumerate(q_m_ref - errors):
             port.input_values[:] = port.scale * (measured - port.offset)
             call, status = exchange(port, port.inputs.size, float(k * sample_time), step, True)
             if status > WARNING:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..benchmark.results import Judgement
 from ..codec import Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
-from ..loop.scenario import Scenario
+from ..loop.scenario import Pair, Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Status, Trajectory
 
@@ -58,6 +59,18 @@ class ScenarioTask(Struct, frozen=True):
     setup: Setup
     scenario: Scenario
     observe: tuple[str, ...] = ()
+
+
+class AnswerTask(Struct, frozen=True):
+    """What a controller answers at rest, in the steady state of motor angles [rad], torques [N.m] and link angles
+    [rad], to each of the ``errors`` of shape (N, 2) [rad]."""
+
+    setup: Setup
+    q_m: Pair
+    u_m: Pair
+    q_a: Pair
+    sample_time: Fraction
+    errors: np.ndarray
 
 
 class TimingRecord(Struct, frozen=True):
@@ -133,6 +146,16 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
 
 
+def answer(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """An :class:`AnswerTask`; gives the torques [N.m], shape (N, 2)."""
+    from ..loop.controller import Steady
+    from ..loop.probe import answers
+
+    wanted = unpack(task, AnswerTask)
+    steady = Steady(wanted.q_m, wanted.u_m, wanted.q_a)
+    return pack(answers(controller, wanted.setup, steady, wanted.sample_time, wanted.errors))
+
+
 def judged(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
     found = unpack(value, Judgement)
@@ -190,6 +213,14 @@ def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajecto
     found = unpack(value, Trajectory)
     _check_trajectory(samples, observe, found)
     return found
+
+
+def answered(samples: int, value: bytes) -> np.ndarray:
+    """The torques that a worker sent for an :class:`AnswerTask`, checked; shape (samples, 2) [N.m]."""
+    torques = unpack(value, np.ndarray)
+    if torques.shape != (samples, 2) or not np.isfinite(torques).all():
+        raise Malformed("an answer of another size than asked for, or one that is not finite")
+    return torques
 
 
 def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory) -> None:

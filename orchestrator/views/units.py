@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -17,6 +18,7 @@ NONE = Unit("", "")
 MILLIMETRE, MICROMETRE = Unit("m", "mm", 1e3), Unit("m", "µm", 1e6)
 SECOND, MILLISECOND = Unit("s", "s"), Unit("s", "ms", 1e3)
 TORQUE, HERTZ, RADIAN = Unit("N.m", "Nm"), Unit("Hz", "Hz"), Unit("rad", "rad")
+DEGREE = Unit("rad", "°", 180.0 / math.pi)
 
 SHOWN = {"": NONE, "m": MILLIMETRE, "N.m": TORQUE, "s": SECOND, "Hz": HERTZ, "rad": RADIAN}
 """How values are shown, by SI unit, where nothing else is said."""

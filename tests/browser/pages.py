@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 from msgspec.structs import replace as changed
 from support.reports import hunted, recording, results_of, scaled, searched, seeded, spread, swept, tuned
-from support.results import TABLE_2, everything, result
+from support.results import RULES, TABLE_2, everything, result, trajectory
 
+from orchestrator import Benchmark
+from orchestrator.documents import simulation_page
 from orchestrator.documents.comparison import compare
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.recording import Recording
 from orchestrator.loop.trajectory import Status
 from orchestrator.views.page import page_html
+from orchestrator.views.table import Note
 
 DESKTOP, PHONE = (1280, 900), (390, 844)
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -120,6 +123,17 @@ def tuning() -> str:
 def sweep() -> str:
     """A sweep of a controller with a hostile name: a table, and a plot that needs no script of its own."""
     return page_html(swept(30, file=EVIL, path=EVIL).page())
+
+
+def simulations() -> str:
+    """Two simulations over each other, the second of which ended before the first."""
+    case = Benchmark().case(WORST)
+    shown = []
+    for name, size, end in ((EVIL, 8e-3, 26.0), ("other.fmu --gain 2 1", 3e-3, 12.0)):
+        made = trajectory(lambda t, size=size: size * np.sin(3 * t), 1e-3, (lambda t: 3 * np.sin(t), 4.0), duration=end)
+        angles = {f"q_a[{axis}]": 0.1 * np.sin(made.time) for axis in (1, 2)}
+        shown.append(simulation_page.Shown(name, case, replace(made, extra=angles), f"simulate {EVIL}"))
+    return page_html(simulation_page.page(EVIL, EVIL, RULES, shown, (Note("a remark"),)))
 
 
 def show(page, name: str) -> None:

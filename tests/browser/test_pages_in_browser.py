@@ -13,6 +13,7 @@ from browser.pages import (
     option,
     report,
     show,
+    simulations,
     sweep,
     text,
     tuning,
@@ -28,6 +29,7 @@ VIEWS = {
     worst_case: ("summary", "search", "effects", "case", "motion", "configurations", "margins", "commands"),
     tuning: ("summary", "history", "parameters", "trade", "judged"),
     sweep: ("summary",),
+    simulations: ("overlay", "case", "motion", "summary"),
 }
 LOOKS = [(DESKTOP, "light"), (PHONE, "dark")]
 

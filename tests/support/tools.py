@@ -73,7 +73,7 @@ PACKAGES = {
     ),
     "cluster": ("distributed",),
     "parquet": ("pyarrow",),
-    "design": ("control",),
+    "design": ("control", "slycot"),
     "tuning": ("optuna", "cmaes"),
     "beacon": ("py_ecc",),
     "gymnasium": ("gymnasium", "greenlet"),

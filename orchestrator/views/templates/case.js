@@ -16,6 +16,7 @@ function signals(recording) {
 
 /** What a recording is shown for, in words. */
 function roleText(role) {
+  if (role.startsWith("simulation ")) return role.slice("simulation ".length);
   if (role === "example") return "example, nominal system (Figures 9 and 10)";
   const [name, part] = role.split(" ");
   if (part) return `worst of ${name}, ${name === "A3" ? part : `axis ${part}`}`;
@@ -39,7 +40,8 @@ function windows(recording) {
 function choose(index) {
   current = index;
   for (const select of document.querySelectorAll(".pick")) select.value = String(index);
-  for (const place of document.querySelectorAll(".repeat")) place.replaceChildren(commandLine(recordings[index].id, recordings[index].command));
+  const { id, command } = recordings[index];
+  for (const place of document.querySelectorAll(".repeat")) place.replaceChildren(...(command ? [commandLine(id, command)] : []));
 }
 
 function drawCase() {

@@ -1,0 +1,252 @@
+"""The loop of a linear model of the plant and a controller, linear or linearized at rest through its FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller_fmu.errors import ControllerFmuError
+
+from ..benchmark import loop_analysis
+from ..benchmark.case import Case
+from ..benchmark.linearization import Friction, Mode, modes
+from ..benchmark.loop_analysis import LoopMargins, System
+from ..documents.document import Shown
+from ..errors import Crash, InputError
+from ..execution.job import Died, Done
+from ..execution.messages import error_of
+from ..execution.supervision import run_isolated
+from ..pairing import work
+from ..pairing.controller import Controller
+from ..pairing.pairing import FIRST_START_TIME
+from ..pairing.runs import account
+from ..pairing.testbed import Testbed
+from ..search.findings import Margin
+from ..views.table import Cell, Column, Note, Part, Quantity, Summary, Table, Value
+from ..views.units import DEGREE, HERTZ, MILLISECOND, NONE, Unit
+from .linear_model import LinearModel, linear_model
+
+# Imports inside functions: SciPy and Matplotlib are loaded by those who need them.
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MATRICES = (".mat", ".npz", ".json")
+"""Endings of files with a controller's matrices."""
+
+ANSWER, CHECK = 8001, 4000
+"""Samples of the impulse response that a controller is known by, and of the random motion it is checked with."""
+
+IMPULSE, MOTION = 1e-4, 3e-5
+"""Error of the impulse and largest error of the random motion [rad]: far above rounding, far below saturation."""
+
+EXACT, LINEAR = 1e-6, 0.05
+"""Relative differences: at which more states are of no use, and beyond which a controller is not linear at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop(Shown):
+    """A linear model of the plant in a loop with a linear controller, e = q_m_ref - q_m, u_m = u_m0 + K e.
+
+    Parameters
+    ----------
+    model : LinearModel
+        The plant, sampled with the controller's sample time and with the loop's delay.
+    name : str
+        File name of the controller.
+    controller : System
+        Matrices A, B, C, D of the controller, from e [rad] to u_m - u_m0 [N.m], and its sample time ``T_s`` [s].
+    mismatch : float or None
+        Largest difference between the torques of the FMU and of these matrices in a random motion, relative to the
+        largest torque; None if the matrices were given.
+    """
+
+    model: LinearModel
+    name: str
+    controller: System
+    mismatch: float | None
+
+    @property
+    def plant(self) -> System:
+        """The model's matrices."""
+        return self.model.matrices
+
+    @property
+    def closed(self) -> System:
+        """The closed loop: from q_m_ref [rad], u_d [N.m], F [N] to q_m [rad], X [m], u_m [N.m], two each."""
+        return loop_analysis.closed(self.plant, self.controller)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no pole of the closed loop is outside the unit circle."""
+        return loop_analysis.is_stable(self.closed)
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Frequency [Hz] and damping of the closed loop's motions, slowest first."""
+        return modes(self.closed.A, self.closed.T_s)
+
+    @property
+    def margins(self) -> tuple[LoopMargins, LoopMargins]:
+        """Margins of axis 1 and 2, each with the other loop closed; raises :class:`InputError` if the loop is
+        unstable, which has none."""
+        if not self.stable:
+            raise InputError(f"The loop of {self.title} is unstable: it has no margins.", "unstable-loop", self.name)
+        first, second = (loop_analysis.margins(self.plant, self.controller, axis) for axis in (0, 1))
+        return first, second
+
+    @property
+    def title(self) -> str:
+        """Controller, system, pose, friction and sampling in words."""
+        return f"{self.name}, {self.model.title}"
+
+    def plot(self, name: str = "loop_sensitivity") -> Figure:
+        """One of the figures ``plant_bode``, ``plant_step``, ``poles``, ``loop_bode``, ``loop_nichols``,
+        ``loop_sensitivity``, ``loop_step``."""
+        from ..documents.loop_figures import drawn
+
+        return drawn(self.plant, self.controller, name)
+
+    def save_plots(self, folder: str | Path) -> list[str]:
+        """Write all figures into ``folder`` as PDF, SVG and PNG; returns their names without endings."""
+        from ..documents.loop_figures import drawings
+        from ..documents.style import write_drawn
+
+        return write_drawn(drawings(self.plant, self.controller), Path(folder))[0]
+
+    def summary(self) -> Summary:
+        """Margins and motions of the loop."""
+        return self.beside({})
+
+    def beside(self, found: Mapping[str, Margin]) -> Summary:
+        """The same with margins that a search :attr:`.Robustness.margins` has ``found``, by name."""
+        parts: list[Part] = []
+        if self.stable:
+            parts += [_margin_table(self.margins, found), Note(MEANING, warning=False)]
+        else:
+            parts.append(Note("The linear loop is unstable: it has no margins."))
+        rows = tuple((mode.frequency, mode.damping) for mode in self.modes)
+        parts.append(Table("Modes of the loop", (Column("frequency", HERTZ), Column("damping")), rows))
+        if self.mismatch is not None:
+            words = f"The FMU was linearized at rest as {len(self.controller.A)} states, by its impulse response"
+            text = f"{words}; in a random motion, its torques differ by {self.mismatch:.1g} of the largest one."
+            parts.append(Note(text, warning=False))
+        return Summary("Linear loop", self.title, tuple(parts))
+
+    def __repr__(self) -> str:
+        return f"LinearLoop({self.title}: {len(self.closed.A)} states)"
+
+
+MEANING = (
+    "Each axis with the other loop closed, broken at its torque; S is its sensitivity. The margins of the linear model "
+    "are those of this arm, at this pose, near rest. Those of a search are the smallest that were found over all arms "
+    "and poses, with friction, limits and quantization."
+)
+
+
+def _margin_table(margins: tuple[LoopMargins, LoopMargins], found: Mapping[str, Margin]) -> Table:
+    """Margins of both axes, and those of a search where there are some."""
+    lines: tuple[tuple[str, str, str, Unit], ...] = (
+        ("gain", "gain", "gain_{}", NONE),
+        ("gain_down", "gain, reduced", "gain_{}_down", NONE),
+        ("phase", "phase", "", DEGREE),
+        ("delay", "additional delay", "delay_{}", MILLISECOND),
+        ("sensitivity", "largest |S|", "", NONE),
+        ("frequency", "its frequency", "", HERTZ),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for field, words, searched, unit in lines:
+        own: list[Cell] = [Value(getattr(axis, field), unit=unit) for axis in margins]
+        if found:
+            known = [found.get(searched.format(axis)) for axis in (1, 2)]
+            own += [None if each is None else _searched(each, field, unit) for each in known]
+        rows.append((Quantity(words, unit), *own))
+    columns = [Column("unstable at"), Column("axis 1"), Column("axis 2")]
+    columns += [Column("axis 1, search"), Column("axis 2, search")] if found else []
+    return Table("Stability margins", tuple(columns), tuple(rows))
+
+
+def _searched(margin: Margin, field: str, unit: Unit) -> Value:
+    if margin.value is None:
+        return Value(margin.limit, unit=unit, beyond="<" if field == "gain_down" else ">")
+    return Value(margin.value, unit=unit)
+
+
+def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Friction) -> LinearLoop:
+    """See :meth:`.Benchmark.linear_loop`."""
+    if isinstance(controller, str | Path) and Path(controller).suffix in MATRICES or hasattr(controller, "A"):
+        return _given(controller, case, friction)
+    own = Controller.of(controller)
+    pairing, sampled = testbed.sampled(own, case)
+    model = linear_model(sampled, True, True, friction)
+    T_s, at = sampled.scenario.sample_time, model.at
+    impulses = np.zeros((2, ANSWER, 2))
+    impulses[(0, 1), 0, (0, 1)] = IMPULSE
+    motion = MOTION * np.random.default_rng(1).uniform(-1.0, 1.0, (CHECK, 2))
+    wanted = [np.zeros((ANSWER, 2)), *impulses, motion]
+    job = pairing.raw_job(
+        f"{work.__name__}:{work.answer.__name__}",
+        [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, errors) for errors in wanted],
+        (FIRST_START_TIME + pairing.timeout,) * len(wanted),
+        lambda index, value: work.answered(len(wanted[index]), value),
+        ANSWER * 32,
+    )
+    torques = {}
+    for outcome in run_isolated(job):
+        if isinstance(outcome, Died):
+            raise Crash(account(outcome, sampled.scenario), "killed" if outcome.outside else "")
+        if not isinstance(outcome, Done):
+            raise error_of(outcome.error)
+        torques[outcome.index] = outcome.value
+    rest, first, second, moved = (torques[number] for number in range(len(wanted)))
+    impulse = np.stack([first - rest, second - rest], axis=2) / IMPULSE
+    law, mismatch = _realized(impulse, float(T_s), motion, moved - rest[:CHECK])
+    if not mismatch <= LINEAR:
+        message = f"{own.file_name} is not linear at rest: in a random motion of {MOTION:g} rad, its torques differ by "
+        raise InputError(f"{message}{mismatch:.1g} of the largest one from a linear law.", "not-linear", own.file_name)
+    return LinearLoop(model, own.file_name, law, mismatch)
+
+
+def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.ndarray) -> tuple[System, float]:
+    """The smallest system that repeats the ``torques`` of a ``motion`` exactly, or the one that does it best, and the
+    relative difference that remains."""
+    from ..benchmark.realization import realizations, simulated
+
+    best: tuple[float, System] | None = None
+    largest = float(np.abs(torques).max())
+    for system in realizations(impulse, T_s):
+        with np.errstate(over="ignore", invalid="ignore"):  # one with too few states may run away
+            difference = float(np.abs(simulated(system, motion) - torques).max()) / largest
+        if best is None or difference < best[0]:
+            best = difference, system
+        if difference < EXACT:
+            break
+    assert best is not None
+    return best[1], best[0]
+
+
+def _given(controller: Any, case: Case, friction: Friction) -> LinearLoop:
+    """The loop with a controller of matrices: of a schedule, the one of the nearest point."""
+    from controller_fmu.export.systems import contents, stacked
+
+    is_file = isinstance(controller, str | Path)
+    name = Path(controller).name if is_file else type(controller).__name__
+    try:
+        system = contents(Path(controller)) if is_file else controller
+        laws = stacked(system, None, None, None, None, None)
+    except ControllerFmuError as problem:
+        raise InputError(str(problem), "bad-system", problem.where or name, problem.value, problem.nearest) from None
+    T_s = Fraction(repr(laws.T_s))
+    sampled = replace(case, scenario=replace(case.scenario, sample_time=T_s))
+    model = linear_model(sampled, True, True, friction)
+    points = np.asarray(system.get("points", np.zeros((len(laws.A), 2))) if is_file else np.zeros((1, 2)), dtype=float)
+    if points.shape != (len(laws.A), 2):
+        raise InputError(f"{name} has {len(laws.A)} controllers, and no point for each.", "bad-system", name, "points")
+    nearest = int(np.argmin(np.sum((points - np.array(model.at.q_m)) ** 2, axis=1)))
+    A, B, C, D = (matrix[nearest] for matrix in laws[:4])
+    return LinearLoop(model, name, System(A, B, C, D, laws.T_s), None)

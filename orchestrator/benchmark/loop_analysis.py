@@ -1,0 +1,168 @@
+"""A linear closed loop: frequency responses, poles, steps, and stability margins of one axis at a time.
+
+The loop is broken at the torque u_m, where the gain and the delay of A1 and A2 act. The loop of one axis is broken
+while the other one stays closed; singular values look at both at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+# Imports inside functions: SciPy takes longer to load than all else here.
+
+LOWEST = 0.01
+"""Lowest frequency of a grid [Hz]: slower than any motion of the arm under control."""
+
+POINTS, NEAR = 3000, 41
+"""Frequencies of a grid, and those around each resonance, which may be narrower than the grid's steps."""
+
+GROWTH = 1e-9
+"""A pole is outside the unit circle if it is farther out than this; rounding moves an integrator by less."""
+
+
+class System(NamedTuple):
+    """``x+ = A x + B u``, ``y = C x + D u``, sampled every ``T_s`` [s]; continuous if that is None."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    T_s: float | None
+
+
+class LoopMargins(NamedTuple):
+    """Margins of the loop of one axis, the other one closed.
+
+    ``gain`` and ``gain_down`` are the factors of the loop gain at which it becomes unstable (None: at none), ``phase``
+    [rad] the phase margin, ``delay`` [s] the smallest additional delay that makes it unstable (None: none does),
+    ``sensitivity`` the largest absolute value of S, at ``frequency`` [Hz]: its inverse is the distance of the Nyquist
+    curve from -1.
+    """
+
+    gain: float | None
+    gain_down: float | None
+    phase: float | None
+    delay: float | None
+    sensitivity: float
+    frequency: float
+
+
+def grid(system: System, highest: float | None = None) -> np.ndarray:
+    """Frequencies [Hz], increasing, up to half the sampling frequency or ``highest``, denser at the resonances."""
+    end = highest if highest is not None else 0.5 / system.T_s if system.T_s else 1e3
+    found = [np.geomspace(LOWEST, end, POINTS)]
+    for pole in continuous(np.linalg.eigvals(system.A), system.T_s):
+        size = abs(pole)
+        if pole.imag > 0.0:
+            width = max(-pole.real / size, 1e-4)
+            found.append(size / (2 * math.pi) * (1.0 + width * np.linspace(-3.0, 3.0, NEAR)))
+    merged = np.unique(np.concatenate(found))
+    return merged[(merged >= LOWEST) & (merged <= end)]
+
+
+def continuous(poles: np.ndarray, T_s: float | None) -> np.ndarray:
+    """Poles in the s-plane [rad/s]: those of a sampled system are log(z) / T_s, without those at the origin."""
+    found = np.asarray(poles, dtype=complex)
+    return found if T_s is None else np.log(found[np.abs(found) > 1e-6]) / T_s
+
+
+def response(system: System, frequencies: np.ndarray) -> np.ndarray:
+    """Frequency response at ``frequencies`` [Hz]; shape (frequencies, outputs, inputs)."""
+    turn = 2j * math.pi * frequencies
+    at = turn if system.T_s is None else np.exp(turn * system.T_s)
+    resolvent = at[:, None, None] * np.eye(len(system.A)) - system.A
+    found: np.ndarray = system.C @ np.linalg.solve(resolvent, system.B[None].astype(complex)) + system.D
+    return found
+
+
+def closed(plant: System, controller: System) -> System:
+    """The loop of a plant and a controller with the input ``e = q_m_ref - q_m`` and the output u_m.
+
+    The plant's first two inputs are u_m and its first two outputs q_m, and it has no feedthrough. Inputs of the loop
+    are ``q_m_ref`` and the plant's other inputs; outputs are those of the plant, then ``u_m``.
+    """
+    A, B, C, _, T_s = plant
+    act, push, seen = B[:, :2], B[:, 2:], C[:2]
+    K = controller
+    states = np.block([[A - act @ K.D @ seen, act @ K.C], [-K.B @ seen, K.A]])
+    inputs = np.block([[act @ K.D, push], [K.B, np.zeros((len(K.A), push.shape[1]))]])
+    outputs = np.block([[C, np.zeros((len(C), len(K.A)))], [-K.D @ seen, K.C]])
+    through = np.zeros((len(outputs), inputs.shape[1]))
+    through[len(C) :, :2] = K.D
+    return System(states, inputs, outputs, through, T_s)
+
+
+def is_stable(system: System) -> bool:
+    """Whether no pole of a sampled system is outside the unit circle."""
+    return bool(np.abs(np.linalg.eigvals(system.A)).max(initial=0.0) <= 1.0 + GROWTH)
+
+
+def loop_gain(plant: System, controller: System, frequencies: np.ndarray) -> np.ndarray:
+    """``K G`` at the torque, shape (frequencies, 2, 2): the controller's answer to the plant's answer to u_m."""
+    inner = System(plant.A, plant.B[:, :2], plant.C[:2], np.zeros((2, 2)), plant.T_s)
+    found: np.ndarray = response(controller, frequencies) @ response(inner, frequencies)
+    return found
+
+
+def at_a_time(gain: np.ndarray, axis: int) -> np.ndarray:
+    """The scalar loop of ``axis`` (0 or 1) with the other one closed, of a :func:`loop_gain`; shape (frequencies,)."""
+    other = 1 - axis
+    own: np.ndarray = gain[:, axis, axis] - gain[:, axis, other] * gain[:, other, axis] / (1.0 + gain[:, other, other])
+    return own
+
+
+def singular_values(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Largest singular values of ``S = (I + L)^-1`` and ``T = L S`` of a :func:`loop_gain`, in one scaling of both
+    torques; each of shape (frequencies,)."""
+    S = np.linalg.inv(np.eye(2) + gain)
+    return np.linalg.norm(S, 2, axis=(1, 2)), np.linalg.norm(np.eye(2) - S, 2, axis=(1, 2))
+
+
+def margins(plant: System, controller: System, axis: int) -> LoopMargins:
+    """Classical margins of the loop of ``axis`` (0 or 1) with the other one closed, which must be stable."""
+    frequencies = grid(closed(plant, controller))
+
+    def loop(at: np.ndarray) -> np.ndarray:
+        return at_a_time(loop_gain(plant, controller, at), axis)
+
+    values = loop(frequencies)
+    real = [complex(loop(np.array([f]))[0]) for f in _crossings(lambda f: loop(f).imag, frequencies, values.imag)]
+    if plant.T_s is not None:
+        real.append(complex(values[-1].real))  # at half the sampling frequency every response is real
+    factors = [-1.0 / value.real for value in real if value.real < 0.0]
+    ones = _crossings(lambda f: np.log(np.abs(loop(f))), frequencies, np.log(np.abs(values)))
+    # The way from -1 against the sense in which a delay turns: a delay w tau = angle brings the curve to -1.
+    angles = [(float(np.angle(-loop(np.array([f]))[0])), f) for f in ones]
+    delays = [(angle % (2.0 * math.pi)) / (2.0 * math.pi * f) for angle, f in angles]
+    distance = np.abs(1.0 + values)
+    worst = int(np.argmin(distance))
+    return LoopMargins(
+        gain=min((factor for factor in factors if factor > 1.0), default=None),
+        gain_down=max((factor for factor in factors if factor < 1.0), default=None),
+        phase=min((abs(angle) for angle, _ in angles), default=None),
+        delay=min(delays, default=None),
+        sensitivity=float(1.0 / distance[worst]),
+        frequency=float(frequencies[worst]),
+    )
+
+
+def _crossings(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, values: np.ndarray) -> list[float]:
+    """Where ``function`` changes its sign between two points of the grid ``at``, on which it has these ``values``."""
+    from scipy.optimize import brentq
+
+    places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
+    return [float(brentq(lambda f: function(np.array([f]))[0], at[k], at[k + 1], xtol=1e-12)) for k in places]
+
+
+def step(system: System, given: int, samples: int) -> np.ndarray:
+    """Outputs of a sampled ``system`` after a unit step of its input number ``given``; shape (samples, outputs)."""
+    x, u = np.zeros(len(system.A)), system.B[:, given]
+    found = np.empty((samples, len(system.C)))
+    for k in range(samples):
+        found[k] = system.C @ x + system.D[:, given]
+        x = system.A @ x + u
+    return found
