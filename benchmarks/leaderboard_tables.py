@@ -11,6 +11,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.marked_tables import with_table  # noqa: E402
 from benchmarks.submissions import BASELINE, HELD, SUBMISSIONS, VERIFIED, submissions, verified_table  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
 
@@ -18,8 +19,6 @@ README, BOARD = ROOT / "README.md", ROOT / "docs" / "leaderboard.md"
 """Where the short table stands, and the whole one."""
 
 PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
-BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
-
 PAGES = {
     "RobustLQG": "controller_fmu/robust_c",
     "RobustLinearLQG": "controller_fmu/robust_linear",
@@ -36,7 +35,8 @@ WORST_HEAD = (
     + 12 * "|---"
     + "|\n"
 )
-BRIEF_HEAD = "| controller | V | V found, at least | requirements |\n" + 4 * "|---" + "|\n"
+MAKER = "benchmarks/leaderboard.py"
+BRIEF_HEAD = "| controller | V | V found (at least) | requirements |\n" + 4 * "|---" + "|\n"
 
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
@@ -210,14 +210,6 @@ def draw(kept: Sequence[Figures], file: Path) -> None:
     figure.savefig(file, dpi=150)
 
 
-def with_table(text: str, table: str) -> str:
-    """``text`` with ``table`` put between its marks."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    assert begin and end, "the marks are missing"
-    return before + BEGIN + table + END + after
-
-
 def pages(kept: Sequence[Figures]) -> dict[Path, str]:
     """The files that hold a table, with what they should say."""
     tables = {
@@ -231,4 +223,4 @@ def pages(kept: Sequence[Figures]) -> dict[Path, str]:
         for name, folder in PAGES.items()
         if {name, BASELINE} <= known
     }
-    return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
+    return {file: with_table(file.read_text(encoding="utf-8"), table, MAKER) for file, table in tables.items()}

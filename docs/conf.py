@@ -43,7 +43,7 @@ CONTENTS = {
         "/examples/**",
         "interface",
     ],
-    "Reference": ["timing", "plant", "api", "results", "paper"],
+    "Reference": ["protocol", "timing", "plant", "api", "results", "paper"],
     "Controllers": ["/controller_fmu/*/README"],
     "Project": ["/README", "/CONTRIBUTING", "/CHANGELOG"],
 }
