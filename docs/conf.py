@@ -33,12 +33,29 @@ html_js_files = ["sort.js"]
 html_show_copyright = False
 
 CONTENTS = {
-    "Start": ["Installation <install>", "manipulator", "leaderboard", "commands", "report"],
-    "Use": ["evaluate", "robustness", "tuning", "check", "publishing", "rules", "compare", "python", "running"],
-    "Write a controller": [
-        "exporting",
+    "Start": ["Installation <install>", "manipulator", "leaderboard", "gallery", "commands"],
+    "Tutorials": [
+        "tutorial-evaluate",
+        "tutorial-tune",
+        "tutorial-worst-case",
+        "tutorial-compare",
         "design",
         "policies",
+    ],
+    "Use": [
+        "evaluate",
+        "robustness",
+        "tuning",
+        "check",
+        "report",
+        "publishing",
+        "rules",
+        "compare",
+        "python",
+        "running",
+    ],
+    "Write a controller": [
+        "exporting",
         "/controller_fmu/starters/*/README",
         "/examples/**",
         "interface",
