@@ -1,36 +1,24 @@
-"""The tables of the leaderboard: what benchmarks/leaderboard.py writes into the README and the controllers' pages."""
+"""The tables of the leaderboard: what benchmarks/leaderboard.py writes into README, docs/ and controllers' pages."""
 
 from __future__ import annotations
 
-import hashlib
 import math
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from orchestrator import InputError, Verification  # noqa: E402
-from orchestrator.benchmark.certificate import Figure  # noqa: E402
-from orchestrator.documents.verification import differences  # noqa: E402
+from benchmarks.marked_tables import with_table  # noqa: E402
+from benchmarks.submissions import BASELINE, HELD, SUBMISSIONS, VERIFIED, submissions, verified_table  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
 
-README = ROOT / "README.md"
+README, BOARD = ROOT / "README.md", ROOT / "docs" / "leaderboard.md"
+"""Where the short table stands, and the whole one."""
+
 PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
-BEGIN, END = "<!-- table: made by benchmarks/leaderboard.py -->\n", "<!-- end of table -->\n"
-
-SUBMISSIONS, REPETITIONS, VERIFIED = ROOT / "submissions", ROOT / "repetitions", ROOT / "docs" / "publishing.md"
-"""Folders of others' controllers, each with its certificate; the certificates with which maintainers have repeated
-these, as NAME.json; and where their table stands."""
-
-VERIFIED_HEAD = (
-    "| controller | V | reference | V strict | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws | result |\n"
-    + 11 * "|---"
-    + "|\n"
-)
 
 PAGES = {
     "RobustLQG": "controller_fmu/robust_c",
@@ -42,15 +30,14 @@ PAGES = {
 }
 """The project's controllers by the name of their FMU, and where their page is."""
 
-BASELINE = "DiagonalPID"
 HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
 WORST_HEAD = (
     "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius |\n"
     + 12 * "|---"
     + "|\n"
 )
-HELD = {True: "holds", False: "fails", None: "not judged"}
-"""The verdict on a requirement, as a word of the tables."""
+MAKER = "benchmarks/leaderboard.py"
+BRIEF_HEAD = "| controller | V | V found (at least) | requirements |\n" + 4 * "|---" + "|\n"
 
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
@@ -76,8 +63,8 @@ def row(figures: Figures, name: str) -> str:
     return f"| {name} | **{figures['cost']:.1f}** | {_verdicts(figures['stability'])} | {values} |\n"
 
 
-def worst_row(figures: Figures, name: str) -> str:
-    """A line of the table of worst cases."""
+def worst_row(figures: Figures, name: str, *more: str) -> str:
+    """A line of the table of worst cases, with ``more`` cells at its end."""
     strict, found = figures["strict"], figures["robustness"]
     margins, radius = found["margins"], found["radius"]
     gains, delays = (
@@ -93,6 +80,7 @@ def worst_row(figures: Figures, name: str) -> str:
         gains,
         delays,
         " and ".join(number(radius[key]) if radius[key] is not None else f"> {radius['limit']:g}" for key in REACHES),
+        *more,
     )
     return f"| {name} | {' | '.join(cells)} |\n"
 
@@ -110,10 +98,32 @@ def _margin(margin: Mapping[str, Any], factor: float) -> str:
     return f"> {number(factor * margin['limit'])}" if value is None else number(factor * value)
 
 
-def leaderboard(kept: Sequence[Figures]) -> str:
+def brief(kept: Sequence[Figures]) -> str:
     """The README's table, in the order of what was found."""
-    links = [(each, f"[{name_of(each)}]({PAGES[name_of(each)]}/README.md)") for each in sorted(kept, key=standing)]
-    return WORST_HEAD + "".join(worst_row(*link) for link in links)
+    return BRIEF_HEAD + "".join(
+        f"| [{name_of(each)}]({PAGES[name_of(each)]}/README.md) | {each['cost']:.1f} "
+        f"| {each['robustness']['cost']:.1f} | {_failing(each)} |\n"
+        for each in sorted(kept, key=standing)
+    )
+
+
+def _failing(figures: Figures) -> str:
+    """The requirements that some case fails: of ``paper``, of ``strict``, or found by the search."""
+    judged = (figures["stability"], figures["strict"]["stability"], figures["robustness"]["requirements"])
+    failing = sorted({name for each in judged for name, entry in each.items() if entry["passed"] is False})
+    if not failing:
+        return "no failure found"
+    return f"{', '.join(failing)} fail{'s' if len(failing) == 1 else ''}"
+
+
+def leaderboard(kept: Sequence[Figures]) -> str:
+    """The whole table of docs/leaderboard.md, in the order of what was found; a name links to the controller's page,
+    the last cell to the commands that repeat its worst cases."""
+    lines = []
+    for each in sorted(kept, key=standing):
+        page = f"../{PAGES[name_of(each)]}/README.md"
+        lines.append(worst_row(each, f"[{name_of(each)}]({page})", f"[commands]({page}#scorecard)"))
+    return WORST_HEAD.replace("| radius |", "| radius | repeat |").rstrip() + "---|\n" + "".join(lines)
 
 
 def scorecard(kept: Sequence[Figures], name: str) -> str:
@@ -173,104 +183,6 @@ def largest(found: Mapping[str, Any]) -> str:
     return "The worst cases found, and what the margins were found with:\n\n```sh\n" + "\n".join(lines) + "\n```\n"
 
 
-NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9 ._+-]{0,38}[A-Za-z0-9+])?")
-"""What a submission may be called: nothing that a table or a page could take for markup, or that reads as another."""
-
-
-class Submission(NamedTuple):
-    """A certificate by the name of its folder; ``repeated`` if a maintainer has repeated it."""
-
-    name: str
-    known: Verification
-    repeated: bool
-
-
-def submissions(folder: Path, repetitions: Path = REPETITIONS) -> list[Submission]:
-    """The certificates in the folders inside ``folder``, those that are repeated first, then the best.
-
-    Raises :class:`InputError` for one that is damaged, not complete or not of the standard conditions, has neither its
-    FMU nor a recipe beside it, takes the name or the controller of another, or whose repetition does not agree with it.
-    """
-    found: list[Submission] = []
-    for place in sorted(path for path in folder.glob("*") if path.is_dir()):
-        _check_files(place)
-        known = Verification.load(place / "verification.json")
-        if not known.complete or known.cost.mean is None:
-            raise InputError(f"{place.name}: the verification is not complete.", "submission", place)
-        if known.deviations:
-            raise InputError(f"{place.name} is not standard: {'; '.join(known.deviations)}.", "submission", place)
-        hashes = [hashlib.sha256(file.read_bytes()).hexdigest() for file in place.glob("*.fmu")]
-        if hashes != [known.controller.sha256] and (hashes or not (place / "README.md").is_file()):
-            raise InputError(f"{place.name} has neither the FMU of its certificate nor a recipe.", "submission", place)
-        if same := next((each.name for each in found if _is_same(each.known, known)), ""):
-            raise InputError(f"{place.name} is the controller of {same}.", "submission", place)
-        repeated = repetitions / f"{place.name}.json"
-        if repeated.is_file():
-            _check_repetition(known, repeated)
-        found.append(Submission(place.name, known, repeated.is_file()))
-    return sorted(found, key=place_of)
-
-
-def _check_files(place: Path) -> None:
-    """Raise :class:`InputError` for a name that is not its own, a link, or a repetition by the author."""
-    if not NAME.fullmatch(place.name):
-        message = "A submission has a name of letters, digits, spaces and . _ + -, which begins and ends with a letter "
-        raise InputError(f"{message}or a digit.", "submission", place)
-    others = (*PAGES, *(each.name for each in place.parent.iterdir() if each != place))
-    if place.name.casefold() in map(str.casefold, others):
-        raise InputError(f"{place.name} is the name of another controller.", "submission", place)
-    if any(path.is_symlink() for path in (place, *place.rglob("*"))):
-        raise InputError(f"{place.name} has a link in its folder.", "submission", place)
-    if (place / "repeat.json").exists():
-        message = f"{place.name} has a repetition in its own folder; that of a maintainer lies in {REPETITIONS.name}/."
-        raise InputError(message, "submission", place)
-
-
-def _check_repetition(known: Verification, file: Path) -> None:
-    """Raise :class:`InputError` for what is no repetition of ``known`` under the standard conditions."""
-    repeated = Verification.load(file)
-    results, _ = differences(known, repeated)
-    if results:
-        raise InputError(f"{file.stem}: its repetition differs: {results[0]}.", "submission", file)
-    if repeated.deviations:
-        raise InputError(f"{file.stem}: its repetition is not standard: {repeated.deviations[0]}.", "submission", file)
-    if repeated.timing == known.timing:
-        raise InputError(f"{file.stem}: its repetition is a copy of it.", "submission", file)
-
-
-def _is_same(one: Verification, other: Verification) -> bool:
-    """Whether two certificates are of one controller."""
-    first, second = one.controller, other.controller
-    used = (first.parameters, first.mapping) == (second.parameters, second.mapping)
-    return used and first.sha256 == second.sha256
-
-
-def place_of(submission: Submission) -> tuple[bool, bool, float]:
-    """What the order of submissions goes by."""
-    held = all(entry.passed for entry in submission.known.requirements.values())
-    return not submission.repeated, not held, submission.known.cost.mean or 0.0
-
-
-def verified_table(found: Sequence[Submission]) -> str:
-    """The table of the submissions; mean and standard deviation over the draws."""
-    lines = []
-    for name, known, repeated in found:
-        verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
-        values = " | ".join(
-            spread(known.criteria[key], SHOWN[known.criteria[key].unit].factor) for key in ("B5", "B6", "B7")
-        )
-        words = "repeated" if repeated else "claimed"
-        compared = (known, known.references[BASELINE])
-        cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))
-        lines.append(f"| {name} | {' | '.join(cells)} | {verdicts} | {values} | {known.entropy.source} | {words} |\n")
-    return VERIFIED_HEAD + "".join(lines)
-
-
-def spread(figure: Figure, factor: float = 1.0) -> str:
-    """Mean and standard deviation."""
-    return number(figure.mean, factor) + ("" if figure.sd is None else f" ± {number(figure.sd, factor)}")
-
-
 def draw(kept: Sequence[Figures], file: Path) -> None:
     """V on ``strict`` against the factor on all tolerances at which a requirement fails: low and right is good."""
     import matplotlib
@@ -299,21 +211,17 @@ def draw(kept: Sequence[Figures], file: Path) -> None:
     figure.savefig(file, dpi=150)
 
 
-def with_table(text: str, table: str) -> str:
-    """``text`` with ``table`` put between its marks."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    assert begin and end, "the marks are missing"
-    return before + BEGIN + table + END + after
-
-
 def pages(kept: Sequence[Figures]) -> dict[Path, str]:
     """The files that hold a table, with what they should say."""
-    tables = {README: leaderboard(kept), VERIFIED: verified_table(submissions(SUBMISSIONS))}
+    tables = {
+        README: brief(kept),
+        BOARD: leaderboard(kept),
+        VERIFIED: verified_table(submissions(SUBMISSIONS)),
+    }
     known = {name_of(each) for each in kept}
     tables |= {
         ROOT / folder / "README.md": scorecard(kept, name)
         for name, folder in PAGES.items()
         if {name, BASELINE} <= known
     }
-    return {file: with_table(file.read_text(encoding="utf-8"), table) for file, table in tables.items()}
+    return {file: with_table(file.read_text(encoding="utf-8"), table, MAKER) for file, table in tables.items()}

@@ -6,7 +6,6 @@ need a network.
 """
 
 import re
-import shutil
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -17,7 +16,7 @@ project = "Flexible-manipulator benchmark"
 author = "FlexibleManipulator benchmark contributors"
 release = orchestrator.__version__
 
-root_doc = "README"
+root_doc = "docs/index"
 include_patterns = ["*.md", "docs/*.md", "examples/**.md", "controller_fmu/**.md"]
 exclude_patterns = [".*", "build", "runs", "tests"]  # keeps the walk short
 
@@ -28,44 +27,55 @@ autodoc_member_order = "bysource"
 html_theme = "furo"
 html_title = f"{project} {release}"
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_js_files = ["sort.js"]
 html_show_copyright = False
 
 CONTENTS = {
+    "Start": ["Installation <install>", "manipulator", "leaderboard", "gallery", "commands"],
+    "Tutorials": [
+        "tutorial-evaluate",
+        "tutorial-tune",
+        "tutorial-worst-case",
+        "tutorial-compare",
+        "design",
+        "policies",
+    ],
     "Use": [
-        "Installation <docs/install>",
-        *(
-            f"docs/{page}"
-            for page in (
-                "evaluate",
-                "robustness",
-                "tuning",
-                "check",
-                "publishing",
-                "rules",
-                "report",
-                "compare",
-                "python",
-                "running",
-            )
-        ),
+        "evaluate",
+        "robustness",
+        "tuning",
+        "check",
+        "report",
+        "publishing",
+        "rules",
+        "compare",
+        "python",
+        "running",
     ],
     "Write a controller": [
-        "docs/exporting",
-        "docs/design",
-        "docs/policies",
-        "controller_fmu/starters/*/README",
-        "examples/**",
-        "docs/interface",
+        "exporting",
+        "/controller_fmu/starters/*/README",
+        "/examples/**",
+        "interface",
     ],
-    "Reference": ["docs/timing", "docs/plant", "docs/api", "docs/results", "docs/paper"],
-    "Controllers": ["controller_fmu/*/README"],
-    "Project": ["CONTRIBUTING", "CHANGELOG"],
+    "Reference": ["protocol", "timing", "plant", "api", "results", "paper"],
+    "Controllers": ["/controller_fmu/*/README"],
+    "Project": ["/README", "/CONTRIBUTING", "/CHANGELOG"],
 }
 """The site's navigation: pages by heading. The build fails if a page is missing here."""
 
+REDIRECT = """<!DOCTYPE html>
+<meta charset="utf-8">
+<title>{title}</title>
+<meta http-equiv="refresh" content="0; url={page}.html">
+<a href="{page}.html">{title}</a>
+"""
+
 
 def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
-    """Append the navigation to the README, which as a page of a Git host has none."""
+    """Append the navigation to the front page, which has none on a Git host."""
     if page == root_doc:
         for caption, pages in CONTENTS.items():
             entries = "\n".join(pages)
@@ -73,9 +83,10 @@ def add_contents(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def add_index(app: Sphinx, error: Exception | None) -> None:
-    """Give the README's page the name that a browser and a web server look for."""
+    """Lead from the file that a browser and a web server look for to the front page."""
     if error is None:
-        shutil.copyfile(Path(app.outdir) / f"{root_doc}.html", Path(app.outdir) / "index.html")
+        text = REDIRECT.format(title=html_title, page=root_doc)
+        (Path(app.outdir) / "index.html").write_text(text, encoding="utf-8")
 
 
 def shorten(app: Sphinx, what: str, name: str, of: object, options: object, signature: str, returns: str) -> tuple:

@@ -116,3 +116,11 @@ def test_the_citation_has_this_version_and_the_paper_as_on_its_page():
     *others, last = [f"{each['given-names'][0]}. {each['family-names']}" for each in paper["authors"]]
     where = f"{paper['conference']['name']} {paper['year']}, {paper['conference']['city']}"
     assert f'{", ".join(others)} and {last}, "{paper["title"]}", {where}' in " ".join(text("docs/paper.md").split())
+
+
+def test_the_readme_is_short_and_has_the_two_commands():
+    lines = text("README.md").splitlines()
+    assert len(lines) <= 110
+    commands = {mark: lines[lines.index(f"<!-- {mark} -->") + 2] for mark in ("run", "test")}
+    assert commands["run"].endswith("-m orchestrator.evaluate") and " -m pytest " in commands["test"]
+    assert (ROOT / "docs" / "pictures" / "disturbance.gif").stat().st_size < 1.5e6

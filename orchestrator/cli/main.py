@@ -32,7 +32,8 @@ Robust control benchmark of a flexible manipulator, for any controller that spea
 commands:
 {commands}
 
-flexible-manipulator COMMAND --help explains a command; --version prints the version."""
+flexible-manipulator COMMAND --help explains a command; --version prints the version.
+The page docs/manipulator.md of the documentation explains symbols, angles and terms."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

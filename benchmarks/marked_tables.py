@@ -1,0 +1,14 @@
+"""Tables that scripts write into pages, between two marks."""
+
+from __future__ import annotations
+
+END = "<!-- end of table -->\n"
+
+
+def with_table(text: str, table: str, maker: str) -> str:
+    """``text`` with ``table`` between the marks of the script ``maker``, which the first of the marks names."""
+    mark = f"<!-- table: made by {maker} -->\n"
+    before, begin, rest = text.partition(mark)
+    _, end, after = rest.partition(END)
+    assert begin and end, "the marks are missing"
+    return before + mark + table + END + after
