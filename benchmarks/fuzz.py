@@ -375,7 +375,7 @@ def read_certificate(place: Path) -> str:
     with contextlib.suppress(InputError):
         next(repeat(Benchmark("verification"), found, None, False))
     with contextlib.suppress(InputError):
-        listed = tables.verified_table(tables.submissions(place.parent))
+        listed = tables.verified_table(tables.submissions(place.parent, place.parents[1] / "repetitions"))
         assert listed.count("\n") == 3 and not set(listed) & set("<>[]")
         return "listed"
     return "accepted"
@@ -421,8 +421,11 @@ def fuzz(
         place = Path(place, "submissions", "mine")
         place.mkdir(parents=True)
         (place / "README.md").write_text("how to make it")
-        known = to_json(certificate()).encode()
-        (place / "repeat.json").write_bytes(known)
+        made = certificate()
+        known, again = to_json(made).encode(), place.parents[1] / "repetitions"
+        again.mkdir()
+        later = replace(made, head=replace(made.head, timing=replace(made.timing, start="later")))
+        (again / "mine.json").write_text(to_json(later))
         for number in range(certificates):
             (place / VERIFICATION).write_bytes(known)
             mutated_certificate(place, chance)

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import zipfile
 from fractions import Fraction
 
 import numpy as np
@@ -198,12 +199,16 @@ def test_a_planted_fault_is_found(name, recorded, tmp_path):
 @pytest.mark.slow
 @pytest.mark.needs("compiler")
 def test_what_is_no_case_is_refused_with_a_sentence(recorded, tmp_path, capsys):
+    claiming = io.BytesIO()
+    with zipfile.ZipFile(claiming, "w") as archive, archive.open("about.npy", "w") as entry:
+        np.lib.format.write_array_header_1_0(entry, {"descr": "<f8", "fortran_order": False, "shape": (10**15,)})
     pickled = io.BytesIO()
     np.savez(pickled, about=np.array([object()], dtype=object))
     bad = {
         "nothing": b"",
         "cut": recorded[:5000],
         "pickle": pickled.getvalue(),
+        "more numbers than there is memory": claiming.getvalue(),
         "schema": changed(recorded, schema="other"),
         "number": changed(recorded, {"X": lambda X: np.where(np.arange(len(X))[:, None] == 7, np.nan, X)}),
         "shape": changed(recorded, {"given": lambda given: given[:-1]}),

@@ -113,7 +113,7 @@ def _keyring() -> int:
 
 
 def _locked(name: str) -> None:
-    import fcntl
+    import fcntl  # not on Windows
 
     with open(name, "rb") as file:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

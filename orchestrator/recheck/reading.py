@@ -28,6 +28,10 @@ LARGEST = 256 * 1024**2
 """Bytes that the arrays of a file may have together."""
 
 
+WRONG = (KeyError, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
+"""What comes of contents that are no recorded case; an array may say that it has more numbers than there is memory."""
+
+
 class Unreadable(Exception):
     """The file is no recorded case, in one sentence."""
 
@@ -69,7 +73,7 @@ def read(source: Path | bytes) -> Recorded:
         raise
     except OSError as problem:
         raise Unreadable(problem.strerror or str(problem)) from None
-    except (KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError, OverflowError, RecursionError) as problem:
+    except (zipfile.BadZipFile, EOFError, *WRONG) as problem:
         raise Unreadable(f"it is no recorded case ({type(problem).__name__}: {str(problem)[:100]})") from None
 
 
