@@ -481,3 +481,8 @@ def test_runs_are_listed_with_their_v(tmp_path: Path) -> None:
     assert listed["runs/one"]["V"] == pytest.approx(results_of().cost) and listed["runs/one"]["kind"] == "evaluation"
     assert listed["runs/two"]["holds"] is False
     assert call("runs", "absent", folder=tmp_path).code == 2
+
+
+@pytest.mark.parametrize("command", ["verify", "build", "report", "evaluate"])
+def test_a_name_that_no_file_can_have_is_one_clear_line(command: str, tmp_path: Path) -> None:
+    assert "too long" in refusal_of(call(command, "x" * 300, folder=tmp_path))
