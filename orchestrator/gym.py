@@ -22,11 +22,12 @@ from .api.benchmark import Benchmark
 from .benchmark.case import Case
 from .benchmark.variation import Variation
 from .cache import compiled_code_folder
-from .errors import FmuError
+from .documents.recording import OBSERVED
+from .errors import FmuError, InputError
 from .exact_time import seconds
 from .loop.trajectory import Status, Trajectory
 
-# Imports inside functions: the loop's compiler is loaded when the first episode begins.
+# Imports inside functions: the loop's compiler is loaded when the first episode begins, Matplotlib by who renders.
 
 if TYPE_CHECKING:
     from .loop.stepwise import Stepwise
@@ -54,6 +55,9 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         Whose cases are drawn, as in :class:`Benchmark`.
     duration : float, optional
         Of an episode [s]; by default that of the case.
+    render_mode : str, optional
+        ``"rgb_array"``: :meth:`render` gives a picture; ``"human"``: a window of Matplotlib shows 25 a second of the
+        simulation.
     **options
         ``plant`` and ``plant_parameters`` of :class:`Benchmark`.
     """
@@ -61,7 +65,21 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
     trajectory: Trajectory | None = None
     """The last episode's signals, once it has ended."""
 
-    def __init__(self, protocol: str = "paper", duration: float | None = None, **options: Any) -> None:
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 25}
+
+    def __init__(
+        self,
+        protocol: str = "paper",
+        duration: float | None = None,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            modes = self.metadata["render_modes"]
+            message = f"There is no render mode {render_mode}. Modes: {', '.join(modes)}."
+            raise InputError(message, "no-render-mode", "render_mode", render_mode, modes)
+        self.render_mode = render_mode
+        self._figure: Any = None
         self._bench = Benchmark(protocol, **options)
         self._ids = [case.id for case in self._bench.cases]
         self._variation = Variation(duration=None if duration is None else seconds(duration))
@@ -94,19 +112,28 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         self._simulation = simulation
         self._memory = Observation()
         self._X_0, self._k, self._h = self._simulation.position(0), 0, float(self._case.scenario.sample_time)
+        self._frame = max(1, round(1.0 / (self.metadata["render_fps"] * self._h)))
         self._observe(q_m)
         return self._observation, self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Command ``u_m0 + action`` [N.m] for one sample."""
+        """Command ``u_m0 + action`` [N.m] for one sample.
+
+        Raises ``ResetNeeded`` if there is no episode, and ``InvalidAction`` for an action that is not a finite number
+        for each axis.
+        """
         if self._simulation is None:
             raise gymnasium.error.ResetNeeded("the episode has ended, or not begun: call reset")
+        if np.shape(action) != (2,) or not np.isfinite(action).all():
+            raise gymnasium.error.InvalidAction(f"an action is two finite torques [N.m], not {action}")
         first, second = self._simulation.steady.u_m0
         q_m = self._simulation.step((first + float(action[0]), second + float(action[1])))
         self._k += 1
         if q_m is not None:
             self._observe(q_m)
             info = self._info()
+            if self.render_mode == "human" and self._k % self._frame == 0:
+                self.render()
             return self._observation, -1e3 * self._h * info["tcp_error"], False, False, info
         self.trajectory = self._simulation.trajectory
         assert self.trajectory is not None  # as it has ended
@@ -117,6 +144,31 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         scenario = self._case.scenario
         left = 0.0 if is_done else 1e3 * scenario.abort_distance * (scenario.samples - self._k) * self._h
         return self._observation, -1e3 * self._h * info["tcp_error"] - left, not is_done, is_done, info
+
+    def render(self) -> np.ndarray | None:
+        """The arm as it is, its deviation from rest magnified: an array of shape (400, 400, 3) of bytes in the mode
+        ``"rgb_array"``, or drawn in a window in the mode ``"human"``."""
+        if self._simulation is None:
+            raise gymnasium.error.ResetNeeded("the episode has ended, or not begun: call reset")
+        if self.render_mode is None:
+            raise gymnasium.error.Error("the environment was made without render_mode: say rgb_array or human")
+        from .documents.arm_figure import draw
+
+        is_human = self.render_mode == "human"
+        self._figure = self._figure or _figure(is_human)
+        parameters, pose = dict(self._case.scenario.parameters), self._case.configuration
+        first, second = self._simulation.observed(self._k)
+        error = self._info()["tcp_error"]
+        words = f"{self._k * self._h:.2f} s, error {1e3 * error:.2f} mm"
+        draw(self._figure, (parameters["l[1]"], parameters["l[2]"]), (pose.q_a1, pose.q_a2), (first, second), words)
+        if is_human:
+            from matplotlib import pyplot
+
+            pyplot.pause(1e-3)
+            return None
+        self._figure.canvas.draw()
+        picture: np.ndarray = np.asarray(self._figure.canvas.buffer_rgba())[..., :3].copy()
+        return picture
 
     def close(self) -> None:
         """End the episode."""
@@ -135,7 +187,7 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         from .loop.stepwise import Stepwise
 
         self._plant = self._plant or load(self._bench.manipulator.archive)
-        return Stepwise(self._plant, self._case.scenario)
+        return Stepwise(self._plant, self._case.scenario, OBSERVED if self.render_mode else ())
 
     def _observe(self, q_m: tuple[float, float]) -> None:
         assert self._simulation is not None
@@ -146,6 +198,21 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         X = self._simulation.position(self._k).copy()
         tcp_error = math.hypot(*(X - self._X_0))
         return {"case": self._case.id, "seed": self._seed, "t": self._k * self._h, "X": X, "tcp_error": tcp_error}
+
+
+def _figure(is_human: bool) -> Any:
+    """A figure of 400 x 400 pixels, with a window or without."""
+    size: Any = {"figsize": (4.0, 4.0), "dpi": 100, "layout": "constrained"}
+    if is_human:
+        from matplotlib import pyplot
+
+        return pyplot.figure(**size)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(**size)
+    FigureCanvasAgg(figure)
+    return figure
 
 
 gymnasium.register(ID, f"{__name__}:{FlexibleManipulator.__name__}")

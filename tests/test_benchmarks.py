@@ -4,6 +4,7 @@ import tempfile
 
 import pytest
 
+from benchmarks import wrong_inputs
 from benchmarks.execution import endure
 from benchmarks.fuzz import fuzz
 from orchestrator.fmi.archive import open_archive
@@ -31,3 +32,10 @@ def test_mutations_are_refused_or_make_sense():
     assert problems == []
     for counted in outcomes.values():
         assert counted["refused"] > 0 and counted["accepted"] > 0
+
+
+def test_wrong_inputs_end_without_a_traceback():
+    """A few of each kind; `python benchmarks/wrong_inputs.py` tries 1,000."""
+    outcomes, problems = wrong_inputs.count(seed=2, each=15)
+    assert problems == [] and all(counted.total() == 15 for counted in outcomes.values())
+    assert all(counted["exit code 2"] >= 5 for counted in outcomes.values())

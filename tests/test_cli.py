@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from support.command_lines import Finished, call
 from support.edited_fmus import with_broken_sources, without
 from support.python_controllers import python_controller
-from support.reports import ABOUT, head_of
+from support.reports import ABOUT, head_of, results_of, searched
 from support.tools import PRESENT, require
 
 import orchestrator
@@ -27,6 +27,7 @@ from orchestrator.cli import guard, simulate
 from orchestrator.cli.main import COMMANDS, main
 from orchestrator.codec import from_json
 from orchestrator.documents.commands import recording_command, simulate_command
+from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.results import Results
 from orchestrator.study.dry_run import Plan
@@ -454,3 +455,34 @@ def test_ctrl_c_while_modules_are_imported(monkeypatch: pytest.MonkeyPatch, caps
         during.setattr(importlib, "import_module", interrupted)
         code = guard.run("evaluate", ["--quick"])
     assert (code, capsys.readouterr().err) == (130, "interrupted\n")
+
+
+@pytest.mark.needs("bash")
+def test_the_shell_completes_commands_and_options(tmp_path: Path) -> None:
+    script = call("completion", folder=tmp_path).out
+    helped = 'flexible-manipulator() { echo "  --seed N  --seeds LIST  of --protocol"; }'
+    ask = 'asked() { COMP_WORDS=(flexible-manipulator "$@"); COMP_CWORD=$#; _flexible_manipulator; '
+    ask += 'echo "${COMPREPLY[*]}"; }'
+    wanted = "asked ev; asked evaluate --se; asked evaluate --se; asked evaluate quick"
+    (tmp_path / "quick.fmu").touch()
+    found = finished(["bash", "-c", "\n".join([helped, script, ask, wanted])], tmp_path)
+    assert found.stdout.splitlines() == ["evaluate", "--seed --seeds", "--seed --seeds", "quick.fmu"], found.stderr
+
+
+def test_runs_are_listed_with_their_v(tmp_path: Path) -> None:
+    Evaluation(results_of(), ()).save(tmp_path / "runs" / "one")
+    searched().save(tmp_path / "runs" / "two")
+    (tmp_path / "runs" / "damaged").mkdir()
+    (tmp_path / "runs" / "damaged" / "results.json").write_text("{}")
+    shown = call("runs", folder=tmp_path)
+    assert shown.code == 0 and "runs/one" in shown.out and "2 found" in shown.out
+    assert "damaged" in shown.err and "Traceback" not in shown.err
+    listed = {each["folder"]: each for each in json.loads(call("runs", "--json", folder=tmp_path).out)}
+    assert listed["runs/one"]["V"] == pytest.approx(results_of().cost) and listed["runs/one"]["kind"] == "evaluation"
+    assert listed["runs/two"]["holds"] is False
+    assert call("runs", "absent", folder=tmp_path).code == 2
+
+
+@pytest.mark.parametrize("command", ["verify", "build", "report", "evaluate"])
+def test_a_name_that_no_file_can_have_is_one_clear_line(command: str, tmp_path: Path) -> None:
+    assert "too long" in refusal_of(call(command, "x" * 300, folder=tmp_path))

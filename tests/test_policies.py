@@ -180,3 +180,58 @@ def test_gymnasiums_own_checker_is_content(page):
     expected = ("symmetric and normalized", "minimum value is -infinity", "maximum value is infinity")
     assert len(caught) == len(expected), [str(one.message) for one in caught]
     assert all(words in str(one.message) for one, words in zip(caught, expected, strict=True))
+
+
+@pytest.fixture
+def rendered(monkeypatch):
+    """Makes environments that render."""
+    require("gymnasium", "greenlet")
+    import gymnasium
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    made = []
+
+    def make(mode):
+        made.append(gymnasium.make("orchestrator.gym:FlexibleManipulator-v1", protocol="quick", render_mode=mode))
+        return made[-1]
+
+    yield make
+    for env in made:
+        env.close()
+
+
+def test_the_arm_is_rendered_as_it_moves(rendered):
+    env = rendered("rgb_array")
+    env.reset(seed=0, options={"case": "c00.compliant.disturbance"})
+    resting = env.render()
+    for _ in range(200):
+        env.step(np.array([30.0, 0.0]))
+    moved = env.render()
+    assert resting.shape == moved.shape == (400, 400, 3) and resting.dtype == np.uint8
+    assert np.ptp(resting) > 200 and np.count_nonzero(resting != moved) > 1000
+
+
+def test_a_window_follows_the_simulation(rendered, monkeypatch):
+    from matplotlib import pyplot
+
+    shown = []
+    monkeypatch.setattr(pyplot, "pause", shown.append)
+    env = rendered("human")
+    env.reset(seed=0)
+    for _ in range(320):  # two pictures of 40 ms
+        env.step(np.zeros(2))
+    assert len(shown) == 2
+
+
+def test_actions_that_are_no_torques_are_refused(rendered):
+    import gymnasium
+
+    env = rendered(None).unwrapped
+    env.reset(seed=0)
+    for action in ([np.nan, 0.0], [np.inf, 0.0], [0.0], 1.0):
+        with pytest.raises(gymnasium.error.InvalidAction, match="two finite torques"):
+            env.step(np.array(action))
+    with pytest.raises(gymnasium.error.Error, match="render_mode"):
+        env.render()
+    assert refusal(type(env), render_mode="ansi").what == "no-render-mode"

@@ -212,3 +212,12 @@ def test_without_a_compiler_the_command_names_the_remedy(kind, tmp_path, monkeyp
     assert "no C compiler" in finished.err and "pip install 'flexible-manipulator-benchmark[native]'" in finished.err
     assert [file.name for file in tmp_path.iterdir()] == ["gains.npz"]
     assert call("new", "statespace", "gains.npz", "--out", "my.fmu", "--method", "zoh", folder=tmp_path).code == 2
+
+
+@pytest.mark.needs("compiler")
+def test_a_controller_that_is_unstable_by_itself_may_be_insisted_on(tmp_path):
+    matrices = dict(zip("ABCD", (1.00015 * np.eye(2), np.eye(2), np.eye(2), np.eye(2)), strict=True))
+    savemat(tmp_path / "gains.mat", matrices | {"T_s": T_S})
+    refused = call("new", "statespace", "gains.mat", "--out", "mine.fmu", folder=tmp_path)
+    assert refused.code == 2 and "unstable" in refused.err and "--unstable" in refused.err
+    assert call("new", "statespace", "gains.mat", "--out", "mine.fmu", "--unstable", folder=tmp_path).code == 0

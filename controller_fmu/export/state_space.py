@@ -35,6 +35,7 @@ def controller_from_state_space(
     interpolation: Literal["nearest", "linear"] = "nearest",
     anti_windup: Any = None,
     torque_limit: tuple[float, float] = (35.0, 20.0),
+    unstable: bool = False,
 ) -> Path:
     """Build the FMU of a linear controller, or of a schedule of them, and return its path ``out``.
 
@@ -72,6 +73,8 @@ def controller_from_state_space(
         out. With B of the plant, an observer sees the torque that the motors get.
     torque_limit : tuple of float
         The drive's limits [N.m].
+    unstable : bool
+        Whether a controller may be unstable by itself.
 
     Raises
     ------
@@ -80,7 +83,7 @@ def controller_from_state_space(
     SampleTimeError
         If the sample time is missing or contradicts itself, or a system is continuous and ``method`` missing.
     UnstableError
-        If a controller has a pole outside the unit circle.
+        If a controller has a pole outside the unit circle, and that was not allowed.
     ScheduleError
         If the points are missing, or cannot be interpolated between.
     SystemFileError
@@ -97,7 +100,7 @@ def controller_from_state_space(
         points = system.get("points") if points is None else points
         anti_windup = system.get("anti_windup") if anti_windup is None else anti_windup
     with located(Path(A) if isinstance(A, str | Path) else target):
-        law = stacked(system, B, C, D, T_s, method)
+        law = stacked(system, B, C, D, T_s, method, unstable)
         count, states = law.B.shape[:2]
         backs = np.zeros((count, states + 2, 2))
         if anti_windup is not None:

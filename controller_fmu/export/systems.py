@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,7 +54,7 @@ def contents(file: Path) -> dict[str, Any]:
                 found = dict(stored)
         else:
             found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError, NotImplementedError, zipfile.BadZipFile) as problem:
+    except Exception as problem:  # SciPy, NumPy and zipfile have all kinds for damaged files
         raise SystemFileError(f"cannot be read: {problem}", str(file)) from None
     missing = [name for name in MATRICES[:3] if not isinstance(found, Mapping) or name not in found]
     if missing:
@@ -64,13 +63,15 @@ def contents(file: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def stacked(system: Any, B: Any, C: Any, D: Any, T_s: float | None, method: str | None) -> LinearControllers:
+def stacked(
+    system: Any, B: Any, C: Any, D: Any, T_s: float | None, method: str | None, unstable: bool = False
+) -> LinearControllers:
     """The controllers of matrices (2 or 3 dimensions), of the contents of a file, of a system, or of several.
 
     Raises:
         ShapeError: the matrices do not fit each other or two errors and two torques, or are not finite.
         SampleTimeError: the sample time is missing or contradicts itself, or ``method`` is missing, or has no use.
-        UnstableError: a controller has a pole outside the unit circle.
+        UnstableError: a controller has a pole outside the unit circle, and may not be ``unstable``.
     """
     parts: list[tuple[Any, Any, Any, Any, float | None]]
     if B is not None:
@@ -91,12 +92,14 @@ def stacked(system: Any, B: Any, C: Any, D: Any, T_s: float | None, method: str 
     time = times.pop()
     if method is not None:
         A, B, C, D = _discretized((A, B, C, D), time, method)
-    for index, matrix in enumerate(A if A.shape[1] else ()):
+    for index, matrix in enumerate(A if A.shape[1] and not unstable else ()):
         radius = float(np.abs(np.linalg.eigvals(matrix)).max())
         if radius > 1.0 + GROWTH:
             which = f"controller {index + 1}" if len(A) > 1 else "the controller"
             what = f"{which} is unstable: it has a pole of absolute value {radius:.6g}"
-            remedy = "its torque runs away while the drive is at its limit: change the weights of its design"
+            remedy = (
+                "its torque runs away while the drive is at its limit: change the weights of its design, or allow it"
+            )
             raise UnstableError(what, value=f"{radius:.6g}", remedy=remedy)
     return LinearControllers(A, B, C, D, time)
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..documents.document import Shown
 from ..documents.standard import USUAL
 from ..errors import InputError
 from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
 from ..search.findings import BUDGET
+from ..views.table import Column, Summary, Table
 
 # Imports inside functions: each use case is loaded when it is first used. All of them take longer than a simulation.
 
@@ -49,7 +51,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
 
 
 @dataclass(frozen=True)
-class Benchmark(Testbed):
+class Benchmark(Testbed, Shown):
     """The benchmark under fixed conditions; every method may be called from any thread, script or notebook.
 
     Parameters
@@ -84,6 +86,21 @@ class Benchmark(Testbed):
     InputError
         If the protocol or a plant parameter does not exist, or a number makes no sense.
     """
+
+    def summary(self) -> Summary:
+        """Protocol, seed, plant and limits."""
+        rows = (
+            ("protocol", str(self.protocol)),
+            ("cases", str(len(self.cases))),
+            ("seed", str(self.seed)),
+            ("plant", str(self.plant)),
+            ("changed parameters", ", ".join(f"{name} = {x:g}" for name, x in self.plant_parameters.items()) or "none"),
+            ("processes", str(self.processes)),
+            ("processor time of a simulation", f"{self.timeout:g} s"),
+            ("memory of a simulation", f"{self.memory_limit / 1e6:g} MB"),
+            ("sandbox", "yes" if self.sandbox else "no"),
+        )
+        return Summary("Benchmark", self.rules.name, (Table("Conditions", (Column("what"), Column("value")), rows),))
 
     def check(self, controller: Given = None) -> Findings:
         """What can be said of a controller before any evaluation: what it is, how it is bound, how it behaves.

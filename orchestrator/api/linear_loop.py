@@ -238,7 +238,7 @@ def _given(controller: Any, case: Case, friction: Friction) -> LinearLoop:
     name = Path(controller).name if is_file else type(controller).__name__
     try:
         system = contents(Path(controller)) if is_file else controller
-        laws = stacked(system, None, None, None, None, None)
+        laws = stacked(system, None, None, None, None, None, unstable=True)
     except ControllerFmuError as problem:
         raise InputError(str(problem), "bad-system", problem.where or name, problem.value, problem.nearest) from None
     T_s = Fraction(repr(laws.T_s))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import logging
 import os
@@ -40,6 +41,7 @@ REMEDIES = {
     "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
+    "unstable-system": "With --unstable it is taken as it is.",
     "stored": "--force runs them again, --keep-going those that failed.",
     "replaced": "--output-dir keeps both.",
 }
@@ -74,6 +76,11 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         if isinstance(error, Crash) and error.what == "killed":
             return EXIT_NOT_JUDGED
         return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
+    except OSError as problem:  # any word may be looked for as a file, and pathlib raises for those that are none
+        if problem.errno != errno.ENAMETOOLONG:
+            raise
+        print(f"error: {printable(str(problem.filename)[:60])}... is too long for the name of a file.", file=sys.stderr)
+        return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

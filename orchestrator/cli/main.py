@@ -20,6 +20,8 @@ COMMANDS = {
     "check": "what a controller FMU is, how it is connected, how it behaves",
     "compare": "finished evaluations side by side",
     "report": "the report of a finished evaluation again, or figures of it",
+    "runs": "past runs, with V and date",
+    "completion": "a script that completes commands and options in bash and zsh",
     "new": "begin a controller from a starter kit",
     "selftest": "whether this machine gives the published bits",
     "build": "build a controller's FMU from its folder, or the benchmark's own",

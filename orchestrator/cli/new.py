@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from controller_fmu import controller_from_mlp, controller_from_state_space, starters
-from controller_fmu.errors import ControllerFmuError, NoCompilerError
+from controller_fmu.errors import ControllerFmuError, NoCompilerError, UnstableError
 from controller_fmu.export.state_space import INTERPOLATIONS
 from controller_fmu.export.systems import METHODS
 
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _built(kind: str, file: Path, out: Path, given: argparse.Namespace) -> int:
-    how = {name: getattr(given, name) for name in ("T_s", "method", "interpolation")}
+    how = {name: getattr(given, name) for name in ("T_s", "method", "interpolation", "unstable")}
     if given.dry_run:
         return output.put_files([out], given)
     try:
@@ -62,7 +62,8 @@ def _built(kind: str, file: Path, out: Path, given: argparse.Namespace) -> int:
     except NoCompilerError as problem:
         raise EnvironmentFault(str(problem), "cannot-build") from None
     except ControllerFmuError as problem:
-        raise InputError(str(problem), "bad-system", problem.where or file, problem.value, problem.nearest) from None
+        code = "unstable-system" if isinstance(problem, UnstableError) else "bad-system"
+        raise InputError(str(problem), code, problem.where or file, problem.value, problem.nearest) from None
 
 
 def _parser() -> Parser:
@@ -97,5 +98,8 @@ def _parser() -> Parser:
         choices=INTERPOLATIONS,
         default=INTERPOLATIONS[0],
         help="between the points of a schedule (default: the nearest one)",
+    )
+    group.add_argument(
+        "--unstable", action="store_true", help="take a controller that is unstable by itself, which is else refused"
     )
     return parser

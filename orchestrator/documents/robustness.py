@@ -147,7 +147,9 @@ class Robustness(Document, Comparable, kw_only=True):
         commands |= {name: entry.command for name, entry in self.requirements.items()}
         packs = worst_page.packs(recordings, commands)
         shown = {role.split(" ")[0]: number for number, pack in enumerate(packs) for role in pack["roles"]}
-        left = (worst_page.headline(self.cost, self.protocol_cost, self.protocol, self.rules.cost.target),)
+        left_out = [name for name in self.rules.criteria if name not in self.criteria]
+        target = self.rules.cost.target
+        left = (worst_page.headline(self.cost, self.protocol_cost, self.protocol, target, left_out),)
         right = (worst_page.requirements(self.rules, self.requirements, shown),)
         summary: tuple[Part, ...] = (
             *self._remarks(),

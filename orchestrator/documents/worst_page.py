@@ -41,15 +41,19 @@ VALUE = (
 )
 
 
-def headline(cost: float | None, listed: float | None, protocol: str, target: float) -> Headline:
-    """What the search made of V."""
+def headline(
+    cost: float | None, listed: float | None, protocol: str, target: float, left_out: Sequence[str]
+) -> Headline:
+    """What the search made of V; ``left_out`` are criteria that were not searched for."""
     marks = [("target", target)] + ([] if listed is None else [("list", listed)])
     sentence = (
         f"V from the largest values found, a lower bound of the true one; {number(listed)} on the list of the protocol "
         f"{protocol}, with which the search began."
     )
-    if cost is None:
-        sentence = "No cost: a case that counts has no value."
+    if cost is None and left_out:
+        sentence = f"No V: it needs all criteria, and {', '.join(left_out)} were not searched for."
+    elif cost is None:
+        sentence = "No V: a case that counts has no value."
     elif listed is None:
         sentence = "The search began without a list: V has values of few configurations."
     return Headline("Cost V", cost, tuple(marks), sentence)

@@ -69,6 +69,10 @@ class Stepwise:
         """Position X of the tool [m] at a sample that was reached."""
         return self._record.outputs[sample, 2:4]
 
+    def observed(self, sample: int) -> tuple[float, ...]:
+        """The plant's outputs ``observe`` at a sample that was reached."""
+        return tuple(self._record.outputs[sample, 4:].tolist())
+
     def close(self) -> None:
         """End the simulation where it is."""
         if self._loop:

@@ -18,6 +18,7 @@ from ..benchmark.case import Case
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
+from ..documents.case_list import CaseList
 from ..errors import InputError
 from ..execution import cluster
 from ..execution.job import Limits
@@ -79,9 +80,9 @@ class Testbed:
         return {**own, **self.plant_parameters}
 
     @functools.cached_property
-    def cases(self) -> tuple[Case, ...]:
-        """All cases of the protocol, in its order."""
-        return case_list.cases(self.rules, self.nominal, self.seed)
+    def cases(self) -> CaseList:
+        """All cases of the protocol, in its order: a tuple that shows itself in a notebook."""
+        return CaseList(case_list.cases(self.rules, self.nominal, self.seed))
 
     def case(self, id: str) -> Case:
         """The case called ``id``, such as ``"c07.compliant.gain_1"``, also with a system the protocol does not run.
