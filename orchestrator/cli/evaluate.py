@@ -24,7 +24,7 @@ from .values import Parser
 EXAMPLES = """examples:
   python -m orchestrator.evaluate                              the paper's PID
   python -m orchestrator.evaluate my_controller.fmu            your controller
-  python -m orchestrator.evaluate my_controller.fmu --quick    a look in seconds, not comparable
+  python -m orchestrator.evaluate my_controller.fmu --quick    a first impression in seconds, not comparable
   python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
   python -m orchestrator.evaluate --only 'c07.*'               one configuration
   python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
@@ -36,7 +36,7 @@ EXAMPLES = """examples:
 
 IDLE = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json", "form",
         "dry_run")  # fmt: skip
-"""What has nothing to act on where the cases are only listed."""
+"""Options that have no effect where the cases are only listed."""
 
 
 def _options(parser: Parser) -> None:
@@ -68,7 +68,7 @@ def _options(parser: Parser) -> None:
 def _check(given: argparse.Namespace) -> None:
     outputs.check_options(given)
     if given.list and any(getattr(given, name) for name in IDLE):
-        raise InputError("--list runs nothing: the other options have nothing to act on.", "contradiction", "--list")
+        raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 
 def _study(

@@ -67,7 +67,7 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         return code
     except BrokenPipeError:  # the reader has read enough, as in a pipe to head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print("the reader of standard output has gone; nothing more is printed", file=sys.stderr)
+        print("the program that reads standard output has ended; nothing more is printed", file=sys.stderr)
         return EXIT_INCOMPLETE
     except BenchmarkError as error:
         print(f"error: {printable(' '.join(filter(None, (str(error), remedy(error)))))}", file=sys.stderr)

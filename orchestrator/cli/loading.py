@@ -44,7 +44,7 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
             kinds = kinds_in(path)
             if not kinds and path.is_dir():
                 names = ", ".join(KINDS)
-                raise InputError(f"{path} holds none of the results that are known here: {names}.", "no-run", path)
+                raise InputError(f"{path} holds no results of a known kind: {names}.", "no-run", path)
             found += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
         except InputError as problem:
             last = problem

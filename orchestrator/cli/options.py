@@ -114,9 +114,9 @@ def add_controller(parser: argparse.ArgumentParser) -> None:
         type=number(most=MOST, positive=True),
         default=60.0,
         metavar="SECONDS",
-        help="processor time that a simulation of 26 s, or a look of the check, may take; shorter simulations get "
-        "their share, all some seconds to start; a simulation may wait, without computing, for twice as long "
-        "(default: 60)",
+        help="processor time limit of a simulation of 26 s, and of each step of the check; shorter simulations get a "
+        "proportional limit, and all get some seconds to start; a simulation may wait, without computing, for twice "
+        "this time (default: 60)",
     )
     parser.add_argument(
         "--memory-limit",

@@ -14,7 +14,8 @@ from ..errors import InputError
 # Imports inside functions: pyarrow and SciPy are loaded by those who need them.
 
 NO_TRAJECTORIES = (
-    "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
+    "An evaluation without --no-report keeps trajectories, except of cases that hung, crashed or ended before the "
+    "force."
 )
 
 

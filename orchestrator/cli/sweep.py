@@ -20,7 +20,7 @@ EXAMPLES = """examples:
   python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5
   python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5:log --vary z_p[1]=0.8,0.9,0.95
 
-The same command goes on with an interrupted sweep.
+The same command continues an interrupted sweep.
 """
 
 
