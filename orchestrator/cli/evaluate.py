@@ -84,7 +84,7 @@ def _study(
 
 
 def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
-    """Write what was asked for of one of several seeds."""
+    """Write the files that were asked for, of one of several seeds."""
     if isinstance(event, SeedDone):
         print(f"seed {event.seed}: V = {number(event.evaluation.cost)}", file=sys.stderr)
         own = folder / seed_folder(event.seed)
@@ -102,7 +102,7 @@ def _files(found: Evaluation | Spread, folder: Path, given: argparse.Namespace) 
 
 
 class EvaluateCommand(StudyCommand):
-    """The command, which can also list the cases."""
+    """The command ``evaluate``; it can also list the cases."""
 
     def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
         """See :meth:`.StudyCommand.run`."""

@@ -49,7 +49,7 @@ def _tell() -> Callable[[Event], str]:
 
 
 def write_files(found: Sweep, folder: Path, given: argparse.Namespace) -> Sequence[str]:
-    """Write what shows the answer beside its page; the names of these files."""
+    """Write the files beside the page of a sweep; returns their names."""
     write_text(folder / CSV, found.csv())
     if len(found.varied) > 2:
         return [CSV]

@@ -73,7 +73,7 @@ def _options(parser: Parser) -> None:
         f"(default: {' '.join(USUAL)}, which take the least time)",
     )
     parser.add_argument(
-        "--repeat", type=Path, metavar="FILE", help="do the verification of a certificate again, and compare"
+        "--repeat", type=Path, metavar="FILE", help="repeat the verification of a certificate, and compare"
     )
 
 
@@ -111,7 +111,7 @@ def _round(draws: str) -> str:
 
 
 class VerifyCommand(StudyCommand):
-    """The command, which can also repeat a certificate."""
+    """The command ``verify``; it can also repeat a certificate."""
 
     def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
         """See :meth:`.StudyCommand.run`."""
@@ -175,7 +175,7 @@ main = COMMAND.main
 
 
 def clean(arguments: Sequence[str] | None = None) -> int:
-    """The command in a clean interpreter; in this one if that is clean, or only help is asked for."""
+    """Run the command in a clean interpreter; in this one if it is clean, or if only help is asked for."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if is_clean() or not words or {"-h", "--help", "--dry-run"} & set(words):
         return main(words)
