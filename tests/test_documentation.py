@@ -10,6 +10,8 @@ import yaml
 from fmpy import read_model_description
 
 import orchestrator
+from orchestrator.benchmark.protocol import load
+from orchestrator.cli.main import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_POSE = 'extends = "quick"\nname = "one pose"\n[grid]\nq_a1_points = 1\nq_a2_points = 1\n'
@@ -124,3 +126,16 @@ def test_the_readme_is_short_and_has_the_two_commands():
     commands = {mark: lines[lines.index(f"<!-- {mark} -->") + 2] for mark in ("run", "test")}
     assert commands["run"].endswith("-m orchestrator.evaluate") and " -m pytest " in commands["test"]
     assert (ROOT / "docs" / "pictures" / "disturbance.gif").stat().st_size < 1.5e6
+
+
+def test_the_example_of_a_protocol_file_has_the_two_configurations_that_the_page_says(tmp_path: Path) -> None:
+    (example,) = re.findall(r"^```toml\n(.*?)^```", text("docs/protocol.md"), re.DOTALL | re.MULTILINE)
+    (tmp_path / "mine.toml").write_text(example)
+    protocol = load(tmp_path / "mine.toml")
+    assert protocol.grid.size == 2 and protocol.disturbance.force == 800.0
+
+
+def test_commands_are_listed_on_their_page_and_in_the_readme() -> None:
+    listed = {name for row in re.findall(r"^\| (`.+?) \|", text("README.md"), re.MULTILINE) for name in row.split(", ")}
+    for command in COMMANDS:
+        assert f"`{command}`" in listed and f"flexible-manipulator {command}" in text("docs/commands.md")

@@ -26,7 +26,7 @@ function sortBy(table, column) {
 
 document.addEventListener("DOMContentLoaded", () => {
   for (const table of document.querySelectorAll("table")) {
-    if (!table.tHead || table.tHead.rows[0].cells.length <= 6 || table.tBodies[0].rows.length < 2) continue;
+    if (!(table.tHead?.rows[0].cells.length > 6 && table.tBodies[0]?.rows.length > 1)) continue;
     table.classList.add("sortable");
     [...table.tHead.rows[0].cells].forEach((head, column) => {
       const button = document.createElement("button");

@@ -1,1 +1,1 @@
-"""The commands: options, progress, terminal, exit codes, remedies. All they do is done by the library below."""
+"""The commands: options, progress, terminal, exit codes, remedies. The layers below do the work."""

@@ -1,4 +1,4 @@
-"""Check a controller FMU before any evaluation: what it is, how it is bound, how it behaves."""
+"""Check a controller FMU before an evaluation: its kind, its connectors, its behaviour."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         drawn, empty = write_comparison(found.named, given.output_dir / FIGURES)
         written += [f"{FIGURES}/{name}" for name in drawn]
         if empty:
-            print(f"not written, as there is nothing to show in them: {', '.join(empty)}", file=sys.stderr)
+            print(f"not written, since there are no data for them: {', '.join(empty)}", file=sys.stderr)
     output.put(found, given, found.document())
     output.tell_written(given.output_dir, written)
     return max(output.shown_code(each.completeness) for each, _ in listed)

@@ -24,7 +24,7 @@ from .values import Parser
 EXAMPLES = """examples:
   python -m orchestrator.evaluate                              the paper's PID
   python -m orchestrator.evaluate my_controller.fmu            your controller
-  python -m orchestrator.evaluate my_controller.fmu --quick    a look in seconds, not comparable
+  python -m orchestrator.evaluate my_controller.fmu --quick    a first impression in seconds, not comparable
   python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
   python -m orchestrator.evaluate --only 'c07.*'               one configuration
   python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
@@ -36,7 +36,7 @@ EXAMPLES = """examples:
 
 IDLE = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json", "form",
         "dry_run")  # fmt: skip
-"""What has nothing to act on where the cases are only listed."""
+"""Options that have no effect where the cases are only listed."""
 
 
 def _options(parser: Parser) -> None:
@@ -68,7 +68,7 @@ def _options(parser: Parser) -> None:
 def _check(given: argparse.Namespace) -> None:
     outputs.check_options(given)
     if given.list and any(getattr(given, name) for name in IDLE):
-        raise InputError("--list runs nothing: the other options have nothing to act on.", "contradiction", "--list")
+        raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 
 def _study(
@@ -84,7 +84,7 @@ def _study(
 
 
 def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
-    """Write what was asked for of one of several seeds."""
+    """Write the files that were asked for, of one of several seeds."""
     if isinstance(event, SeedDone):
         print(f"seed {event.seed}: V = {number(event.evaluation.cost)}", file=sys.stderr)
         own = folder / seed_folder(event.seed)
@@ -102,7 +102,7 @@ def _files(found: Evaluation | Spread, folder: Path, given: argparse.Namespace) 
 
 
 class EvaluateCommand(StudyCommand):
-    """The command, which can also list the cases."""
+    """The command ``evaluate``; it can also list the cases."""
 
     def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
         """See :meth:`.StudyCommand.run`."""

@@ -1,4 +1,4 @@
-"""The way from an error to a message and an exit code, and the remedies that name options."""
+"""From an error to a message with a remedy, and to an exit code."""
 
 from __future__ import annotations
 
@@ -54,9 +54,10 @@ start is spent looking for garbage among them."""
 
 
 def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None) -> int:
-    """Run a command; an error made on purpose becomes one clear message and an exit code.
+    """Run a command; an error of the library becomes one message and an exit code.
 
-    An FMU's own refusal (:class:`FmuError`) comes this far only before the first sample: it is bad input.
+    An :class:`FmuError`, the refusal of a call by an FMU, arrives here only if it occurs before the first sample. It
+    counts as bad input.
     """
     handler = _Notes()
     logger = logging.getLogger("orchestrator")
@@ -69,7 +70,7 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         return code
     except BrokenPipeError:  # the reader has read enough, as in a pipe to head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print("the reader of standard output has gone; nothing more is printed", file=sys.stderr)
+        print("the program that reads standard output has ended; nothing more is printed", file=sys.stderr)
         return EXIT_INCOMPLETE
     except BenchmarkError as error:
         print(f"error: {printable(' '.join(filter(None, (str(error), remedy(error)))))}", file=sys.stderr)
@@ -90,13 +91,13 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
 
 
 def remedy(problem: object) -> str:
-    """What to do about an error, finding or log record with a code ``what``; empty if there is nothing to say."""
+    """The remedy for an error, finding or log record with the code ``what``; empty if there is none."""
     fields = {"value": getattr(problem, "value", ""), "nearest": getattr(problem, "nearest", ())}
     return REMEDIES.get(getattr(problem, "what", ""), "").format(**fields)
 
 
 class _Notes(logging.Handler):
-    """What the library has to say, on standard error."""
+    """Notes of the library, printed on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         prefix = "warning: " if record.levelno > logging.INFO and not hasattr(record, "what") else ""
@@ -106,9 +107,9 @@ class _Notes(logging.Handler):
 
 
 def run(module: str, arguments: Sequence[str] | None = None) -> int:
-    """The command ``main`` of a module of this room, guarded: what ``python -m`` and the console command call.
+    """Run ``main`` of a module of this package, guarded: what ``python -m`` and the console command call.
 
-    Its imports take a second, in which a Ctrl-C is no traceback either.
+    A Ctrl-C during the imports, which take a second, leads to no traceback either.
     """
     gc.set_threshold(GARBAGE)
     try:

@@ -27,15 +27,15 @@ KINDS: dict[str, type[Loaded]] = {
 
 
 def kinds_in(path: Path) -> list[type[Loaded]]:
-    """What is in a folder, or is that file."""
+    """The kinds of results that a folder holds, or the kind of a file."""
     return [kind for name, kind in KINDS.items() if path.name == name or (path / name).is_file()]
 
 
 def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
-    """What is finished in these folders or files, each kind of it.
+    """The finished results of every kind in these folders or files.
 
-    What holds nothing is left out with a note on standard error; raises the last reason, an :class:`InputError`, if
-    there is nothing else.
+    A folder without results is left out, with a note on standard error. If no folder has results, the last reason is
+    raised, an :class:`InputError`.
     """
     found: list[tuple[Loaded, Path]] = []
     last: InputError | None = None
@@ -44,7 +44,7 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
             kinds = kinds_in(path)
             if not kinds and path.is_dir():
                 names = ", ".join(KINDS)
-                raise InputError(f"{path} holds none of the results that are known here: {names}.", "no-run", path)
+                raise InputError(f"{path} holds no results of a known kind: {names}.", "no-run", path)
             found += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
         except InputError as problem:
             last = problem

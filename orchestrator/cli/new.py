@@ -1,4 +1,4 @@
-"""Begin a controller of one's own: from a starter kit, or of the matrices or weights of a design."""
+"""Begin a controller: from a starter kit, or from the matrices or weights of a design."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from .values import MOST, assignment, connection, natural, number, seeds, time
 
 
 def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
-    """Options that say which cases there are; ``several_seeds`` at once instead of one, if a command can do that."""
+    """Options that determine the cases; with ``several_seeds``, the command takes several seeds at once."""
     parser.add_argument(
         "--protocol",
         default=default,
@@ -61,7 +61,8 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
 def add_controller(
     parser: argparse.ArgumentParser, which: str = "the controller to test (default: the paper's PID)"
 ) -> None:
-    """Options that say ``which`` controller is run, how it is used, and under which conditions."""
+    """Options for the controller (``which`` says what it is for), its parameters and connectors, and the limits of its
+    processes."""
     parser.add_argument(
         "controller",
         nargs="?",
@@ -116,9 +117,9 @@ def add_controller(
         type=number(most=MOST, positive=True),
         default=60.0,
         metavar="SECONDS",
-        help="processor time that a simulation of 26 s, or a look of the check, may take; shorter simulations get "
-        "their share, all some seconds to start; a simulation may wait, without computing, for twice as long "
-        "(default: 60)",
+        help="processor time limit of a simulation of 26 s, and of each step of the check; shorter simulations get a "
+        "proportional limit, and all get some seconds to start; a simulation may wait, without computing, for twice "
+        "this time (default: 60)",
     )
     parser.add_argument(
         "--memory-limit",
@@ -133,14 +134,14 @@ def add_controller(
 
 
 def add_jobs(parser: argparse.ArgumentParser) -> None:
-    """How many processes."""
+    """The option for the number of processes."""
     parser.add_argument(
         "--jobs", type=natural(1), default=available_cores(), metavar="N", help="processes (default: all cores)"
     )
 
 
 def add_cluster(parser: argparse.ArgumentParser) -> None:
-    """Where else to run."""
+    """Options for a run on a cluster."""
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument(
         "--wait",
@@ -152,7 +153,7 @@ def add_cluster(parser: argparse.ArgumentParser) -> None:
 
 
 def varied(given: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """What ``--vary`` gives, by name; raises :class:`InputError` for a parameter that is given twice."""
+    """The values of ``--vary`` by name; raises :class:`InputError` for a parameter that is given twice."""
     refuse_repeated("--vary", given)
     return dict(given)
 
@@ -178,7 +179,7 @@ def refuse_repeated(option: str, given: Sequence[tuple[str, Any]]) -> None:
 
 
 def benchmark(options: argparse.Namespace) -> Benchmark:
-    """The benchmark that the options describe; those that a command does not have keep their defaults."""
+    """The benchmark that the options describe; options that a command does not have keep their defaults."""
     refuse_repeated("--plant-set", getattr(options, "plant_parameters", ()))
     return Benchmark(
         protocol=getattr(options, "protocol", "paper"),
@@ -195,7 +196,7 @@ def benchmark(options: argparse.Namespace) -> Benchmark:
 
 
 def controller(options: argparse.Namespace) -> Controller:
-    """The controller that the options describe, from files and options; options override files."""
+    """The controller that files and options describe; options override files."""
     refuse_repeated("--map", options.connections)
     refuse_repeated("--set", options.controller_parameters)
     plain = Controller(options.controller, sample_time=options.sample_time)
@@ -220,7 +221,7 @@ BUILDS = {
 
 
 def announce(bench: Benchmark, given: Controller) -> None:
-    """Say on standard error which FMUs are simulated, and how those of the benchmark were built."""
+    """Name on standard error the FMUs that are simulated, and how those of the benchmark were built."""
     plant = bench.manipulator
     names = (given.file_name, given.file is None), (plant.archive.name, plant.build != FILE)
     told = (f"{printable(name)} ({BUILDS[name]})" if own else printable(name) for name, own in names)

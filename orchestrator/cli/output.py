@@ -1,4 +1,4 @@
-"""What a command prints: a summary for people, JSON or a paper's table; and the exit code that goes with it."""
+"""What a command prints (a summary, JSON, or tables for a paper), and its exit code."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ EXITS: dict[Completeness, int] = {"complete": EXIT_OK, "incomplete": EXIT_INCOMP
 
 
 def add_options(parser: Parser, json: str, forms: bool = True) -> argparse._MutuallyExclusiveGroup:
-    """Options of what is printed, of which there is one at a time: ``json`` says what that form is, the others are
-    ``forms`` for a paper."""
+    """Options for what is printed; they exclude each other.
+
+    ``json`` describes the document that ``--json`` prints; ``forms`` are the forms of tables for a paper.
+    """
     parser.set_defaults(form=None)
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument("--json", action="store_true", help=f"print {json} instead of tables")
@@ -37,12 +39,12 @@ def add_options(parser: Parser, json: str, forms: bool = True) -> argparse._Mutu
 
 
 def add_dry_run(options: argparse._ActionsContainer, what: str) -> None:
-    """The option that only tells, among ``options``."""
+    """Add the option ``--dry-run`` to ``options``."""
     options.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
 
 
 def put(shown: Shown | Summary, given: argparse.Namespace, document: Any = None) -> None:
-    """Print what was asked for; ``document`` is what JSON holds if that is not ``shown``."""
+    """Print ``shown`` in the form that was asked for; as JSON, print ``document`` instead if there is one."""
     if given.json:
         print(to_json(shown if document is None else document))
         return
@@ -54,7 +56,7 @@ def put(shown: Shown | Summary, given: argparse.Namespace, document: Any = None)
 
 
 def add_files(parser: Parser) -> None:
-    """Options of a command whose answer is the files that it writes."""
+    """Options of a command whose result is the files that it writes."""
     add_dry_run(add_options(parser, "the files written", forms=False), "which files would be written")
 
 
@@ -66,12 +68,12 @@ def put_files(files: Iterable[Path], given: argparse.Namespace) -> int:
 
 
 def tell_written(folder: Path, names: Iterable[str]) -> None:
-    """Say on standard error what was written."""
+    """Name on standard error the files that were written."""
     print(printable(f"written to {folder}: {', '.join(names) or 'nothing'}"), file=sys.stderr)
 
 
 def shown_code(completeness: Completeness) -> int:
-    """The exit code of showing again what was found: whether something of it is not judged."""
+    """The exit code of a command that shows finished results: whether a requirement is not judged."""
     return EXIT_NOT_JUDGED if completeness == "not judged" else EXIT_OK
 
 

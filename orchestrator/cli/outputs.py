@@ -1,4 +1,4 @@
-"""What is made of a run on request: the report, figures, tables for other tools. Options and files in one place."""
+"""Files that a command writes of a run on request: the report, figures, tables for other tools; and their options."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from ..errors import InputError
 # Imports inside functions: pyarrow and SciPy are loaded by those who need them.
 
 NO_TRAJECTORIES = (
-    "An evaluation without --no-report keeps trajectories, but of no case that hung, crashed or ended before its force."
+    "An evaluation without --no-report keeps trajectories, except of cases that hung, crashed or ended before the "
+    "force."
 )
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of what is written beside ``results.json`` and ``cases.csv``."""
+    """Options for files beside ``results.json`` and ``cases.csv``."""
     group = parser.add_argument_group("files of an evaluation")
     group.add_argument("--figures", action="store_true", help="write the paper's figures as PDF, SVG and PNG")
     group.add_argument("--parquet", action="store_true", help="write cases.parquet (needs pyarrow)")
@@ -27,20 +28,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def check_options(given: argparse.Namespace) -> None:
-    """Raise :class:`InputError` for what cannot be written here, before anything is simulated for it."""
+    """Raise :class:`InputError` for a file that cannot be written, before anything is simulated."""
     if given.parquet and find_spec("pyarrow") is None:
         raise InputError("Parquet needs the package pyarrow: pip install pyarrow", "no-pyarrow")
 
 
 def need_recordings(given: argparse.Namespace) -> bool:
-    """Whether anything that was asked for shows trajectories."""
+    """Whether a file that was asked for shows trajectories."""
     return not given.no_report or given.figures or given.mat
 
 
 def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> list[str]:
-    """Make what was asked for of an evaluation; returns the names of the files written.
+    """Write the files that were asked for, of an evaluation; returns the names of the files written.
 
-    What was asked for and has nothing to show is left out, with a note.
+    A file for which there are no data is left out, with a note.
     """
     written: list[str] = []
     left_out: list[str] = []

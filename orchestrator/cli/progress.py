@@ -19,7 +19,7 @@ EVERY = 8
 
 @contextmanager
 def progress(protocol: Protocol | None = None) -> Iterator[OnResult]:
-    """A live progress bar; the function it gives is told each result. With a protocol it shows V so far."""
+    """A live progress bar; yields a function to call with each result. With a protocol, it shows V so far."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

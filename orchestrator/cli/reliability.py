@@ -22,8 +22,8 @@ EXAMPLES = """examples:
   python -m orchestrator.reliability my_controller.fmu --distribution corners
   python -m orchestrator.reliability my_controller.fmu --more 500
 
-A sample of N draws without a failure bounds the probability of one: by 0.01 with 459 draws, by 0.001 with 4603, at
-99 % confidence. The same command goes on with an interrupted sample; --more adds draws to a finished one.
+A sample without a failure bounds the probability of a failure: 459 draws by 0.01, 4603 draws by 0.001, at 99 %
+confidence. The same command continues an interrupted sample; --more adds draws to a finished one.
 """
 
 

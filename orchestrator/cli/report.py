@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number, (found, folder) in enumerate(several):
         other = not isinstance(found, Evaluation)
         if other and (given.figures or given.parquet or given.mat):
-            raise InputError(f"{folder} holds no evaluation, and there is its report only.", "no-run", folder)
+            raise InputError(f"{folder} holds no evaluation: only its report can be written.", "no-run", folder)
         place = folder if folder.is_dir() else folder.parent
         if given.dry_run:
             print(printable(f"{place}: {type(found).__name__} of {found.head.controller.file}"))

@@ -1,4 +1,4 @@
-"""Search for the worst case of a controller: the arm within the tolerances that it holds least, margins and radius."""
+"""Search for the worst case of a controller within the tolerances, for its stability margins and robustness radius."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ EXAMPLES = """examples:
   python -m orchestrator.robustness my_controller.fmu --restarts 3      three independent starts, and their spread
   python -m orchestrator.robustness my_controller.fmu --only B6 --no-list --budget 300
 
-What is found is a lower bound: a longer search may find more. A failure that is found is a proof, which its command
-repeats; that none was found proves nothing. The same command goes on with an interrupted search.
+V found and the largest values are lower bounds: a longer search may find larger ones. Each failure comes with a command
+that reproduces it. If the search finds no failure, the controller may still have one. The same command continues an
+interrupted search.
 """
 
 

@@ -1,4 +1,4 @@
-"""Tell whether this machine gives the published bits."""
+"""Check whether this machine gives the published bits."""
 
 from __future__ import annotations
 

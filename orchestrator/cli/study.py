@@ -1,4 +1,4 @@
-"""What all studies' commands share: their options, running or planning one, its files, and the exit code."""
+"""What the commands of all studies share: options, the run or its plan, files, and the exit code."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def show_plan(found: Plan, as_json: bool) -> int:
 
 
 def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namespace) -> str:
-    """A name for the results: of controller and protocol, and of whatever is not as usual."""
+    """A name for the folder of the results: controller, protocol, and every setting that is not the default."""
     name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
     plant = bench.manipulator.model if bench.manipulator.build == "file" else ""
     only = getattr(given, "only", ())

@@ -20,7 +20,7 @@ EXAMPLES = """examples:
   python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5
   python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5:log --vary z_p[1]=0.8,0.9,0.95
 
-The same command goes on with an interrupted sweep.
+The same command continues an interrupted sweep.
 """
 
 
@@ -49,7 +49,7 @@ def _tell() -> Callable[[Event], str]:
 
 
 def write_files(found: Sweep, folder: Path, given: argparse.Namespace) -> Sequence[str]:
-    """Write what shows the answer beside its page; the names of these files."""
+    """Write the files beside the page of a sweep; returns their names."""
     write_text(folder / CSV, found.csv())
     if len(found.varied) > 2:
         return [CSV]

@@ -16,14 +16,14 @@ MOST = 1e9
 
 
 MOST_SEEDS = 10_000
-"""Seeds of one command; more are a slip of the keyboard."""
+"""The largest number of seeds of one command; more are taken as a typing error."""
 
 MOST_VALUES = 10_000
 """Values of one parameter, likewise."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors take two lines and not a page."""
+    """A parser whose error messages have two lines."""
 
     def __init__(self, command: str, description: str, epilog: str = "", program: str = "") -> None:
         super().__init__(

@@ -1,4 +1,4 @@
-"""Verify a controller: the result one can trust, with a certificate that repeats it."""
+"""Verify a controller with draws that it cannot know, and write a certificate that others can repeat."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ EXAMPLES = """examples:
   python -m orchestrator.verify my_controller.fmu --draws round.json --published 2027-01-31T12:00:00Z
   python -m orchestrator.verify --repeat verification.json my_controller.fmu
 
-With --repeat, exit code 0 says that the results are equal to those of the certificate, to the last bit, and that both
-were made under the standard conditions; 4 that they are equal, but the conditions are others, which are named; 1 that
-they differ; 3 that cases were skipped or lost, so that this is not judged.
+exit codes of --repeat: 0 the results equal those of the certificate, to the last bit, and both were made under the
+standard conditions; 4 the results are equal, but the conditions are not the standard ones, and the message names them;
+1 the results differ; 3 not judged, since cases were skipped or lost.
 """
 
 
@@ -73,7 +73,7 @@ def _options(parser: Parser) -> None:
         f"(default: {' '.join(USUAL)}, which take the least time)",
     )
     parser.add_argument(
-        "--repeat", type=Path, metavar="FILE", help="do the verification of a certificate again, and compare"
+        "--repeat", type=Path, metavar="FILE", help="repeat the verification of a certificate, and compare"
     )
 
 
@@ -91,13 +91,13 @@ def _check(given: argparse.Namespace) -> None:
     if given.seed is not None:
         raise InputError("A verification draws its own seeds: leave out --seed.", "contradiction", "--seed")
     if (given.draws != FRESH) != (given.published is not None) and not given.repeat:
-        message = "A round of a beacon goes with the time at which the controller was published: --draws, --published."
+        message = "A round of a beacon needs the time when the controller was published: give --draws and --published."
         raise InputError(message, "contradiction", "--published")
     drawn = given.draws != FRESH or given.published is not None
     fixed = (drawn, not given.strict, given.beside is not USUAL, given.protocol != PROTOCOL)
     named = given.controller_parameters or given.parameter_files or given.connections or given.mapping_files
     if given.repeat and (any(fixed) or named or given.output_dir or given.dry_run):
-        message = "The certificate says with what it is repeated: give it and the controller alone."
+        message = "The certificate holds all other settings: give only the certificate and the controller."
         raise InputError(message, "contradiction", given.repeat)
 
 
@@ -111,7 +111,7 @@ def _round(draws: str) -> str:
 
 
 class VerifyCommand(StudyCommand):
-    """The command, which can also repeat a certificate."""
+    """The command ``verify``; it can also repeat a certificate."""
 
     def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
         """See :meth:`.StudyCommand.run`."""
@@ -157,7 +157,7 @@ def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
 
 COMMAND = VerifyCommand(
     name="verify",
-    help="Verify a controller: draws nobody knew, a judge it cannot reach.",
+    help="Verify a controller with draws that it cannot know, and write a certificate.",
     examples=EXAMPLES,
     study=_study,
     options=_options,
@@ -176,7 +176,7 @@ main = COMMAND.main
 
 
 def clean(arguments: Sequence[str] | None = None) -> int:
-    """The command in a clean interpreter; in this one if that is clean, or only help is asked for."""
+    """Run the command in a clean interpreter; in this one if it is clean, or if only help is asked for."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if is_clean() or not words or {"-h", "--help", "--dry-run"} & set(words):
         return main(words)
