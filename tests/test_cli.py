@@ -4,6 +4,7 @@ import csv
 import importlib
 import json
 import math
+import re
 import shlex
 import shutil
 import sys
@@ -335,9 +336,12 @@ def test_an_fmu_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     finished = call(name, "--help", folder=tmp_path)
-    assert finished.code == 0 and finished.err == "" and "usage: " in finished.out and "examples:" in finished.out
-    if name not in ("new",):
-        assert "exit codes:" in finished.out
+    assert finished.code == 0 and finished.err == "" and finished.out.startswith("usage: ")
+    _, after = finished.out.split("\nexamples:\n")
+    examples, codes = after.rsplit("\nexit codes", 1)
+    starts = (f"  flexible-manipulator {name}", f"  python -m orchestrator.{name}", '  eval "$(flexible-manipulator ')
+    assert any(line.startswith(starts) and name in line for line in examples.splitlines())
+    assert re.search(r"\b0 \w+", codes)
 
 
 def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
