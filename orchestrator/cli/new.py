@@ -65,7 +65,7 @@ def _built(kind: str, file: Path, out: Path, given: argparse.Namespace) -> int:
         raise EnvironmentFault(str(problem), "cannot-build") from None
     except ControllerFmuError as problem:
         code = "unstable-system" if isinstance(problem, UnstableError) else "bad-system"
-        raise InputError(str(problem), code, problem.where or file, problem.value, problem.nearest) from None
+        raise InputError(f"{problem}.", code, problem.where or file, problem.value, problem.nearest) from None
 
 
 def _parser() -> Parser:
