@@ -274,6 +274,7 @@ def test_without_a_candidate_that_holds_the_nearest_is_told_with_what_failed(tmp
         assert "Nearest to holding A1 to A3" in shown and "Nearest: trial 20" in shown
     found.save(tmp_path)
     assert Tuning.load(tmp_path) == found
+    assert not found.rank.holds and found.V is None
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ class Tuning(Document, Comparable, kw_only=True):
     def rank(self) -> Rank:
         """See :class:`.Comparable`."""
         if self.best is None or self.best.cost is None:
-            return Rank(reason="no candidate holds A1-A3")
+            return Rank(holds=False, reason="no candidate holds A1-A3")
         return Rank(self.best.cost, not self.best.strict_broken)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
