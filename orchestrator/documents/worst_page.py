@@ -150,16 +150,17 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
 def commands(
     found: Mapping[str, CriterionFound], requirements: Mapping[str, RequirementFound], margins: Mapping[str, Margin]
 ) -> Iterator[tuple[str, str]]:
-    """Commands by what they repeat: failures first, then margins, then the largest values."""
-    for name, requirement in requirements.items():
-        if requirement.passed is False:
-            yield f"{name} fails", requirement.command
-    for name, margin in margins.items():
-        if margin.command:
-            yield f"margin {name}", margin.command
-    for name, entry in found.items():
-        if entry.worst_case.command:
-            yield f"largest {name}", entry.worst_case.command
+    """Commands by what they repeat: failures first, then margins, then the largest values. A case that is the worst in
+    several respects has one command."""
+    pairs = [(f"{name} fails", own.command) for name, own in requirements.items() if own.passed is False]
+    pairs += [(f"margin {name}", margin.command) for name, margin in margins.items()]
+    pairs += [(f"largest {name}", entry.worst_case.command) for name, entry in found.items()]
+    named: dict[str, list[str]] = {}
+    for name, command in pairs:
+        if command:
+            named.setdefault(command, []).append(name)
+    for command, names in named.items():
+        yield ", ".join(names), command
 
 
 def specs(rules: Rules, found: Mapping[str, CriterionFound]) -> list[dict[str, Any]]:
