@@ -217,4 +217,4 @@ def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ..
 
 
 def _checksum(name: str) -> int:
-    return zlib.crc32(name.encode())
+    return zlib.crc32(name.encode(errors="surrogateescape"))  # a word of a command line may hold bytes of no text

@@ -184,7 +184,7 @@ class Tuning(Document, Comparable, kw_only=True):
     def _kicker(self) -> str:
         return (
             f"{self.benchmark}, {len(self.trials)} trials ({self.sampler}) in the protocol {self.objective}, "
-            f"{len(self.judged)} candidates in {self.protocol}"
+            f"{len(self.judged)} candidate{'s' * (len(self.judged) != 1)} in {self.protocol}"
         )
 
     def __repr__(self) -> str:

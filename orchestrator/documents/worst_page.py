@@ -34,7 +34,10 @@ from .wording import REQUIREMENTS
 
 SCRIPTS = ("arm.js", "case.js", "heat.js", "motion.js", "worst.js")
 
-PROOF = "A failure that is found is a proof, which its command repeats. That none was found proves nothing."
+NO_PROOF = (
+    "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still have "
+    "one."
+)
 VALUE = (
     "Value: the mean over the configurations of the largest value found at each, as in Table 2 of the paper. Largest: "
     "of all. Both are lower bounds."
@@ -98,7 +101,7 @@ def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Map
         words = "fails" if entry.passed is False else "no failure found" if entry.passed else "not judged"
         rows.append((name, title, Verdict(entry.passed, words), Link(ending(entry), entry.command, shown.get(name))))
     columns = (Column(""), Column("requirement", minor=True), Column("found"), Column("worst case"))
-    return Table("Requirements", columns, tuple(rows), caption=PROOF)
+    return Table("Requirements", columns, tuple(rows), caption=NO_PROOF)
 
 
 def ending(found: RequirementFound) -> str:
