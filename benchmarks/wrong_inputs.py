@@ -218,6 +218,7 @@ def prepared() -> Iterator[Path]:
             stack.enter_context(mock.patch.object(Engine, target, stopped))
         for room in ("pairing.pairing", "api.checking", "api.linear_loop"):
             stack.enter_context(mock.patch(f"orchestrator.{room}.run_isolated", stopped))
+        stack.enter_context(mock.patch("orchestrator.cli.verify.run_clean", stopped))
         stack.enter_context(mock.patch("controller_fmu.export.state_space.c_fmu", stopped))
         stack.enter_context(mock.patch("controller_fmu.export.mlp.c_fmu", stopped))
         os.chdir(place)

@@ -4,9 +4,11 @@ import csv
 import importlib
 import json
 import math
+import re
 import shlex
 import shutil
 import sys
+from argparse import ArgumentTypeError
 from fractions import Fraction
 from pathlib import Path
 
@@ -23,13 +25,15 @@ from support.tools import PRESENT, require
 import orchestrator
 from controller_fmu import starters
 from orchestrator.benchmark.results import CaseResult
-from orchestrator.cli import guard, simulate
+from orchestrator.cli import guard, simulate, values
 from orchestrator.cli.main import COMMANDS, main
 from orchestrator.codec import from_json
+from orchestrator.documents import worst_page
 from orchestrator.documents.commands import recording_command, simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.results import Results
+from orchestrator.search.findings import Found, Margin
 from orchestrator.study.dry_run import Plan
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")
@@ -335,9 +339,12 @@ def test_an_fmu_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     finished = call(name, "--help", folder=tmp_path)
-    assert finished.code == 0 and finished.err == "" and "usage: " in finished.out and "examples:" in finished.out
-    if name not in ("new",):
-        assert "exit codes:" in finished.out
+    assert finished.code == 0 and finished.err == "" and finished.out.startswith("usage: ")
+    _, after = finished.out.split("\nexamples:\n")
+    examples, codes = after.rsplit("\nexit codes", 1)
+    starts = (f"  flexible-manipulator {name}", f"  python -m orchestrator.{name}", '  eval "$(flexible-manipulator ')
+    assert any(line.startswith(starts) and name in line for line in examples.splitlines())
+    assert re.search(r"\b0 \w+", codes)
 
 
 def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -486,3 +493,23 @@ def test_runs_are_listed_with_their_v(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["verify", "build", "report", "evaluate"])
 def test_a_name_that_no_file_can_have_is_one_clear_line(command: str, tmp_path: Path) -> None:
     assert "too long" in refusal_of(call(command, "x" * 300, folder=tmp_path))
+
+
+def test_plant_parameters_are_given_one_by_one_or_several_at_once(tmp_path: Path) -> None:
+    pairs = [("m[1]", 55.0), ("k_high[2]", 5e5), ("psi[1]", -1e-3)]
+    assert values.assignments("m[1]=55,k_high[2]=5e5, psi[1]=-1e-3") == pairs
+    assert values.assignments("K[1,2]=3") == [("K[1,2]", 3.0)]
+    for wrong in ("m[1]=5,", "m[1]=5,k_high", "m[1]=5;k=1", ""):
+        with pytest.raises(ArgumentTypeError):
+            values.assignments(wrong)
+    command = ("linearize", "--configuration", "45", "-60", "--json")
+    apart = call(*command, "--plant-set", "m[1]=55", "--plant-set", "k_high[2]=5e5", folder=tmp_path)
+    assert apart.code == 0 and call(*command, "--plant-set", "m[1]=55,k_high[2]=5e5", folder=tmp_path) == apart
+    assert call(*command, "--plant-set", "m[1]=55,m[1]=56", folder=tmp_path).code == 2
+
+
+def test_a_case_that_is_the_worst_in_several_respects_has_one_command() -> None:
+    found = searched()
+    same = {name: replace(own, worst_case=Found(1.0, "again")) for name, own in found.criteria.items()}
+    listed = dict(worst_page.commands(same, found.requirements, {"gain_1": Margin(2.5, 20.0, command="again")}))
+    assert listed["margin gain_1, largest B5, largest B6"] == "again"

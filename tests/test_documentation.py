@@ -139,3 +139,10 @@ def test_commands_are_listed_on_their_page_and_in_the_readme() -> None:
     listed = {name for row in re.findall(r"^\| (`.+?) \|", text("README.md"), re.MULTILINE) for name in row.split(", ")}
     for command in COMMANDS:
         assert f"`{command}`" in listed and f"flexible-manipulator {command}" in text("docs/commands.md")
+
+
+@pytest.mark.parametrize(
+    "page", ["robustness", "publishing", "rules", "exporting", "design", "policies", "tuning", "python"]
+)
+def test_pages_with_symbols_link_to_their_explanation(page: str) -> None:
+    assert "](manipulator.md#" in text(f"docs/{page}.md")

@@ -1,8 +1,11 @@
 """Policies: every way to an FMU gives the torques of the same network, and an episode is a simulation."""
 
+import re
+import runpy
 import shutil
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -180,6 +183,21 @@ def test_gymnasiums_own_checker_is_content(page):
     expected = ("symmetric and normalized", "minimum value is -infinity", "maximum value is infinity")
     assert len(caught) == len(expected), [str(one.message) for one in caught]
     assert all(words in str(one.message) for one, words in zip(caught, expected, strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.needs("gymnasium", "greenlet", "compiler")
+def test_the_example_of_a_training_finds_better_gains(tmp_path, capsys):
+    """With a small budget: the best return never falls, both policies are evaluated, and the curve is drawn."""
+    example = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "train_policy.py"))
+    gains, history = example["main"](2, 6, tmp_path)
+    assert len(history) == 2 and history[0].best <= history[1].best < 0.0
+    assert all(each.mean <= each.elite <= each.best for each in history)
+    printed = capsys.readouterr().out.splitlines()
+    first, trained = (float(re.search(r"V = ([\d.]+) on quick", line)[1]) for line in printed[-2:])
+    assert trained < first and not np.array_equal(gains, example["START"])
+    assert f"V falls from {first} to" in text("docs/policies.md")
+    assert {file.name for file in tmp_path.iterdir()} == {"learning.svg", "first.fmu", "trained.fmu"}
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
+from importlib import resources
 
 import msgspec
 import numpy as np
@@ -186,6 +187,20 @@ def test_a_selection_takes_tests_by_name_and_pose(tmp_path):
 SETS = "[sets]\nperformance = []\n[[tests]]\nname = 'x'\nsystems = 'absent'\nduration = 1"
 LOOPS = ("sample_time = 'soon'", "noise_power = nan", "torque_bits = 60", "unknown = 1")
 SHORT = "[[tests]]\nname = 'x'\nsystems = 'performance'\nduration = 5\nrequirements = ['A3']"
+NAMES = "[[tests]]\nname = 'x'\nsystems = 'performance'\nduration = 26\n"
+TOLD = {
+    "[loop]\nunknown = 1": ["`unknown`", "Allowed: sample_time, delay, ", "abort_distance."],
+    "[grid]\npoints = 1": ["Allowed: q_a1_points, q_a2_points, also_deg."],
+    "surname = 'x'": ["Allowed: benchmark, name, description, ", "selection."],
+    f"{NAMES}sweep = 'sideways'": ["Allowed: as fixed, down, up."],
+    f"{NAMES}size = 1": ["Allowed: name, systems, duration, ", "poses."],
+    f"{NAMES}criteria = ['B9']": ["the criteria of x: there is no B9, only B1, B2, B3, B4, B5, B6, B7."],
+    f"{NAMES}requirements = ['A4']": ["the requirements of x: there is no A4, only A1, A2, A3."],
+    "[criteria.B8]\ntarget = 1\nweight = 1\nunit = 'm'\ntitle = 'x'": ["criteria: there is no B8"],
+    NAMES.replace("'performance'", "'absent'"): ["no set of systems 'absent'. It has: performance, "],
+}
+"""Wrong files, and what the message says of them."""
+
 SELECTIONS = ("tests = ['nose']", "poses = [18]", "poses = [-1]")
 
 
@@ -207,6 +222,22 @@ def test_files_that_do_not_describe_a_protocol_are_refused(text, tmp_path):
     assert (error.what, error.where) == ("bad-protocol", str(file)) and error.value == (
         "absent" if text == SETS else ""
     )
+
+
+@pytest.mark.parametrize("text", TOLD)
+def test_what_is_wrong_with_a_file_is_told_with_what_is_allowed(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('extends = "paper"\n' + text)
+    error = refusal(protocol.load, file)
+    assert error.what == "bad-protocol" and all(words in str(error) for words in TOLD[text]), str(error)
+
+
+def test_a_file_of_its_own_needs_the_papers_value_of_each_criterion(tmp_path):
+    file = tmp_path / "mine.toml"
+    whole = (resources.files("orchestrator.benchmark") / "protocols" / "paper.toml").read_text()
+    assert re.search(r"^V = .*$", whole, re.MULTILINE)
+    file.write_text(re.sub(r"^V = .*$", "", whole, flags=re.MULTILINE))
+    assert "reference has no value of V" in str(refusal(protocol.load, file))
 
 
 @pytest.mark.parametrize(("q_a1", "q_a2", "name"), [(-91, 0, "q_a1"), (181, 0, "q_a1"), (0, 81, "q_a2")])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import json
 import math
 from argparse import ArgumentTypeError
@@ -11,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from msgspec import structs
+from rich.console import Console
 from support.closed_loops import GRID
 from support.refusals import refusal
 from support.reports import swept, tuned
@@ -22,11 +24,13 @@ from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
 from orchestrator.asking import answered
 from orchestrator.cli import report, values
-from orchestrator.documents.tuning import Tuning
+from orchestrator.documents.tuning import Tuning, failure_words, tuning_remarks
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
 from orchestrator.study.tuner import Verdict
+from orchestrator.views.page import page_html
+from orchestrator.views.terminal import show
 
 pytestmark = pytest.mark.needs("optuna", "cmaes")
 
@@ -226,6 +230,51 @@ def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):
     assert "Parameters" in printed and '"flexible-manipulator-sweep/' in printed
     names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg", "report.html"})
     assert [{file.name for file in (tmp_path / kind).iterdir()} for kind in ("tuning", "sweep")] == list(names)
+
+
+def test_a_trial_says_which_requirement_fails_and_by_how_much(quick):
+    rules = quick.results.rules
+    limit = rules.stability.limit_cycle
+
+    def found(amplitude):
+        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_at_end": amplitude}
+        cycle |= {"limit_cycle_ratio": 1.0, "limit_cycle_decay": 1.0}
+        cases = [
+            structs.replace(case, status=Status.DONE, measurements=structs.replace(case.measurements, **cycle))
+            if rules.test(case.test).requirements == ("A2", "A3")
+            else case
+            for case in quick.cases
+        ]
+        return trial(rules, 0, {}, cases, whole=True)
+
+    assert found(0.5 * limit).fails == {} and failure_words(found(0.5 * limit)) == ""
+    assert found(1.5 * limit).fails == {"A2": pytest.approx(1.5), "A3": pytest.approx(1.5)}
+    assert failure_words(found(1.5 * limit)) == "A2 (1.5 times), A3 (1.5 times)"
+    assert failure_words(found(None)) == "A2 (unstable), A3 (unstable)"
+
+
+def printed(document):
+    console = Console(file=io.StringIO(), emoji=False, width=200)
+    show(document.summary(), console)
+    return console.file.getvalue()
+
+
+def test_without_a_candidate_that_holds_the_nearest_is_told_with_what_failed(tmp_path):
+    known = tuned()
+    trials = [structs.replace(each, holds=False, fails={"A3": 1.75}) for each in known.trials]
+    judged = [structs.replace(each, broken=("A2",), reasons=("A2 not met in paper: why",)) for each in known.judged]
+    found = structs.replace(known, best=None, trials=tuple(trials), judged=tuple(judged))
+    (first, nearest) = tuning_remarks(found)
+    assert "None of the 2 candidates" in first
+    assert (
+        nearest
+        == "Nearest: trial 20, objective 91, V = 91. It fails in tuning: A3 (1.75 times). A2 not met in paper: why."
+    )
+    for shown in (printed(found), page_html(found.page()), found._repr_html_()):
+        assert "Nearest to holding A1 to A3" in shown and "Nearest: trial 20" in shown
+    found.save(tmp_path)
+    assert Tuning.load(tmp_path) == found
+    assert not found.rank.holds and found.V is None
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ from rich.console import Console
 from support.reports import documents, results_of
 from support.snapshots import snapshot
 
+import orchestrator
+from orchestrator.documents.document import Shown
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.picture import Picture
 from orchestrator.text import printable
@@ -276,10 +278,10 @@ def test_a_page_of_all_parts_escapes_them_and_admits_its_own_scripts_only():
 
 
 def test_the_image_of_a_fragment_cannot_run_anything():
-    svg = "<svg onload='alert(1)'></svg>"
-    ((name, source),) = Html(fragment(SUMMARY, svg)).active
+    data = b"\x89PNG <script>alert(1)</script>"
+    ((name, source),) = Html(fragment(SUMMARY, data)).active
     assert name == "src"
-    assert base64.b64decode(source.removeprefix("data:image/svg+xml;base64,")).decode() == svg
+    assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == data
 
 
 # The documents.
@@ -354,7 +356,7 @@ def test_html_of_every_document_is_escaped_and_small(name):
     document = DOCUMENTS[name]
     notebook = document._repr_html_()
     piece, page = Html(notebook), Html(html := page_html(document.page()))
-    assert len(notebook) < (2_000 * len(document) if name == "comparison" else 12_000), "a screen; a group is a table"
+    assert len(notebook) < (2_000 * len(document) if name == "comparison" else SCREEN), "a screen; a group is a table"
     assert len(html.encode()) < 5e6
     assert not piece.elements.keys() & {"script", "img"} and piece.active == []
     assert page.elements["script"] == 3 and page.elements["img"] == 0 and page.active == [("href", "#content")]
@@ -367,3 +369,27 @@ def test_what_is_long_shows_itself_short_and_a_plot_as_a_picture():
     assert len(cases) == 324 and len(repr(cases)) < 100 and len(cases._repr_html_()) < 6000
     assert cases[0].id in cases._repr_html_() and cases == results_of().cases
     assert Picture()._repr_png_().startswith(b"\x89PNG")
+
+
+SCREEN = 12_000
+"""Characters of a piece of HTML that is one screen high."""
+
+NO_TABLE = {"Variation"}
+"""Public types that a notebook shows by their ``repr``, which is one line."""
+
+
+def test_every_public_type_shows_itself_in_a_notebook():
+    public = {name: getattr(orchestrator, name) for name in orchestrator.__all__}
+    types = {name for name, own in public.items() if isinstance(own, type) and not issubclass(own, Exception)}
+    shown = {name for name in types if issubclass(public[name], Shown)}
+    assert shown == types - NO_TABLE and {"Benchmark", "Controller", "Evaluation", "Tuning"} <= shown
+    assert repr(orchestrator.Variation(force=500.0)) == "Variation(force=500.0)"
+
+
+def test_conditions_and_a_controller_are_one_screen_each(pid_file, tmp_path):
+    controller = orchestrator.Controller(pid_file, {"K_p[1]": 61.5}, {"q_m[1]": "q_m[1]"}, 0.0005)
+    for each in (orchestrator.Benchmark(), controller, orchestrator.Controller(tmp_path / "<b>.fmu")):
+        assert 100 < len(each._repr_html_()) < SCREEN and "<b>.fmu" not in each._repr_html_()
+    html = controller._repr_html_()
+    assert "61.5" in html and "FMI 2.0" in html and "0.0005 s" in html
+    assert "There is no file" in orchestrator.Controller(tmp_path / "none.fmu")._repr_html_()

@@ -29,11 +29,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
+EPILOG = """examples:
+  python -m controller_fmu.export my_controller                 the FMU of a copy of a starter kit
+  python -m controller_fmu.export my_controller --fmi 3         for FMI 3, in C
+
+exit codes: 0 built, 1 the build failed, 2 bad input"""
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m controller_fmu.export",
         description="Build an FMU from a folder with a controller in C or in Python, such as a copy of a starter kit.",
-        epilog="exit codes: 0 built, 1 the build failed, 2 bad input",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", type=Path, help="folder with the sources: .c and modelDescription.xml, or *_fmu.py")
     parser.add_argument(

@@ -97,9 +97,7 @@ def stacked(
         if radius > 1.0 + GROWTH:
             which = f"controller {index + 1}" if len(A) > 1 else "the controller"
             what = f"{which} is unstable: it has a pole of absolute value {radius:.6g}"
-            remedy = (
-                "its torque runs away while the drive is at its limit: change the weights of its design, or allow it"
-            )
+            remedy = "its torque runs away while the drive is at its limit: change the weights of its design"
             raise UnstableError(what, value=f"{radius:.6g}", remedy=remedy)
     return LinearControllers(A, B, C, D, time)
 

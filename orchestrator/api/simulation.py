@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -179,11 +178,10 @@ class Simulation(Shown):
         return f"{self.ending.status.value} at {self.ending.time:g} s{message}"
 
     def _repr_html_(self) -> str:
+        from ..documents.picture import png
         from ..views.page import fragment  # as in Shown
 
-        stream = io.StringIO()
-        self.plot().savefig(stream, format="svg")
-        return fragment(self.summary(), stream.getvalue())
+        return fragment(self.summary(), png(self.plot()))
 
     def __repr__(self) -> str:
         return f"Simulation({self.title}: {self.ending.status.value} at {self.ending.time:g} s)"

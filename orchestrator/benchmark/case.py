@@ -11,6 +11,9 @@ import msgspec
 from ..codec import Finite, Natural, Struct
 from ..loop.scenario import Scenario
 
+CRITERIA = ("B1", "B2", "B3", "B4", "B5", "B6", "B7")
+REQUIREMENTS = ("A1", "A2", "A3")
+
 
 @dataclass(frozen=True)
 class Configuration:

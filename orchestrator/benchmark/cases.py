@@ -126,9 +126,9 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
                 for symbol, (sign, _) in deviations.items()
             }
     else:
-        known = (*protocol.systems, "random_1", "random_2", "...")
-        message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)}."
-        raise InputError(message, "no-system", protocol.name, name, known[:-1])
+        known = (*protocol.systems, "random_1", "random_2")
+        message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)} and so on."
+        raise InputError(message, "no-system", protocol.name, name, known)
     parameters = {name: value for name, value in nominal.items() if not name.startswith("q_a_start")}
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):
@@ -217,4 +217,4 @@ def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ..
 
 
 def _checksum(name: str) -> int:
-    return zlib.crc32(name.encode())
+    return zlib.crc32(name.encode(errors="surrogateescape"))  # a word of a command line may hold bytes of no text

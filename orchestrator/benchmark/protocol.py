@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from importlib import resources
@@ -15,7 +15,8 @@ from msgspec import structs
 
 from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
-from .case import Disturbance, Test
+from .allowed import allowed
+from .case import CRITERIA, REQUIREMENTS, Disturbance, Test
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -208,13 +209,38 @@ def load(name: str | Path) -> Protocol:
         protocol = structs.replace(whole, tests=tests)
         if not tests:
             raise Malformed("there are no tests")
+        _check_criteria(protocol)
         for test in protocol.tests:
             _check(protocol, test)
     except Malformed as problem:
-        raise InputError(f"{name} does not describe a protocol: {problem}.", "bad-protocol", name) from None
+        text = f"{name} does not describe a protocol: {problem}."
+        if listed := allowed(str(problem), Protocol):
+            text += f" Allowed: {listed}."
+        raise InputError(text, "bad-protocol", name) from None
     except KeyError as problem:
-        raise InputError(f"{name} has no set of systems {problem}.", "bad-protocol", name, problem.args[0]) from None
+        sets = ", ".join(whole.sets)
+        text = f"{name} has no set of systems {problem}. It has: {sets}."
+        raise InputError(text, "bad-protocol", name, problem.args[0], whole.sets) from None
     return protocol
+
+
+def _check_criteria(protocol: Protocol) -> None:
+    """Raise what is wrong with the names of criteria and requirements."""
+    named = (
+        ("criteria", protocol.criteria),
+        *((f"the criteria of {test.name}", test.criteria) for test in protocol.tests),
+    )
+    for where, names in named:
+        _check_names(where, names, CRITERIA)
+    for test in protocol.tests:
+        _check_names(f"the requirements of {test.name}", test.requirements, REQUIREMENTS)
+    if absent := [name for name in (*protocol.criteria, "V") if name not in protocol.reference]:
+        raise Malformed(f"reference has no value of {absent[0]}")
+
+
+def _check_names(where: str, names: Iterable[str], known: Sequence[str]) -> None:
+    if wrong := [name for name in names if name not in known]:
+        raise Malformed(f"{where}: there is no {wrong[0]}, only {', '.join(known)}")
 
 
 def _check(protocol: Protocol, test: Test) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from typing import TypeVar
 
@@ -58,6 +58,10 @@ class Variation:
         for bits in (self.angle_bits, self.torque_bits):
             if bits is not None and not 0 <= bits <= FINEST_BITS:
                 raise InputError(f"{bits} is not a number of bits from 0 to {FINEST_BITS}.", "bad-bits", "", bits)
+
+    def __repr__(self) -> str:
+        changed = {own.name: getattr(self, own.name) for own in fields(self) if getattr(self, own.name) != own.default}
+        return f"Variation({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
 
 
 def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:

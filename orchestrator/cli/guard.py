@@ -41,7 +41,7 @@ REMEDIES = {
     "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
-    "unstable-system": "With --unstable it is taken as it is.",
+    "unstable-system": "Or take it as it is: --unstable.",
     "stored": "--force runs them again, --keep-going those that failed.",
     "replaced": "--output-dir keeps both.",
 }

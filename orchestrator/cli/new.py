@@ -25,7 +25,9 @@ EXAMPLES = """examples:
   flexible-manipulator new statespace gains.mat --out my.fmu
                                                             the FMU of a linear controller: A, B, C, D, T_s
   flexible-manipulator new numpy my_policy                  a folder with a neural network in NumPy (or onnx)
-  flexible-manipulator new mlp policy.npz --out my.fmu      the FMU of its weights, in C: W1, b1, W2, b2, ..."""
+  flexible-manipulator new mlp policy.npz --out my.fmu      the FMU of its weights, in C: W1, b1, W2, b2, ...
+
+exit codes: 0 written, 1 no compiler, or a full disk, 2 bad input"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,7 +65,7 @@ def _built(kind: str, file: Path, out: Path, given: argparse.Namespace) -> int:
         raise EnvironmentFault(str(problem), "cannot-build") from None
     except ControllerFmuError as problem:
         code = "unstable-system" if isinstance(problem, UnstableError) else "bad-system"
-        raise InputError(str(problem), code, problem.where or file, problem.value, problem.nearest) from None
+        raise InputError(f"{problem}.", code, problem.where or file, problem.value, problem.nearest) from None
 
 
 def _parser() -> Parser:

@@ -19,7 +19,7 @@ from ..pairing.plant import FILE
 from ..pairing.testbed import available_cores
 from ..pairing.twin import DEFAULT_IN_C, PLANT, PLANT_IN_C
 from ..text import printable
-from .values import MOST, assignment, connection, natural, number, seeds, time
+from .values import MOST, assignment, assignments, connection, natural, number, seeds, time
 
 
 def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
@@ -42,12 +42,13 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
         )
     parser.add_argument(
         "--plant-set",
-        action="append",
+        action="extend",
         default=[],
-        type=assignment,
+        type=assignments,
         metavar="NAME=VALUE",
         dest="plant_parameters",
-        help="a nominal parameter of the plant, such as k_high[2]=0.5e6; may be given again",
+        help="a nominal parameter of the plant, such as k_high[2]=0.5e6, or several, separated by commas; may be given "
+        "again",
     )
     parser.add_argument(
         "--plant",

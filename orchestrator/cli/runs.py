@@ -45,7 +45,7 @@ class Runs(Shown):
 
     def summary(self) -> Summary:
         """One line for each."""
-        names = ("folder", "what", "controller", "protocol", "V", "A1-A3", "begun")
+        names = ("folder", "what", "controller", "protocol", "V", "A1-A3 met", "begun")
         rows: tuple[tuple[Cell, ...], ...] = tuple(
             (
                 run.folder,
@@ -53,7 +53,7 @@ class Runs(Shown):
                 run.controller,
                 run.protocol + (f", seed {run.seed}" if run.seed else ""),
                 run.V,
-                "met" if run.holds else "not met",
+                "yes" if run.holds else "no",
                 run.made,
             )
             for run in self.runs

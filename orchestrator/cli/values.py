@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable
 from fractions import Fraction
 
@@ -65,6 +66,11 @@ def assignment(text: str) -> tuple[str, float]:
         return name.strip(), float(value)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=NUMBER, such as K_p[1]=45") from None
+
+
+def assignments(text: str) -> list[tuple[str, float]]:
+    """``NAME=VALUE`` or several of them, separated by commas, as pairs."""
+    return [assignment(each) for each in re.split(r",\s*(?=[A-Za-z_])", text)]
 
 
 def variation(text: str) -> tuple[str, Range]:

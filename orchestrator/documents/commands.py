@@ -107,5 +107,6 @@ def _command(setting: Setting, *case: str) -> str:
         words += ["--sample-time", repr(setting.sample_time)]
     words += [word for name, value in controller.parameters.items() for word in ("--set", f"{name}={value!r}")]
     words += [word for name, value in controller.mapping.items() for word in ("--map", f"{name}={value}")]
-    words += [word for name, value in plant.parameters.items() for word in ("--plant-set", f"{name}={value!r}")]
+    if plant.parameters:
+        words += ["--plant-set", ",".join(f"{name}={value!r}" for name, value in plant.parameters.items())]
     return shlex.join(words)

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
+from ..benchmark.case import CRITERIA
 from ..benchmark.results import Rules
 from ..benchmark.tally import Tally
 from ..codec import Malformed, Struct, from_json, to_json
@@ -18,8 +19,6 @@ from ..views.table import Cell, Column, Page, Panel, Summary
 from ..views.units import SHOWN
 from .files import prepare_folder, remove, write_text
 from .head import ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
-
-CRITERIA = {f"B{number}" for number in range(1, 8)}
 
 T = TypeVar("T")
 D = TypeVar("D", bound="Document")
@@ -265,7 +264,7 @@ def older_head(older: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
 def rules_problem(rules: Rules) -> str:
     """Why figures that are judged by ``rules`` could not be shown; empty if they can."""
     specs, cost = rules.criteria.values(), rules.cost
-    if not {*rules.criteria, *(name for test in rules.tests for name in test.criteria)} <= CRITERIA:
+    if not {*rules.criteria, *(name for test in rules.tests for name in test.criteria)} <= set(CRITERIA):
         return "it has criteria that no case is measured by"
     if unit_problem(spec.unit for spec in specs) or min(cost.target, cost.paper, *(spec.target for spec in specs)) <= 0:
         return "a target is not positive, or has no unit it could be shown in"

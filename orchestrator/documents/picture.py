@@ -11,6 +11,11 @@ class Picture(Figure):
     """A figure of Matplotlib; a notebook shows it as a picture."""
 
     def _repr_png_(self) -> bytes:
-        stream = io.BytesIO()
-        self.savefig(stream, format="png", dpi=100)
-        return stream.getvalue()
+        return png(self)
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG file for a screen."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=100)
+    return stream.getvalue()

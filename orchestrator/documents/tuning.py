@@ -41,7 +41,8 @@ class Judged(Struct):
     """A candidate on the whole protocol and, if a worst case was searched for, as far as one was found.
 
     ``worst_cost`` is V with what was found; ``broken`` are the requirements that fail or are not judged in the one or
-    the other; the objective has had the failing cases, which the ``commands`` repeat, from then on.
+    the other, and ``reasons`` says why, one sentence for each requirement. From then on, the objective has the failing
+    cases, which the ``commands`` repeat.
     """
 
     trial: Natural
@@ -50,6 +51,7 @@ class Judged(Struct):
     worst_cost: NonNegative | None
     broken: tuple[str, ...]
     commands: tuple[str, ...]
+    reasons: tuple[str, ...] = ()
 
 
 class Best(Struct):
@@ -122,7 +124,7 @@ class Tuning(Document, Comparable, kw_only=True):
     def rank(self) -> Rank:
         """See :class:`.Comparable`."""
         if self.best is None or self.best.cost is None:
-            return Rank(reason="no candidate holds A1-A3")
+            return Rank(holds=False, reason="no candidate holds A1-A3")
         return Rank(self.best.cost, not self.best.strict_broken)
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
@@ -182,7 +184,7 @@ class Tuning(Document, Comparable, kw_only=True):
     def _kicker(self) -> str:
         return (
             f"{self.benchmark}, {len(self.trials)} trials ({self.sampler}) in the protocol {self.objective}, "
-            f"{len(self.judged)} candidates in {self.protocol}"
+            f"{len(self.judged)} candidate{'s' * (len(self.judged) != 1)} in {self.protocol}"
         )
 
     def __repr__(self) -> str:
@@ -241,15 +243,45 @@ NEAREST = 3
 
 def _nearest(found: Tuning) -> Table:
     """The candidates of the lowest objectives, and what failed, where none holds A1 to A3."""
-    broken = {each.trial: ", ".join(each.broken) for each in found.judged}
-    ranked = sorted((each for each in found.trials if not each.cut_short), key=lambda each: each.objective)[:NEAREST]
+    judged = {each.trial: each for each in found.judged}
     rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (each.number, each.objective, each.cost, each.cycle, broken.get(each.number) or each.message or "A1-A3 fail")
-        for each in ranked
+        (
+            each.number,
+            each.objective,
+            each.cost,
+            failure_words(each) or "none",
+            ", ".join(judged[each.number].broken) or "none" if each.number in judged else "not tried",
+            assignments(each.values),
+        )
+        for each in _ranked(found)[:NEAREST]
     )
-    columns = tuple(map(Column, ("trial", "objective", "V", "cycle", "fails")))
-    caption = "Cycle: the largest limit cycle relative to what A3 allows; none for an unstable loop."
-    return Table("Nearest to holding A1 to A3", columns, rows, caption=caption)
+    columns = tuple(map(Column, ("trial", "objective", "V", f"fails in {found.objective}", f"in {found.protocol}")))
+    caption = "In brackets: the largest limit cycle relative to what A3 allows."
+    return Table("Nearest to holding A1 to A3", (*columns, Column("values", minor=True)), rows, caption=caption)
+
+
+def _ranked(found: Tuning) -> list[Trial]:
+    """The trials that were not cut short, that of the lowest objective first."""
+    return sorted((each for each in found.trials if not each.cut_short), key=lambda each: each.objective)
+
+
+def failure_words(candidate: Trial) -> str:
+    """What failed in a trial, and by how much, such as ``A2 (1.75 times)``; empty if nothing did."""
+    words = [f"{name} ({'unstable' if x is None else f'{number(x)} times'})" for name, x in candidate.fails.items()]
+    return candidate.message or ", ".join(words)
+
+
+def _nearest_words(found: Tuning) -> str:
+    """What came closest to holding A1 to A3, and why it does not hold."""
+    judged = {each.trial: each for each in found.judged}
+    nearest = next(iter(_ranked(found)), None)
+    if nearest is None:
+        return ""
+    lead = f"Nearest: trial {nearest.number}, objective {number(nearest.objective)}, V = {number(nearest.cost)}."
+    told = [f"It fails in {found.objective}: {words}."] if (words := failure_words(nearest)) else []
+    if nearest.number in judged:
+        told += [f"{each}." for each in judged[nearest.number].reasons]
+    return " ".join((lead, *told))
 
 
 def _judged(found: Tuning) -> Table:
@@ -296,7 +328,10 @@ def tuning_remarks(found: Tuning) -> list[str]:
     """What a reader must know of a tuning."""
     best, remarks = found.best, []
     if best is None:
-        return [f"None of the {len(found.judged)} candidates that were tried on the whole protocol holds A1-A3."]
+        count = len(found.judged)
+        tried = f"None of the {count} candidates that were" if count > 1 else "The candidate that was"
+        none = f"{tried} tried on the whole protocol {'holds' if count > 1 else 'does not hold'} A1-A3."
+        return [none, *filter(None, [_nearest_words(found)])]
     if best.overfitted:
         own, others = number(best.trial.cost), mean_words(best.held_out)
         remarks.append(f"Overfitted: V of the objective is {own}, but {others} with other draws of systems and noise.")

@@ -34,7 +34,10 @@ from .wording import REQUIREMENTS
 
 SCRIPTS = ("arm.js", "case.js", "heat.js", "motion.js", "worst.js")
 
-PROOF = "A failure that is found is a proof, which its command repeats. That none was found proves nothing."
+NO_PROOF = (
+    "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still have "
+    "one."
+)
 VALUE = (
     "Value: the mean over the configurations of the largest value found at each, as in Table 2 of the paper. Largest: "
     "of all. Both are lower bounds."
@@ -98,7 +101,7 @@ def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Map
         words = "fails" if entry.passed is False else "no failure found" if entry.passed else "not judged"
         rows.append((name, title, Verdict(entry.passed, words), Link(ending(entry), entry.command, shown.get(name))))
     columns = (Column(""), Column("requirement", minor=True), Column("found"), Column("worst case"))
-    return Table("Requirements", columns, tuple(rows), caption=PROOF)
+    return Table("Requirements", columns, tuple(rows), caption=NO_PROOF)
 
 
 def ending(found: RequirementFound) -> str:
@@ -150,16 +153,17 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
 def commands(
     found: Mapping[str, CriterionFound], requirements: Mapping[str, RequirementFound], margins: Mapping[str, Margin]
 ) -> Iterator[tuple[str, str]]:
-    """Commands by what they repeat: failures first, then margins, then the largest values."""
-    for name, requirement in requirements.items():
-        if requirement.passed is False:
-            yield f"{name} fails", requirement.command
-    for name, margin in margins.items():
-        if margin.command:
-            yield f"margin {name}", margin.command
-    for name, entry in found.items():
-        if entry.worst_case.command:
-            yield f"largest {name}", entry.worst_case.command
+    """Commands by what they repeat: failures first, then margins, then the largest values. A case that is the worst in
+    several respects has one command."""
+    pairs = [(f"{name} fails", own.command) for name, own in requirements.items() if own.passed is False]
+    pairs += [(f"margin {name}", margin.command) for name, margin in margins.items()]
+    pairs += [(f"largest {name}", entry.worst_case.command) for name, entry in found.items()]
+    named: dict[str, list[str]] = {}
+    for name, command in pairs:
+        if command:
+            named.setdefault(command, []).append(name)
+    for command, names in named.items():
+        yield ", ".join(names), command
 
 
 def specs(rules: Rules, found: Mapping[str, CriterionFound]) -> list[dict[str, Any]]:

@@ -9,17 +9,20 @@ from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 
+from ..documents.document import Shown
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
 from ..fmi.controller_files import read_mapping, read_parameters
+from ..fmi.variables import variables
 from ..loop.setup import Setup
+from ..views.table import Cell, Column, Note, Part, Summary, Table, Value
 from .built_in import DEFAULT_CONTROLLER, built_in
 from .twin import fastest_default
 
 
 @dataclass(frozen=True)
-class Controller:
+class Controller(Shown):
     """A controller FMU of any tool, with its parameters and the meaning of its variables.
 
     Parameters
@@ -104,6 +107,35 @@ class Controller:
     def given_sample_time(self) -> Fraction | None:
         """The sample time [s] that was asked for."""
         return None if self.sample_time is None else seconds(self.sample_time)
+
+    def summary(self) -> Summary:
+        """FMI version and tool of the FMU, and its parameters; or why the FMU cannot be used."""
+        try:
+            description, parts = self.archive.description, self._parts()
+        except InputError as problem:
+            return Summary(self.file_name, "cannot be used", (Note(str(problem)),))
+        kicker = f"FMI {description.fmiVersion}, {description.generationTool or 'unknown tool'}"
+        return Summary(self.file_name, kicker, parts)
+
+    def _parts(self) -> tuple[Part, ...]:
+        given, mapping = self.setup.parameters, self.setup.mapping
+        rows: tuple[tuple[Cell, ...], ...] = tuple(
+            (
+                each.name,
+                Value(given.get(each.name, each.start[0]), given=True),
+                each.unit or "-",
+                "given" if each.name in given else "of the FMU",
+            )
+            for each in variables(self.archive.description).values()
+            if each.causality == "parameter" and len(each.start) == 1
+        )
+        columns = tuple(map(Column, ("parameter", "value", "unit", "whose value")))
+        parts: list[Part] = [Table("Parameters", columns, rows)]
+        if mapping:
+            parts.append(Table("Mapping", (Column("connector"), Column("variable")), tuple(mapping.items())))
+        if self.given_sample_time is not None:
+            parts.append(Note(f"Sample time: {float(self.given_sample_time):g} s.", warning=False))
+        return tuple(parts)
 
 
 Given = Controller | str | Path | None

@@ -60,8 +60,9 @@ class Trial(Struct):
 
     ``objective`` is ``cost``, V of eq. (15), with a penalty where A1 to A3 do not hold. ``cycle`` is the largest limit
     cycle relative to what A3 allows (None for an unstable loop, or where it was not looked for). A candidate that is
-    worse than others by V alone is ``cut_short``: A1 to A3 are not tested. ``message`` says what failed; ``judged`` is
-    False if that was not the candidate.
+    worse than others by V alone is ``cut_short``: A1 to A3 are not tested. ``fails`` are the requirements that do not
+    hold, each with its largest limit cycle relative to what A3 allows (None for an unstable loop). ``message`` says
+    what went wrong without a verdict; ``judged`` is False if the candidate is not the cause.
     """
 
     number: Natural
@@ -73,6 +74,7 @@ class Trial(Struct):
     cut_short: bool = False
     message: str = ""
     judged: bool = True
+    fails: dict[str, NonNegative | None] = {}
 
 
 def check_range(name: str, given: Range) -> Range:
@@ -107,10 +109,21 @@ def trial(rules: Rules, number: int, values: dict[str, float], results: Sequence
         return Trial(number, values, bound, cost, cut_short=True)
     tested = [result for result in results if rules.test(result.test).requirements]
     penalties = [penalty(result, limits) for result in tested]
-    cycles = [result.measurements.limit_cycle for result in tested]
+    largest = _ratio(limits, tested)
+    failing = [result for result, own in zip(tested, penalties, strict=True) if own]
+    names = sorted({name for result in failing for name in rules.test(result.test).requirements})
+    fails = {
+        name: _ratio(limits, [result for result in failing if name in rules.test(result.test).requirements])
+        for name in names
+    }
+    return Trial(number, values, bound + sum(penalties), cost, largest, not failing, fails=fails)
+
+
+def _ratio(limits: Stability, results: Sequence[CaseResult]) -> float | None:
+    """The largest limit cycle of ``results`` relative to what A3 allows; None if one of them has no limit cycle."""
+    cycles = [result.measurements.limit_cycle for result in results]
     known = [cycle / limits.limit_cycle for cycle in cycles if cycle is not None]
-    largest = max(known) if known and len(known) == len(cycles) else None
-    return Trial(number, values, bound + sum(penalties), cost, largest, not any(penalties))
+    return max(known) if known and len(known) == len(cycles) else None
 
 
 def _not_lost(result: CaseResult) -> bool:

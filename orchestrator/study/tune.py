@@ -9,6 +9,8 @@ from pathlib import Path
 
 from ..benchmark.results import Requirement
 from ..documents.commands import simulate_command
+from ..documents.head import Head
+from ..documents.reasons import reason_text
 from ..documents.recording import BESIDE
 from ..documents.robustness import Robustness
 from ..documents.tuning import Best, Judged, Tuning
@@ -112,6 +114,7 @@ def tune(
                 verdict.worst_cost,
                 verdict.broken,
                 tuple(line for _, line in verdict.counterexamples),
+                verdict.reasons,
             )
             for number, (after, verdict) in tuner.judged.items()
         ),
@@ -143,8 +146,8 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
         _, _, _, cases = goal.prepared(candidate)
         try:
             evaluation = yield from evaluate(goal, candidate, inside=own, recordings=False, keep_going=True)
-        except FmuError:  # at a pose that the objective does not have, so from now on it has it
-            return Verdict(None, None, ("refused",), [(cases[0], "")])
+        except FmuError as refusal:  # at a pose that the objective does not have, so from now on it has it
+            return Verdict(None, None, ("refused",), [(cases[0], "")], (f"The FMU refused {cases[0].id}: {refusal}",))
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
         failing = {
             verdict.worst_case: None
@@ -158,18 +161,37 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
         if evaluation.cost is None:
             broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
-            return Verdict(evaluation.cost, None, tuple(broken), found)
+            reasons = failure_reasons(evaluation.head, evaluation.requirements)
+            return Verdict(evaluation.cost, None, tuple(broken), found, reasons)
         try:
             answer, shown = yield from worst_case(goal, candidate, robust, protocol=strict, inside=own)
-        except (FmuError, Crash):
-            return Verdict(evaluation.cost, None, ("refused in strict",), found)
+        except (FmuError, Crash) as refusal:
+            ended = f"The search for the worst case ended: {refusal}"
+            return Verdict(evaluation.cost, None, ("refused in strict",), found, (ended,))
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]
         unknown = (f"{name} not judged" for name, entry in answer.requirements.items() if entry.passed is None)
-        return Verdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found)
+        told = (
+            f"{name} fails in a search for the worst case: {answer.requirements[name].kind}" for name in answer.broken
+        )
+        return Verdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found, tuple(told))
 
     return verdict
+
+
+def failure_reasons(own: Head, requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
+    """Why requirements are not met or not judged in the protocol, with the worst limit cycle and its ratio to what A3
+    allows."""
+    told, allowed = [], own.rules.stability.limit_cycle
+    for name, entry in requirements.items():
+        if entry.passed or not entry.tally.cases:
+            continue
+        text = reason_text(name, entry.passed, f"in {own.protocol}", entry.reason)
+        if entry.passed is False and entry.limit_cycle is not None:
+            text += f", {1e6 * entry.limit_cycle:.3g} µm, {entry.limit_cycle / allowed:.3g} times what is allowed"
+        told.append(text)
+    return tuple(told)
 
 
 def _not_judged(requirements: Mapping[str, Requirement]) -> tuple[str, ...]:

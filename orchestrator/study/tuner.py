@@ -36,12 +36,13 @@ FIRST_ADDED = 1000
 
 class Verdict(NamedTuple):
     """What the whole protocol says of a candidate: V, V with the worst cases found, the requirements that do not hold,
-    and the cases to add to the objective, each with the command that repeats it."""
+    the cases to add to the objective, each with the command that repeats it, and why the requirements do not hold."""
 
     cost: float | None
     worst_cost: float | None
     broken: tuple[str, ...]
     counterexamples: Sequence[tuple[Case, str]]
+    reasons: tuple[str, ...] = ()
 
 
 Judge = Callable[[Trial], Study[Verdict]]

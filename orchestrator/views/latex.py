@@ -33,7 +33,7 @@ def latex(tables: Sequence[Table]) -> str:
     parts = ["% \\usepackage{booktabs}"]
     for table in tables:
         parts += ["\\begin{table}", "  \\centering\\footnotesize\\setlength{\\tabcolsep}{4pt}"]
-        parts.append(f"  \\caption{{{_text(table.title)}}}")
+        parts.append(f"  \\caption{{{_text('. '.join(filter(None, (table.title, table.caption))))}}}")
         lengths = [_length(table, place) for place in range(len(table.columns))]
         most = _most(lengths, table.keys)
         widths = [_width(length, most) for length in lengths]

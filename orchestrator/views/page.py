@@ -51,11 +51,10 @@ def page_html(page: Page) -> str:
     )
 
 
-def fragment(summary: Summary, image: str = "") -> str:
+def fragment(summary: Summary, image: bytes = b"") -> str:
     """A summary as a piece of HTML for notebooks: escaped, without scripts, and in the notebook's own style. ``image``
-    is an SVG drawing below it."""
-    # An image cannot run what a script in it says.
-    data = "data:image/svg+xml;base64," + base64.b64encode(image.encode()).decode("ascii") if image else ""
+    is a picture below it, as PNG."""
+    data = "data:image/png;base64," + base64.b64encode(image).decode("ascii") if image else ""
     return _filled("fragment.html", summary=summary, image=data)
 
 

@@ -228,6 +228,15 @@ def test_commands_are_copied_and_told(open_page):
     page.evaluate("document.getElementById('pasted').remove()")
 
 
+@pytest.mark.parametrize("width", [1100, 1400])
+@pytest.mark.parametrize("html", [report, worst_case, tuning])
+def test_no_table_of_a_summary_is_cut_on_a_desk(html, width, open_page):
+    page = open_page(html(), (width, 900))
+    show(page, "summary")
+    for region in page.locator("#summary .scroll:visible").all():
+        assert region.evaluate("(region) => region.scrollWidth <= region.clientWidth + 1"), region.inner_text()
+
+
 def test_a_phone_shows_what_a_table_means_and_a_readable_table_of_failures(open_page):
     page = open_page(report(), *LOOKS[1])
     show(page, "summary")
