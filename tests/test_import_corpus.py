@@ -120,6 +120,10 @@ def with_structural_parameter(root: Element) -> None:
         dimension.set("valueReference", "1000000")
 
 
+def without_variability(root: Element) -> None:
+    each(lambda variable: variable.attrib.pop("variability", None))(root)
+
+
 FOLDERS = {f"binaries/{platform}/": b"" for platform in ("linux64", "win64", "darwin64")}
 NAMESPACE = b'<fmiModelDescription xmlns="http://fmi-standard.org/fmi2" '
 
@@ -139,6 +143,8 @@ ODD: dict[str, Oddity] = {
     "a hyphen in the identifier, sources only": Oddity(named("Diagonal-PID", keep_binary=False)),
     "an identifier with spaces and umlauts": Oddity(named("Zwei Achsen für Müller")),
     "a continuous parameter": Oddity(described(declare(r"K_p\[.\]", variability="continuous"))),
+    "parameters without a variability": Oddity(described(without_variability)),
+    "no variability, FMI 3": Oddity(described(without_variability), "DiagonalPID_C_fmi3"),
     "a fixed input and a fixed output": Oddity(described(declare(r"q_m\[.\]|u_m\[.\]", variability="fixed"))),
     "a tunable output, FMI 3": Oddity(described(declare("u_m", variability="tunable")), "DiagonalPID_C_fmi3"),
     "no units": Oddity(described(without_units)),

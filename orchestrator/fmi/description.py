@@ -79,12 +79,14 @@ def _put_right(root: etree._Element) -> None:
         for element in root.iter(f"{{{namespace}}}*"):
             element.tag = etree.QName(element).localname
         etree.cleanup_namespaces(root)
-    if str(root.get("fmiVersion")).startswith("1"):
+    version = str(root.get("fmiVersion"))
+    if version.startswith("1"):
         return
     for variable in root.iterfind("ModelVariables/*"):
         causality = variable.get("causality", "local")
-        known = COMBINATIONS.get(causality, ())
-        if variable.get("initial") is None and variable.get("variability", known[0] if known else "") not in known:
+        legal = COMBINATIONS.get(causality, ())
+        default = "continuous" if version.startswith("2") else "".join(legal[:1])  # FMI 3.0's is always a legal one
+        if variable.get("initial") is None and variable.get("variability", default) not in legal:
             variable.set("initial", "exact" if causality in GIVEN else "calculated")
 
 
