@@ -6,15 +6,18 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from fmpy import platform, supported_platforms
 from fmpy.validation import validate_fmu
 
 from ..fmi.archive import Archive
 from ..fmi.connectors import CONTROLLER, Binding
+from ..fmi.description import illegal_combinations
 from ..fmi.variables import Variable
 from ..loop.sampling import SampleTime
 from ..loop.setup import Setup, sample_time_parameter
 from .finding import Finding, Severity
+
+MOST_NAMED = 5
+"""Largest number of variables that a finding names."""
 
 
 def archive_findings(archive: Archive) -> Iterator[Finding]:
@@ -23,15 +26,20 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
     tool = description.generationTool or "an unnamed tool"
     kind = "co-simulation" if archive.kind == "CoSimulation" else "Model Exchange"
     yield Finding(Severity.OK, "standard", f"FMI {description.fmiVersion} {kind}, exported by {tool}")
-    platforms = [name for name in supported_platforms(str(archive.file)) if name != "c-code"]
-    if platforms:
-        yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {platform})")
+    platform = archive.library.parent.name
+    if archive.platforms:
+        yield Finding(Severity.OK, "platforms", f"{', '.join(archive.platforms)} (this one: {platform})")
     else:
         yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
     if str(archive.interface.needsExecutionTool).lower() in ("true", "1"):
         text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
         remedy = "Make sure that it is installed wherever the FMU is to run."
         yield Finding(Severity.NOTE, "execution tool", text, remedy)
+    if illegal := illegal_combinations(description):
+        more = f" and {len(illegal) - MOST_NAMED} more" if len(illegal) > MOST_NAMED else ""
+        text = f"the standard has no such variables: {', '.join(illegal[:MOST_NAMED])}{more}; their values are used"
+        remedy = "Correct their causality or variability: other tools may refuse the FMU."
+        yield Finding(Severity.WARNING, "variables", text, remedy)
     yield from _validation(archive.file)
 
 
