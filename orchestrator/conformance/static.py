@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,7 +11,9 @@ from fmpy import platform, supported_platforms
 from fmpy.validation import validate_fmu
 
 from ..fmi.archive import Archive
+from ..fmi.choice import NATIVE, SOURCE
 from ..fmi.connectors import CONTROLLER, Binding
+from ..fmi.host import wine
 from ..fmi.variables import Variable
 from ..loop.sampling import SampleTime
 from ..loop.setup import Setup, sample_time_parameter
@@ -28,11 +31,29 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
         yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {platform})")
     else:
         yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
+    yield _library(archive)
     if str(archive.interface.needsExecutionTool).lower() in ("true", "1"):
         text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
         remedy = "Make sure that it is installed wherever the FMU is to run."
         yield Finding(Severity.NOTE, "execution tool", text, remedy)
     yield from _validation(archive.file)
+
+
+def _library(archive: Archive) -> Finding:
+    """Which library is loaded, and why."""
+    if archive.way == NATIVE:
+        return Finding(Severity.OK, "library", f"its own binary for {platform}")
+    binary = replace(archive, way=NATIVE).library.is_file()
+    why = "as asked for" if binary else f"as it has no binary for {platform}"
+    if archive.way == SOURCE:
+        return Finding(Severity.OK, "library", f"compiled here of its sources, {why}")
+    if not binary and (archive.folder / "sources").is_dir():
+        why += " and its sources are not compiled"
+    text = (
+        f"runs under Wine {wine.version()}, {why}; results may differ in the last bits from those on Windows, because "
+    )
+    text += "its mathematical library is Wine's"
+    return Finding(Severity.NOTE, "library", text, f"Export it for {platform}, and it runs without Wine.")
 
 
 def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator[Finding]:

@@ -22,7 +22,8 @@ def main() -> None:
     with lean_imports():
         import numpy as np
 
-        from ..errors import BenchmarkError
+        from ..errors import BenchmarkError, Crash
+        from ..fmi import port as ports
         from ..fmi import trace
         from ..fmi.archive import reopen
         from ..fmi.slaves import load, log
@@ -50,11 +51,16 @@ def main() -> None:
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
-            slave = load(reopen(files.name, files.sha256, files.folder), trace.CONTROLLER)
+            slave = load(reopen(files.name, files.sha256, files.folder, files.way), trace.CONTROLLER)
             surroundings.restore()
             with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
                 write_all(answers, frame(Ready()))
-                serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
+                ended = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
+                if ended == ports.LOST:
+                    raise slave.lost()
                 write_all(answers, frame(Over(log.lines())))
+        except Crash as crash:  # of the process that holds its library: this one ends as well, and its owner sees that
+            os.write(2, f"{crash}\n".encode())
+            os._exit(1)
         except BenchmarkError as error:
             write_all(answers, frame(Over(error=error_record(error))))
