@@ -70,7 +70,7 @@ static fmi2Status strike(const char *where)
     if (!strcmp(what, "exit")) exit(0);
     if (!strcmp(what, "kill")) TerminateProcess(GetCurrentProcess(), 7);
     if (!strcmp(what, "abort")) abort();
-    if (!strcmp(what, "divide")) values[0] = 1 / zero;
+    if (!strcmp(what, "divide")) values[0] = 7 / zero;
     if (!strcmp(what, "raise")) RaiseException(0xE0000001, EXCEPTION_NONCONTINUABLE, 0, NULL);
     if (!strcmp(what, "overflow")) values[0] = recurse(0);
     if (!strcmp(what, "rounding")) _mm_setcsr(_mm_getcsr() | 0x4000);

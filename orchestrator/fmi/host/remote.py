@@ -39,6 +39,7 @@ class Host:
         command = [wine.needed(name), str(PROGRAM)]
         installation, pipe = wine.Installation(), subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=installation.environment(), bufsize=0)
+        self._crash: Crash | None = None
         assert self._process.stdin is not None and self._process.stdout is not None
         self.requests, self.answers = self._process.stdin.fileno(), self._process.stdout.fileno()
         self._finalizer = weakref.finalize(self, _end, self._process, installation)
@@ -67,14 +68,9 @@ class Host:
 
     def lost(self) -> Crash:
         """What became of it, as it gives no answer."""
-        code = self.exit_code()
-        if code is None:
-            return Crash("the controller's process under Wine sent what is no answer")
-        if code < 0:
-            return Crash(
-                f"the controller's process under Wine was ended by signal {-code}", "killed" * (code == KILLED)
-            )
-        return Crash(f"the controller's process under Wine ended by itself with exit code {code}")
+        if self._crash is None:
+            self._crash = _end_of(self.exit_code())
+        return self._crash
 
     def exit_code(self) -> int | None:
         """The exit code of one that gives no answer; None if it goes on."""
@@ -83,6 +79,15 @@ class Host:
         except subprocess.TimeoutExpired:
             self._process.kill()
             return None
+
+
+def _end_of(code: int | None) -> Crash:
+    if code is None:
+        return Crash("the controller's process under Wine sent what is no answer")
+    if code < 0:
+        message = f"the controller's process under Wine was ended by signal {-code}"
+        return Crash(message, "killed" if code == KILLED else "")
+    return Crash(f"the controller's process under Wine ended by itself with exit code {code}")
 
 
 def _end(process: subprocess.Popen[bytes], installation: wine.Installation) -> None:

@@ -43,10 +43,6 @@ class Hosted(Slave):
         """What became of the host, which gives no answer."""
         return self._library.host.lost()
 
-    def exit_code(self) -> int | None:
-        """The exit code of the host, which gives no answer; None if it goes on."""
-        return self._library.host.exit_code()
-
     def address(self, function: str) -> int:
         """The address of a function in the host; of one that has been called back before, that of the callback."""
         found: Function = self._fmu._functions[function]
