@@ -50,3 +50,14 @@ def test_under_wine_it_gives_the_same_bits(name, fmu_folder, tmp_path, torques):
     native = build_fmus.build(name, fmu_folder)
     np.testing.assert_array_equal(torques(for_windows(native, tmp_path)), torques(native))
     assert not left_of_wine()
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["together", "apart"])
+@pytest.mark.needs("compiler", "wine", "mingw", "x86_64-linux", "bubblewrap")
+def test_a_sandbox_has_a_wine_of_its_own(isolated, pid_c_file, native_plant_file, tmp_path):
+    file = for_windows(pid_c_file, tmp_path)
+    (case,) = short_cases((SPARED,))
+    inside = bench(native_plant_file, file, sandbox=True, isolated=isolated)
+    alone = simulate(bench(native_plant_file, pid_c_file), case.scenario)
+    np.testing.assert_array_equal(simulate(inside, case.scenario).command, alone.command)
+    assert not left_of_wine()

@@ -26,6 +26,7 @@ def main() -> None:
         from ..fmi import port as ports
         from ..fmi import trace
         from ..fmi.archive import reopen
+        from ..fmi.choice import WINE
         from ..fmi.slaves import load, log
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
@@ -45,9 +46,9 @@ def main() -> None:
     os.dup2(nothing, 0)
     os.dup2(2, 1)  # what an FMU prints is no answer
     log.echo_to(2)
-    refuse_marks()
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
+        refuse_marks(no_locks=begin.controller.way == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
