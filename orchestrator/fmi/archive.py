@@ -16,7 +16,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import fmpy
@@ -24,6 +24,7 @@ from fmpy.model_description import CoSimulation, ModelDescription, ModelExchange
 
 from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
+from .choice import SOURCE, WINE, Way, choose, has_sources
 from .description import read_description
 from .entries import MOST_BYTES, SMALL, check_entries, extract, files_of, is_intact, refused
 from .variables import variables
@@ -43,7 +44,7 @@ LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 class Archive:
     """An FMU on disk: its file, the SHA-256 of its bytes, the folder it is extracted to, its description.
 
-    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it.
+    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it. ``way`` says which library.
     """
 
     file: Path
@@ -53,6 +54,7 @@ class Archive:
     kind: str
     content: bytes | None = field(default=None, repr=False)
     """The file's bytes, unless it is large: what is needed to extract it again when the cache has been deleted."""
+    way: Way = "native"
 
     @functools.cached_property
     def digests(self) -> dict[str, str]:
@@ -89,17 +91,22 @@ class Archive:
 
     @property
     def library(self) -> Path:
-        """The shared library for this platform, which may be missing."""
+        """The shared library that is loaded, which may be missing."""
+        if self.way == WINE:
+            platform = "x86_64-windows" if self.major_version == "3" else "win64"
+            return Path(self.folder, "binaries", platform, f"{self.interface.modelIdentifier}.dll")
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, "binaries", platform, name)
+        return Path(self.folder, "compiled" if self.way == SOURCE else "binaries", platform, name)
 
 
-def open_archive(file: Path) -> Archive:
+def open_archive(file: Path, wanted: Way | None = None) -> Archive:
     """Check and extract the FMU ``file``; a second call with the same bytes finds the first one's folder.
 
-    One folder per content also keeps compiled code that lies beside an FMU's sources. An FMU that has only sources is
-    compiled. Raises :class:`InputError` if the file cannot be used, with the reason and what to do about it.
+    One folder per content also keeps compiled code that lies beside an FMU's sources. Its library is the one that is
+    ``wanted``, or the first that there is (:mod:`.choice`).
+
+    Raises :class:`InputError` if the file cannot be used, with the reason and what to do about it.
     """
     try:
         if file.is_dir():
@@ -121,15 +128,20 @@ def open_archive(file: Path) -> Archive:
     variables(description)  # raises if one cannot be understood
     content = file.read_bytes() if file.stat().st_size <= SMALL else None
     archive = Archive(file, sha256, _extract(file, sha256), description, kind, content)
+    if wanted != archive.way and (wanted is not None or not archive.library.is_file()):
+        windows = replace(archive, way=WINE).library.is_file()
+        tool = description.generationTool or "the tool of its exporter"
+        needed = tool if str(archive.interface.needsExecutionTool).lower() in ("true", "1") else ""
+        archive = replace(archive, way=choose(archive.name, archive.folder, windows, needed, wanted))
     if not archive.library.is_file():
         _compile_library(archive)
     return archive
 
 
-def reopen(name: str, sha256: str, folder: str) -> Archive:
+def reopen(name: str, sha256: str, folder: str, way: Way = "native") -> Archive:
     """The FMU that :func:`open_archive` has extracted to ``folder``, in another process."""
     description = read_description(Path(folder))
-    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description))
+    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description), way=way)
 
 
 def check_files(name: str, folder: Path, digests: Mapping[str, str]) -> None:
@@ -154,7 +166,7 @@ def restore(archive: Archive) -> bool:
             if archive.content is not None:
                 file = Path(scratch) / archive.name
                 file.write_bytes(archive.content)
-            open_archive(file)
+            open_archive(file, archive.way)
         return True
     except (OSError, InputError) as problem:
         raise EnvironmentFault(f"{archive.name} was removed from the cache, and: {problem}", "cache-lost") from problem
@@ -209,10 +221,10 @@ def _compile_library(archive: Archive) -> None:
     """Compile the shared library for this platform from the FMU's sources."""
     name, library = archive.name, archive.library
     platform = library.parent.name
-    if platform in archive.platforms:
+    if platform in archive.platforms and archive.way != SOURCE:
         message = f"{name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit."
         raise InputError(f"{message} Export the FMU again.", "bad-description", name, library.stem)
-    if not any((archive.folder / "sources").rglob("*.[ch]*")):
+    if not has_sources(archive.folder):
         message = f"{name} has no binary for this platform, {platform}; it has "
         message += f"{', '.join(archive.platforms) or 'none'}, and no "
         message += f"sources. Export it for {platform}, or with source code included."
