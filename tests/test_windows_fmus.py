@@ -12,7 +12,8 @@ from orchestrator.fmi.archive import open_archive
 from orchestrator.pairing.pairing import simulate
 
 PID = ("DiagonalPID_C", "DiagonalPID_C_fmi1", "DiagonalPID_C_fmi3", "DiagonalPID_C_fmi3_scalars")
-CONTROLLERS = (*PID, "DitheredLQG_C")
+MODEL_EXCHANGE = ("DiagonalPID_C_me2", "DiagonalPID_C_me3")
+CONTROLLERS = (*PID, *MODEL_EXCHANGE, "DitheredLQG_C")
 
 
 @pytest.fixture
