@@ -1,18 +1,26 @@
 """FMUs for Windows: under Wine where it is installed, and everywhere in a host that loads Linux's libraries."""
 
+import zipfile
+
 import numpy as np
 import pytest
 from hostile.runs import SPARED, bench, short_cases
 from hostile.windows import left_of_wine
+from support.refusals import refusal
 from support.windows_fmus import for_windows, pretending, twin_of_wine
 
 import build_fmus
+from controller_fmu.export.archive import pack
+from orchestrator.conformance.static import archive_findings
 from orchestrator.execution import launch
 from orchestrator.fmi.archive import open_archive
+from orchestrator.fmi.host import build
+from orchestrator.fmi.host.remote import PROGRAM
 from orchestrator.pairing.pairing import simulate
 
 PID = ("DiagonalPID_C", "DiagonalPID_C_fmi1", "DiagonalPID_C_fmi3", "DiagonalPID_C_fmi3_scalars")
-CONTROLLERS = (*PID, "DitheredLQG_C")
+MODEL_EXCHANGE = ("DiagonalPID_C_me2", "DiagonalPID_C_me3")
+CONTROLLERS = (*PID, *MODEL_EXCHANGE, "DitheredLQG_C")
 
 
 @pytest.fixture
@@ -61,3 +69,55 @@ def test_a_sandbox_has_a_wine_of_its_own(isolated, pid_c_file, native_plant_file
     alone = simulate(bench(native_plant_file, pid_c_file), case.scenario)
     np.testing.assert_array_equal(simulate(inside, case.scenario).command, alone.command)
     assert not left_of_wine()
+
+
+REFUSED = {"win32": ("no-binary", "32 bits"), "tool": ("execution-tool", "needs"), "none": ("no-wine", "Install Wine")}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.needs("compiler", "x86_64-linux")
+def test_what_cannot_run_is_refused_in_a_sentence(case, pid_c_file, tmp_path, monkeypatch):
+    with zipfile.ZipFile(pretending(pid_c_file, tmp_path / "plain")) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    if case == "win32":
+        files = {name.replace("win64", case): content for name, content in files.items()}
+    if case == "tool":
+        head = files["modelDescription.xml"]
+        files["modelDescription.xml"] = head.replace(b"<CoSimulation", b'<CoSimulation needsExecutionTool="true"')
+    if case == "none":
+        monkeypatch.setenv("PATH", str(tmp_path))
+    file = tmp_path / "refused.fmu"
+    file.write_bytes(pack(files))
+    code, words = REFUSED[case]
+    error = refusal(open_archive, file)
+    assert (error.what, words in str(error)) == (code, True), error
+
+
+@pytest.mark.needs("compiler", "x86_64-linux")
+def test_the_library_is_chosen_in_order(pid_c_file, tmp_path, twin):
+    with zipfile.ZipFile(pid_c_file) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    library = next(name for name in files if name.endswith(".so"))
+    files[f"binaries/win64/{pid_c_file.stem}.dll"] = files[library]
+    file, ways = tmp_path / "all.fmu", []
+    for left_out in ("nothing", library, "sources/"):
+        files = {name: content for name, content in files.items() if not name.startswith(left_out)}
+        file.write_bytes(pack(files))
+        ways.append(open_archive(file).way)
+    assert ways == ["native", "source", "wine"]
+    assert refusal(open_archive, file, "native").what == refusal(open_archive, file, "source").what == "no-binary"
+    assert open_archive(pid_c_file, "source").library.is_file() and open_archive(pid_c_file).way == "native"
+
+
+@pytest.mark.needs("compiler", "x86_64-linux")
+def test_the_check_says_what_it_runs_under(pid_c_file, tmp_path, twin):
+    found = list(archive_findings(open_archive(pretending(pid_c_file, tmp_path))))
+    (library,) = (finding for finding in found if finding.subject == "library")
+    assert library.severity == "note" and "runs under Wine 0.0" in library.text
+
+
+@pytest.mark.slow  # ziglang first compiles its C library for Windows
+@pytest.mark.needs("ziglang")
+def test_the_host_is_made_of_its_source(tmp_path):
+    build.build(tmp_path / "host.exe")
+    assert (tmp_path / "host.exe").read_bytes() == PROGRAM.read_bytes()

@@ -97,7 +97,7 @@ class Archive:
             return Path(self.folder, "binaries", platform, f"{self.interface.modelIdentifier}.dll")
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, "compiled" if self.way == SOURCE else "binaries", platform, name)
+        return Path(self.folder, "compiled" if self.way == SOURCE else ".", "binaries", platform, name)
 
 
 def open_archive(file: Path, wanted: Way | None = None) -> Archive:

@@ -21,6 +21,12 @@ EXCHANGE, LOAD, FIND, CALL, CONNECT = range(1, 6)
 
 REQUEST_HEAD, ANSWER_HEAD = struct.Struct("=5d"), struct.Struct("=Q")
 
+Argument = tuple[bytes, int, bytes]
+"""Kind, value or size, and contents of an argument, see ``host.c``."""
+
+Ask = Callable[[str, list[Argument]], tuple[int, list[bytes]]]
+"""Calls a function by its name: its result, and the contents of its buffers."""
+
 LARGEST = 64 * 1024**2
 """Bytes of an answer at most."""
 
@@ -119,7 +125,7 @@ class Library:
             raise AttributeError(f"function {name!r} not found")
         return Function(self, name, address)
 
-    def call(self, name: str, address: int, arguments: list[tuple[bytes, int, bytes]]) -> tuple[int, list[bytes]]:
+    def call(self, name: str, address: int, arguments: list[Argument]) -> tuple[int, list[bytes]]:
         """The result of a function, and the contents of its buffers after the call; keeps what the FMU says."""
         words = [ANSWER_HEAD.pack(address), ANSWER_HEAD.pack(len(arguments))]
         for kind, value, content in arguments:
@@ -164,7 +170,7 @@ class Function:
         self._library, self._name, self.address = library, name, address
 
     def __call__(self, *arguments: Any) -> Any:
-        encoded: list[tuple[bytes, int, bytes]] = []
+        encoded: list[Argument] = []
         outputs: list[Callable[[bytes], object]] = []
         for kind, value, following in zip(self.argtypes, arguments, [*arguments[1:], 0], strict=True):
             memory = _memory(value, following)

@@ -59,12 +59,15 @@ class Slave(ABC):
 
     def _load(self) -> Any:
         """The FMPy object that holds the library."""
-        return self.fmpy_class(
+        library = self.archive.library
+        fmu = self.fmpy_class(
             guid=self.archive.description.guid,
             modelIdentifier=self.archive.interface.modelIdentifier,
-            unzipDirectory=str(self.archive.folder),
-            libraryPath=str(self.archive.library),
+            unzipDirectory=str(library.parents[2]),  # where FMPy looks for a library of FMI 3, whatever its path
+            libraryPath=str(library),
         )
+        fmu.unzipDirectory = str(self.archive.folder)
+        return fmu
 
     @abstractmethod
     def _instantiate(self, stop_time: float) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import struct
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..port import Port
 from ..variables import Variable
 from . import log
 from .base import Slave
+from .called_back import callback
 
 
 class Hosted(Slave):
@@ -34,9 +35,9 @@ class Hosted(Slave):
         return fmu
 
     def messages(self) -> tuple[str, ...]:
-        """What the instance has said last, also in the loop."""
-        with suppress(Crash):
-            self._library.call("", 0, [])
+        """What the instance has said last, also in the loop; raises :class:`~orchestrator.errors.Crash` if the host is
+        gone."""
+        self._library.call("", 0, [])
         return log.lines()
 
     def lost(self) -> Crash:
@@ -44,12 +45,22 @@ class Hosted(Slave):
         return self._library.host.lost()
 
     def address(self, function: str) -> int:
-        """The address of a function in the host; of one that has been called back before, that of the callback."""
+        """The address of a function in the host; in Model Exchange that of a callback here."""
+        if self.archive.kind == "CoSimulation":
+            return self._remote(function)
+        found = callback(function, lambda name, given: self._library.call(name, self._remote(name), given))
+        self._callbacks[function] = found  # kept alive while compiled code has its address
+        return ctypes.cast(found, ctypes.c_void_p).value or 0
+
+    def _remote(self, function: str) -> int:
         found: Function = self._fmu._functions[function]
         return found.address
 
     def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
+        self._callbacks: dict[str, Any] = {}
         own = super().port(inputs, outputs)
+        if self.archive.kind != "CoSimulation":
+            return own
         version = int(self.archive.major_version)
         sizes = own.input_values.size, own.output_values.size, int(own.single[0]), int(own.single[1])
         words = version, own.instance, own.set_values, own.do_step, own.get_values, *sizes, len(inputs), len(outputs)
