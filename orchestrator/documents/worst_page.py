@@ -35,8 +35,8 @@ from .wording import REQUIREMENTS
 SCRIPTS = ("arm.js", "case.js", "heat.js", "motion.js", "worst.js")
 
 NO_PROOF = (
-    "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still have "
-    "one."
+    "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still "
+    "have one."
 )
 VALUE = (
     "Value: the mean over the configurations of the largest value found at each, as in Table 2 of the paper. Largest: "

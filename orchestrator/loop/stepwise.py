@@ -94,7 +94,7 @@ class Stepwise:
         assert self._loop.parent is not None
         try:
             u_m = self._loop.parent.switch((float(info[1]), float(info[2])))
-        except GreenletExit:  # whoever had this simulation has forgotten it
+        except GreenletExit:  # nothing refers to this simulation any more
             return -1
         if u_m is None:
             return -1
@@ -120,5 +120,5 @@ class Stepwise:
         """There is nothing to end."""
 
     def lost(self) -> Crash:
-        """The caller wants no more of it."""
+        """The error of a simulation that the caller has ended."""
         return Crash("the caller has ended the simulation")
