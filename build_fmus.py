@@ -3,6 +3,7 @@
     python build_fmus.py                                  all of them, into build/fmus
     python build_fmus.py DiagonalPID --output-dir /tmp    one of them, elsewhere
     python build_fmus.py --all                            also for the other kinds of FMI
+    python build_fmus.py --platforms all                  with binaries for all platforms, and reference trajectories
 
 The sources are found beside this module, in a checkout as well as in an installed package.
 """
@@ -21,7 +22,9 @@ from xml.etree.ElementTree import Element
 
 from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, TargetError
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
+from controller_fmu.export.archive import write_atomically
 from controller_fmu.export.description import parse, to_bytes
+from controller_fmu.export.reference import reference
 from controller_fmu.export.rows import description
 from controller_fmu.export.twin import twin_description, twin_header
 from controller_fmu.friction.flexible_manipulator_dither import Dither
@@ -38,7 +41,7 @@ from plant_fmu.native import interface
 
 __all__ = ["KNOWN", "NAMES", "NAMES_HELP", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect"]
 __all__ += ["NoCompilerError", "UnknownFmuError", "build", "build_all", "c_fmu", "find_compiler", "main", "near"]
-__all__ += ["platform_names", "python_fmu"]
+__all__ += ["platform_names", "python_fmu", "to_build"]
 
 HERE = Path(__file__).resolve().parent
 DEFAULT_OUTPUT_DIR = Path("build", "fmus")
@@ -173,6 +176,10 @@ _VARIANTS: dict[str, Recipe] = {
     "DiagonalPID_C_me3": partial(_diagonal_pid_c, dialect=Dialect(3, "ModelExchange", arrays=True)),
 }
 
+_IN_PYTHON = ("FlexibleManipulator", "DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG")
+_MODELS = {name: name.partition("_fmi")[0].partition("_me")[0] for name in (*_RECIPES, *_PLANT_VARIANTS, *_VARIANTS)}
+"""By name of an FMU that of the same model in FMI 2.0 co-simulation."""
+
 NAMES = tuple(_RECIPES)
 """The FMUs of the benchmark, in the order they are built."""
 
@@ -206,7 +213,8 @@ and the controller in C for
   DiagonalPID_C_me3            FMI 3.0 Model Exchange, sampled by time events, variables are arrays
 What is written in C is skipped where there is no C compiler (cc, gcc, clang, the environment's CC, or the package
 ziglang, which also compiles for the other platforms of --platforms:
-{", ".join(PLATFORMS)})."""
+{", ".join(PLATFORMS)}).
+With --platforms, NAME_in.csv and NAME_ref.csv are written beside them: inputs, and what the FMU answers to them."""
 """The names, as the commands' help lists them."""
 
 
@@ -233,6 +241,31 @@ def build(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms
     return recipes[name](Path(output_dir) / f"{name}.fmu", platforms)
 
 
+def references(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> tuple[Path, ...]:
+    """The files of the reference trajectory that comes with the FMU ``name``: inputs and outputs of its model.
+
+    There are some for an FMU in C that is built for ``platforms``, and none for others.
+    """
+    model = _MODELS.get(name, name)
+    if not platforms or model in _IN_PYTHON:
+        return ()
+    return Path(output_dir, f"{model}_in.csv"), Path(output_dir, f"{model}_ref.csv")
+
+
+def build_references(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> tuple[Path, ...]:
+    """Write the files of :func:`references` and return them.
+
+    They are computed on this machine, whatever the platforms: all have the same bits. Raises as :func:`build`.
+    """
+    files = references(name, output_dir, platforms)
+    if files:
+        with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
+            texts = reference(build(_MODELS[name], Path(folder)))
+        for file, text in zip(files, texts, strict=True):
+            write_atomically(text.encode(), file)
+    return files
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 built, 1 a build failed, 2 bad input."""
     options = _parser().parse_args(arguments)
@@ -254,6 +287,16 @@ def chosen(names: Sequence[str], variants: bool = False) -> Sequence[str]:
     return names or (KNOWN if variants else NAMES)
 
 
+def to_build(names: Sequence[str], output_dir: Path, platforms: Platforms = (), variants: bool = False) -> list[Path]:
+    """The files that :func:`build_all` writes."""
+    files = [
+        file
+        for name in chosen(names, variants)
+        for file in (output_dir / f"{name}.fmu", *references(name, output_dir, platforms))
+    ]
+    return list(dict.fromkeys(files))
+
+
 def show(file: Path) -> None:
     """Print a file at once, also into a pipe."""
     print(file, flush=True)
@@ -266,12 +309,20 @@ def build_all(
     variants: bool = False,
     tell: Callable[[Path], None] = show,
 ) -> int:
-    """Build what was :func:`chosen`, ``tell`` each file that is built, and return the exit code of :func:`main`."""
+    """Build what was :func:`chosen`, ``tell`` each file that is built, and return the exit code of :func:`main`.
+
+    Reference trajectories are written beside what is built in C for ``platforms``, one for each model.
+    """
     unknown = [name for name in names if name not in KNOWN]
     code = EXIT_OK
+    told: set[Path] = set()
     for name in unknown or chosen(names, variants):
         try:
             tell(build(name, output_dir, platforms))
+            if not told.issuperset(references(name, output_dir, platforms)):
+                for file in build_references(name, output_dir, platforms):
+                    told.add(file)
+                    tell(file)
         except NoCompilerError as error:
             print(f"skipped {error}", file=sys.stderr)
             code = max(code, EXIT_FAILED if name in names else EXIT_OK)
@@ -297,7 +348,7 @@ examples:
   python build_fmus.py DiagonalPID                build one
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
-                                                  one FMU for Linux, Windows and macOS
+                                                  one FMU for Linux, Windows and macOS, and its trajectory
 
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -20,7 +20,7 @@ from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
 from orchestrator.cache import VARIABLE
 from orchestrator.errors import EnvironmentFault, FmuError
-from orchestrator.fmi import archive, compilation
+from orchestrator.fmi import archive, compilation, entries
 from orchestrator.fmi.archive import open_archive, restore
 
 DESCRIPTION = "modelDescription.xml"
@@ -116,7 +116,10 @@ REFUSED = {
     "path traversal": (more("../../precious"), "bad-entry"),
     "traversal in the middle": (more("resources/../../../precious"), "bad-entry"),
     "absolute path": (more("Xtmp/hostile", b"gone", b"Xtmp/hostile", b"/tmp/hostile"), "bad-entry"),
-    "backslashes": (more("..Xprecious", b"gone", b"..Xprecious", b"..\\precious"), "bad-entry"),
+    "traversal by backslashes": (more("..Xprecious", b"gone", b"..Xprecious", b"..\\precious"), "bad-entry"),
+    "absolute path by backslashes": (more("Xtmp/hostile", b"gone", b"Xtmp/hostile", b"\\tmp/hostile"), "bad-entry"),
+    "a file that is a folder, too": (more("resources/none.txt/more"), "bad-entry"),
+    "a name that is too long": (more("resources/" + "n" * 256), "bad-entry"),
     "drive letter": (more("c:/precious"), "bad-entry"),
     "link": (more(*link("resources/passwords", "/etc/passwd")), "bad-entry"),
     "encrypted": (lambda good: encrypted(pack(good)), "bad-entry"),
@@ -254,7 +257,8 @@ def test_a_deleted_folder_is_extracted_again_from_memory(file_stays, room, good_
 def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
     size = good_file.stat().st_size
     for most in (size, size - 1):  # its contents, and the file itself
-        monkeypatch.setattr(archive, "MOST_BYTES", most)
+        for module in (archive, entries):
+            monkeypatch.setattr(module, "MOST_BYTES", most)
         assert refusal(open_archive, good_file).what == "archive-limit"
     assert not (room / "cache").exists()
 

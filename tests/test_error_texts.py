@@ -84,7 +84,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         opened(folder, {"modelDescription.xml": sound, **{f"resources/{i}": b"" for i in range(10_001)}}),
         opened(folder, {"modelDescription.xml": XML % (b"2.0", b"")}),
         opened(folder, {"modelDescription.xml": sound}),
-        opened(folder, {"modelDescription.xml": sound, "sources/x.txt": b""}),
+        opened(folder, {"modelDescription.xml": sound, "sources/x.h": b""}),
         opened(folder, {"modelDescription.xml": sound.replace(b"<ModelVariables>", started)
                .replace(b"<ModelVariables/>", started + b"</ModelVariables>")}),
         read(folder, "names.toml", "[map]\nq_m = 1"),
@@ -156,7 +156,7 @@ def lower_codes() -> set[str]:
     for name in ("fmi", "loop", "benchmark", "conformance"):
         for file in (Path(orchestrator.__file__).parent / name).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("InputError", "unknown", "_refused"):
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("InputError", "unknown", "refused"):
                     assert len(node.args) > 1, f"{file}:{node.lineno} has no code"
                     codes |= {a.value for a in node.args[1:2] if isinstance(a, ast.Constant)}
     return codes

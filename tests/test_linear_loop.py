@@ -15,7 +15,7 @@ from support.reports import searched
 
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import loop_analysis
-from orchestrator.benchmark.loop_analysis import System
+from orchestrator.benchmark.loop_analysis import StateSpace
 from orchestrator.benchmark.realization import realizations, simulated
 
 T_S = 0.25e-3
@@ -55,7 +55,7 @@ def changed(loop, gain=(1.0, 1.0), delay=(0, 0)):
     more = Variation(delay=tuple(Fraction("0.00025") * (1 + samples) for samples in delay))
     model = BENCH.linearize(POSE, "random_1", variation=more, friction="sliding")
     K = loop.controller
-    own = System(K.A, K.B, np.diag(gain) @ K.C, np.diag(gain) @ K.D, T_S)
+    own = StateSpace(K.A, K.B, np.diag(gain) @ K.C, np.diag(gain) @ K.D, T_S)
     return replace(loop, model=model, controller=own)
 
 
@@ -77,7 +77,7 @@ def test_margins_are_where_the_poles_leave_the_unit_circle(loop, axis):
 def test_the_largest_sensitivity_is_that_of_the_states(loop):
     """S of axis 1 as the transfer from a torque added to u_m[1] to the torque that reaches the motor."""
     plant, frequency = loop.plant, loop.margins[0].frequency
-    added = System(plant.A, np.hstack([plant.B[:, :2], plant.B[:, :1]]), plant.C, np.zeros((4, 3)), T_S)
+    added = StateSpace(plant.A, np.hstack([plant.B[:, :2], plant.B[:, :1]]), plant.C, np.zeros((4, 3)), T_S)
     closed = loop_analysis.closed(added, loop.controller)
     value = 1.0 + loop_analysis.response(closed, np.array([frequency]))[0, 4, 2]
     assert abs(value) == pytest.approx(loop.margins[0].sensitivity, rel=1e-9)
@@ -97,7 +97,7 @@ def test_a_system_is_found_from_its_impulse_response():
     random = np.random.default_rng(3)
     A = np.diag([1.0, 0.9999, 0.95, 0.95, 0.3])
     A[2, 3], A[3, 2] = 0.2, -0.2
-    own = System(A, random.normal(size=(5, 2)), random.normal(size=(2, 5)), random.normal(size=(2, 2)), T_S)
+    own = StateSpace(A, random.normal(size=(5, 2)), random.normal(size=(2, 5)), random.normal(size=(2, 2)), T_S)
     pulses = np.zeros((2, 4001, 2))
     pulses[(0, 1), 0, (0, 1)] = 1.0
     impulse = np.stack([simulated(own, pulse) for pulse in pulses], axis=2)
@@ -128,7 +128,7 @@ def test_what_is_no_linear_controller(tmp_path):
     file = python_controller(tmp_path, "Absolute", step_body=law)
     assert refusal(BENCH.linear_loop, file, POSE).what == "not-linear"
     assert refusal(BENCH.linear_loop, tmp_path / "none.mat", POSE).what == "bad-system"
-    assert refusal(BENCH.linear_loop, System(*pid_matrices(), None), POSE).what == "bad-system"
+    assert refusal(BENCH.linear_loop, StateSpace(*pid_matrices(), None), POSE).what == "bad-system"
 
 
 def test_an_unstable_loop_has_no_margins(loop):

@@ -64,6 +64,7 @@ def test_one_fmu_has_binaries_for_all(everywhere):
         "aarch64-linux": ("ELF", "aarch64"),
         "win64": ("PE", "x86_64"),
         "darwin64": ("universal", ("Mach-O", "x86_64"), ("Mach-O", "aarch64")),
+        "aarch64-darwin": ("Mach-O", "aarch64"),
     }
     formats = {"linux": "ELF", "windows": "PE", "darwin": "Mach-O"}
     assert second == {name: (formats[name.split("-")[1]], name.split("-")[0]) for name in build_fmus.PLATFORMS}
@@ -92,7 +93,7 @@ def driven(fmu, platform, folder, *runner, environment=None):
     subprocess.run(command if "linux" in platform else command[:-1], check=True)
     library = folder / f"plant{platforms.PLATFORMS[platform].suffix}"
     library.write_bytes(
-        listed_binaries(fmu)[f"binaries/{platforms.PLATFORMS[platform].folder}/{fmu.stem}{library.suffix}"]
+        listed_binaries(fmu)[f"binaries/{platforms.PLATFORMS[platform].folders[0]}/{fmu.stem}{library.suffix}"]
     )
     guid = fmpy.read_model_description(str(fmu)).guid
     finished = subprocess.run(

@@ -153,4 +153,5 @@ WITH_OPTIONS = {
     "orchestrator.execution.sandbox": "the words of bubblewrap's own command",
     "orchestrator.recheck.__main__": "a command of its own, which imports nothing of the others",
     "orchestrator.fmi.compilation": "the words of bubblewrap's own command",
+    "orchestrator.fmi.host.wine": "the words of Wine's own command",
 }

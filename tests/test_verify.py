@@ -26,6 +26,7 @@ from support.refusals import refusal
 from support.tools import PRESENT, require
 
 from benchmarks import leaderboard_tables as tables
+from benchmarks import submissions as submitting
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark import draws
@@ -388,10 +389,10 @@ def submitted(certificate, tmp_path, monkeypatch) -> Verification:
         (tmp_path / name).mkdir()
         (tmp_path / name / "verification.json").write_text(to_json(known))
         (tmp_path / name / "README.md").write_text("how to make the FMU")
-    assert "not standard: the protocol" in str(refusal(tables.submissions, tmp_path))
+    assert "not standard: the protocol" in str(refusal(submitting.submissions, tmp_path))
     monkeypatch.setattr(Verification, "deviations", ())
-    assert "is the controller of first" in str(refusal(tables.submissions, tmp_path))
-    monkeypatch.setattr(tables, "_is_same", lambda *_: False)
+    assert "is the controller of first" in str(refusal(submitting.submissions, tmp_path))
+    monkeypatch.setattr(submitting, "_is_same", lambda *_: False)
     return second
 
 
@@ -406,35 +407,35 @@ def again(submitted, tmp_path_factory) -> Path:
 
 
 def test_submissions_are_ranked_by_their_certificates(submitted, again, tmp_path):
-    lines = tables.verified_table(tables.submissions(tmp_path)).splitlines()
+    lines = submitting.verified_table(submitting.submissions(tmp_path)).splitlines()
     names = [f"| [{name}](../submissions/{name}/verification.json)" for name in ("first", "second")]
     assert [line.split(" | ")[0] for line in lines[2:]] == names and " ± " in lines[2]
     assert {line.count("|") for line in lines} == {12} and all(line.endswith("claimed |") for line in lines[2:])
-    lines = tables.verified_table(tables.submissions(tmp_path, again)).splitlines()
+    lines = submitting.verified_table(submitting.submissions(tmp_path, again)).splitlines()
     assert lines[2].startswith("| [second]") and lines[2].endswith("repeated |")
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
-    assert refusal(tables.submissions, tmp_path).what == "submission"
+    assert refusal(submitting.submissions, tmp_path).what == "submission"
 
 
 def test_a_repetition_has_to_agree_and_to_be_one(submitted, again, tmp_path, monkeypatch):
     file = again / "second.json"
     text = file.read_text()
     file.write_text(text.replace(submitted.draws[0].cases, "0" * 64))
-    assert "its repetition differs" in str(refusal(tables.submissions, tmp_path, again))
+    assert "its repetition differs" in str(refusal(submitting.submissions, tmp_path, again))
     file.write_text(to_json(submitted))
-    assert "is a copy" in str(refusal(tables.submissions, tmp_path, again))
+    assert "is a copy" in str(refusal(submitting.submissions, tmp_path, again))
     file.write_text(text.replace('"sandbox": true', '"sandbox": false'))
     unusual = property(lambda self: () if self.sandbox else ("the controller had no sandbox",))
     monkeypatch.setattr(Verification, "deviations", unusual)
-    assert "its repetition is not standard" in str(refusal(tables.submissions, tmp_path, again))
+    assert "its repetition is not standard" in str(refusal(submitting.submissions, tmp_path, again))
 
 
 def test_an_author_cannot_say_that_it_was_repeated(submitted, again, tmp_path):
     (tmp_path / "second" / "repeat.json").write_bytes((again / "second.json").read_bytes())
-    assert "has a repetition in its own folder" in str(refusal(tables.submissions, tmp_path))
+    assert "has a repetition in its own folder" in str(refusal(submitting.submissions, tmp_path))
     (tmp_path / "second" / "repeat.json").unlink()
     (tmp_path / "second" / "link.fmu").symlink_to("/dev/zero")
-    assert "has a link" in str(refusal(tables.submissions, tmp_path))
+    assert "has a link" in str(refusal(submitting.submissions, tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -443,7 +444,9 @@ def test_an_author_cannot_say_that_it_was_repeated(submitted, again, tmp_path):
 )
 def test_a_submission_has_a_name_of_its_own(name, submitted, tmp_path):
     shutil.copytree(tmp_path / "second", tmp_path / name)
-    assert any(words in str(refusal(tables.submissions, tmp_path)) for words in ("name of letters", "name of another"))
+    assert any(
+        words in str(refusal(submitting.submissions, tmp_path)) for words in ("name of letters", "name of another")
+    )
 
 
 def test_what_is_not_standard_is_named(certificate):

@@ -20,19 +20,20 @@ class Platform:
 
     target: str
     """The compiler's name for it; C libraries of Linux as old as this version will do."""
-    folder: str
-    """Its folder in FMUs of FMI 1 and 2, where FMI 3 has the platform's own name."""
+    folders: tuple[str, ...]
+    """Where tools look for it in FMUs of FMI 1 and 2; in those of FMI 3 it is the platform's own name."""
     suffix: str
 
 
 PLATFORMS: Mapping[str, Platform] = {
-    "x86_64-linux": Platform("x86_64-linux-gnu.2.28", "linux64", ".so"),
-    "aarch64-linux": Platform("aarch64-linux-gnu.2.28", "aarch64-linux", ".so"),
-    "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll"),
-    "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib"),
-    "aarch64-darwin": Platform("aarch64-macos", "darwin64", ".dylib"),
+    "x86_64-linux": Platform("x86_64-linux-gnu.2.28", ("linux64",), ".so"),
+    "aarch64-linux": Platform("aarch64-linux-gnu.2.28", ("aarch64-linux",), ".so"),
+    "x86_64-windows": Platform("x86_64-windows-gnu", ("win64",), ".dll"),
+    "x86_64-darwin": Platform("x86_64-macos", ("darwin64",), ".dylib"),
+    "aarch64-darwin": Platform("aarch64-macos", ("darwin64", "aarch64-darwin"), ".dylib"),
 }
-"""By FMI 3's names. FMI 2 has no name for the second: ``aarch64-linux`` is what its tools have agreed on."""
+"""By FMI 3's names, which FMI 2.0.4 refers to for what has no name of its own there. Tools that are older look for both
+processors of macOS in ``darwin64``."""
 
 
 def cross_compilers(platforms: Sequence[str]) -> dict[str, list[str]]:
@@ -54,12 +55,12 @@ def cross_compilers(platforms: Sequence[str]) -> dict[str, list[str]]:
 def binaries(libraries: Mapping[str, bytes], identifier: str, version: int) -> dict[str, bytes]:
     """Return the files below ``binaries`` for the library of each platform, as FMI ``version`` names them.
 
-    FMI 2 has one folder for macOS: there both architectures go into one universal file.
+    Where two architectures have one folder, both go into one universal file.
     """
     folders: dict[str, list[bytes]] = {}
     for name, library in libraries.items():
-        folder = name if version == 3 else PLATFORMS[name].folder
-        folders.setdefault(f"{folder}/{identifier}{PLATFORMS[name].suffix}", []).append(library)
+        for folder in (name,) if version == 3 else PLATFORMS[name].folders:
+            folders.setdefault(f"{folder}/{identifier}{PLATFORMS[name].suffix}", []).append(library)
     return {f"binaries/{path}": own[0] if len(own) == 1 else universal(own) for path, own in folders.items()}
 
 

@@ -15,7 +15,7 @@ from controller_fmu.errors import ControllerFmuError
 from ..benchmark import loop_analysis
 from ..benchmark.case import Case
 from ..benchmark.linearization import Friction, Mode, modes
-from ..benchmark.loop_analysis import LoopMargins, System
+from ..benchmark.loop_analysis import LoopMargins, StateSpace
 from ..documents.document import Shown
 from ..errors import Crash, InputError
 from ..execution.job import Died, Done
@@ -59,7 +59,7 @@ class LinearLoop(Shown):
         The plant, sampled with the controller's sample time and with the loop's delay.
     name : str
         File name of the controller.
-    controller : System
+    controller : StateSpace
         Matrices A, B, C, D of the controller, from e [rad] to u_m - u_m0 [N.m], and its sample time ``T_s`` [s].
     mismatch : float or None
         Largest difference between the torques of the FMU and of these matrices in a random motion, relative to the
@@ -68,16 +68,16 @@ class LinearLoop(Shown):
 
     model: LinearModel
     name: str
-    controller: System
+    controller: StateSpace
     mismatch: float | None
 
     @property
-    def plant(self) -> System:
+    def plant(self) -> StateSpace:
         """The model's matrices."""
         return self.model.matrices
 
     @property
-    def closed(self) -> System:
+    def closed(self) -> StateSpace:
         """The closed loop: from q_m_ref [rad], u_d [N.m], F [N] to q_m [rad], X [m], u_m [N.m], two each."""
         return loop_analysis.closed(self.plant, self.controller)
 
@@ -212,12 +212,12 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
     return LinearLoop(model, own.file_name, law, mismatch)
 
 
-def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.ndarray) -> tuple[System, float]:
+def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.ndarray) -> tuple[StateSpace, float]:
     """The smallest system that repeats the ``torques`` of a ``motion`` exactly, or the one that does it best, and the
     relative difference that remains."""
     from ..benchmark.realization import realizations, simulated
 
-    best: tuple[float, System] | None = None
+    best: tuple[float, StateSpace] | None = None
     largest = float(np.abs(torques).max())
     for system in realizations(impulse, T_s):
         with np.errstate(over="ignore", invalid="ignore"):  # one with too few states may run away
@@ -249,4 +249,4 @@ def _given(controller: Any, case: Case, friction: Friction) -> LinearLoop:
         raise InputError(f"{name} has {len(laws.A)} controllers, and no point for each.", "bad-system", name, "points")
     nearest = int(np.argmin(np.sum((points - np.array(model.at.q_m)) ** 2, axis=1)))
     A, B, C, D = (matrix[nearest] for matrix in laws[:4])
-    return LinearLoop(model, name, System(A, B, C, D, laws.T_s), None)
+    return LinearLoop(model, name, StateSpace(A, B, C, D, laws.T_s), None)

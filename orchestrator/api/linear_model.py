@@ -11,7 +11,7 @@ import numpy as np
 
 from ..benchmark.case import Case
 from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, linearized, modes, rest, sampled
-from ..benchmark.loop_analysis import System
+from ..benchmark.loop_analysis import StateSpace
 from ..documents.document import Shown
 from ..documents.files import streamed, write_bytes
 from ..errors import InputError
@@ -75,9 +75,9 @@ class LinearModel(Shown):
         return f"{self.system} system at {angles}, {self.friction}, {time}"
 
     @property
-    def matrices(self) -> System:
+    def matrices(self) -> StateSpace:
         """The matrices and the sample time alone."""
-        return System(self.A, self.B, self.C, self.D, self.sample_time)
+        return StateSpace(self.A, self.B, self.C, self.D, self.sample_time)
 
     def plot(self, name: str = "plant_bode") -> Figure:
         """One of the figures ``plant_bode``, ``plant_step`` (of a sampled model) and ``poles``."""

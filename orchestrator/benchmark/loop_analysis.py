@@ -24,7 +24,7 @@ GROWTH = 1e-9
 """A pole is outside the unit circle if it is farther out than this; rounding moves an integrator by less."""
 
 
-class System(NamedTuple):
+class StateSpace(NamedTuple):
     """``x+ = A x + B u``, ``y = C x + D u``, sampled every ``T_s`` [s]; continuous if that is None."""
 
     A: np.ndarray
@@ -51,7 +51,7 @@ class LoopMargins(NamedTuple):
     frequency: float
 
 
-def grid(system: System, highest: float | None = None) -> np.ndarray:
+def grid(system: StateSpace, highest: float | None = None) -> np.ndarray:
     """Frequencies [Hz], increasing, up to half the sampling frequency or ``highest``, denser at the resonances."""
     end = highest if highest is not None else 0.5 / system.T_s if system.T_s else 1e3
     found = [np.geomspace(LOWEST, end, POINTS)]
@@ -70,7 +70,7 @@ def continuous(poles: np.ndarray, T_s: float | None) -> np.ndarray:
     return found if T_s is None else np.log(found[np.abs(found) > 1e-6]) / T_s
 
 
-def response(system: System, frequencies: np.ndarray) -> np.ndarray:
+def response(system: StateSpace, frequencies: np.ndarray) -> np.ndarray:
     """Frequency response at ``frequencies`` [Hz]; shape (frequencies, outputs, inputs)."""
     turn = 2j * math.pi * frequencies
     at = turn if system.T_s is None else np.exp(turn * system.T_s)
@@ -79,7 +79,7 @@ def response(system: System, frequencies: np.ndarray) -> np.ndarray:
     return found
 
 
-def closed(plant: System, controller: System) -> System:
+def closed(plant: StateSpace, controller: StateSpace) -> StateSpace:
     """The loop of a plant and a controller with the input ``e = q_m_ref - q_m`` and the output u_m.
 
     The plant's first two inputs are u_m and its first two outputs q_m, and it has no feedthrough. Inputs of the loop
@@ -93,17 +93,17 @@ def closed(plant: System, controller: System) -> System:
     outputs = np.block([[C, np.zeros((len(C), len(K.A)))], [-K.D @ seen, K.C]])
     through = np.zeros((len(outputs), inputs.shape[1]))
     through[len(C) :, :2] = K.D
-    return System(states, inputs, outputs, through, T_s)
+    return StateSpace(states, inputs, outputs, through, T_s)
 
 
-def is_stable(system: System) -> bool:
+def is_stable(system: StateSpace) -> bool:
     """Whether no pole of a sampled system is outside the unit circle."""
     return bool(np.abs(np.linalg.eigvals(system.A)).max(initial=0.0) <= 1.0 + GROWTH)
 
 
-def loop_gain(plant: System, controller: System, frequencies: np.ndarray) -> np.ndarray:
+def loop_gain(plant: StateSpace, controller: StateSpace, frequencies: np.ndarray) -> np.ndarray:
     """``K G`` at the torque, shape (frequencies, 2, 2): the controller's answer to the plant's answer to u_m."""
-    inner = System(plant.A, plant.B[:, :2], plant.C[:2], np.zeros((2, 2)), plant.T_s)
+    inner = StateSpace(plant.A, plant.B[:, :2], plant.C[:2], np.zeros((2, 2)), plant.T_s)
     found: np.ndarray = response(controller, frequencies) @ response(inner, frequencies)
     return found
 
@@ -122,7 +122,7 @@ def singular_values(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.norm(S, 2, axis=(1, 2)), np.linalg.norm(np.eye(2) - S, 2, axis=(1, 2))
 
 
-def margins(plant: System, controller: System, axis: int) -> LoopMargins:
+def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins:
     """Classical margins of the loop of ``axis`` (0 or 1) with the other one closed, which must be stable."""
     frequencies = grid(closed(plant, controller))
 
@@ -158,7 +158,7 @@ def _crossings(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, val
     return [float(brentq(lambda f: function(np.array([f]))[0], at[k], at[k + 1], xtol=1e-12)) for k in places]
 
 
-def step(system: System, given: int, samples: int) -> np.ndarray:
+def step(system: StateSpace, given: int, samples: int) -> np.ndarray:
     """Outputs of a sampled ``system`` after a unit step of its input number ``given``; shape (samples, outputs)."""
     x, u = np.zeros(len(system.A)), system.B[:, given]
     found = np.empty((samples, len(system.C)))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .loop_analysis import System
+from .loop_analysis import StateSpace
 
 # Imports inside functions: SciPy takes longer to load than all else here.
 
@@ -24,7 +24,7 @@ MOST_STATES = 40
 """States that a realization has at most."""
 
 
-def realizations(impulse: np.ndarray, T_s: float) -> Iterator[System]:
+def realizations(impulse: np.ndarray, T_s: float) -> Iterator[StateSpace]:
     """Systems with the impulse response ``impulse`` (shape (N, outputs, inputs), first the feedthrough), sampled every
     ``T_s`` [s]: with one state, two states, and so on, as far as the response tells them from rounding."""
     from scipy.linalg import svd
@@ -36,16 +36,16 @@ def realizations(impulse: np.ndarray, T_s: float) -> Iterator[System]:
     later = _hankel(h, chosen, 1)
     left, sizes, right = svd(now)
     most = int(np.sum(sizes > NOISE * sizes[0])) if sizes[0] > 0.0 else 0
-    yield System(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D, T_s)
+    yield StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D, T_s)
     for order in range(1, min(most, MOST_STATES) + 1):
         root = np.sqrt(sizes[:order])
         out, back = left[:, :order] / root, right[:order].T / root
         A = out.T @ later @ back
         # The first block row and column are those of the place 0.
-        yield System(A, root[:, None] * right[:order, :inputs], left[:outputs, :order] * root, D, T_s)
+        yield StateSpace(A, root[:, None] * right[:order, :inputs], left[:outputs, :order] * root, D, T_s)
 
 
-def simulated(system: System, inputs: np.ndarray) -> np.ndarray:
+def simulated(system: StateSpace, inputs: np.ndarray) -> np.ndarray:
     """Outputs of a sampled system from rest; ``inputs`` has the shape (N, inputs)."""
     x, found = np.zeros(len(system.A)), np.empty((len(inputs), len(system.D)))
     for k, u in enumerate(inputs):

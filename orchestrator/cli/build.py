@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 raise InputError(what, "no-fmu", word, word, near)
         output_dir = given.output_dir or build_fmus.DEFAULT_OUTPUT_DIR
         if given.dry_run:
-            return output.put_files((output_dir / f"{n}.fmu" for n in build_fmus.chosen(given.what, given.all)), given)
+            return output.put_files(build_fmus.to_build(given.what, output_dir, platforms, given.all), given)
         built: list[Path] = []
         code = build_fmus.build_all(
             given.what, output_dir, platforms, given.all, built.append if given.json else build_fmus.show

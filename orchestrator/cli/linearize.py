@@ -110,6 +110,7 @@ def _refuse_idle(given: argparse.Namespace) -> None:
         "--map": given.connections,
         "--mapping": given.mapping_files,
         "--sample-time": given.sample_time,
+        "--library": given.library,
     }
     idle = [name for name, value in asked.items() if value]
     if idle and (given.controller is None or given.controller.suffix in MATRICES):

@@ -12,6 +12,7 @@ from ..api.benchmark import Benchmark
 from ..benchmark import protocol
 from ..errors import InputError
 from ..execution.cluster import WAIT
+from ..fmi.choice import WAYS
 from ..fmi.controller_files import read_mapping, read_parameters
 from ..pairing.built_in import DEFAULT_CONTROLLER
 from ..pairing.controller import Controller
@@ -114,6 +115,12 @@ def add_controller(
         help="the controller's sample time (default: its own, else the benchmark's 0.00025)",
     )
     parser.add_argument(
+        "--library",
+        choices=WAYS,
+        help="which library of the controller is loaded: its binary for this platform, one compiled of its sources, or "
+        "its binary for Windows, under Wine (default: the first of these that can be)",
+    )
+    parser.add_argument(
         "--timeout",
         type=number(most=MOST, positive=True),
         default=60.0,
@@ -200,7 +207,7 @@ def controller(options: argparse.Namespace) -> Controller:
     """The controller that files and options describe; options override files."""
     refuse_repeated("--map", options.connections)
     refuse_repeated("--set", options.controller_parameters)
-    plain = Controller(options.controller, sample_time=options.sample_time)
+    plain = Controller(options.controller, sample_time=options.sample_time, library=options.library)
     parameters: dict[str, float] = {}
     for file in options.parameter_files:
         parameters.update(read_parameters(file, plain.archive))
@@ -210,6 +217,7 @@ def controller(options: argparse.Namespace) -> Controller:
         {**parameters, **dict(options.controller_parameters)},
         {**mapping, **dict(options.connections)},
         options.sample_time,
+        options.library,
     )
 
 

@@ -19,7 +19,7 @@ from ..documents import case_file, trajectory_files
 from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
 from ..errors import InputError
-from ..fmi.archive import open_archive
+from ..fmi.choice import WINE
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..text import file_name
@@ -171,8 +171,9 @@ def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
     record = run.controller
     file = given.controller or (Path(record.path) if record.path else None)
     own = None if run.sample_time.as_in_benchmark else run.sample_time.seconds
-    controller = Controller(file, record.parameters, record.mapping, given.sample_time or own)
-    if file is not None and open_archive(Path(file)).sha256 != record.sha256:
+    library = given.library or (record.library if record.library == WINE else None)
+    controller = Controller(file, record.parameters, record.mapping, given.sample_time or own, library)
+    if file is not None and controller.archive.sha256 != record.sha256:
         raise InputError(f"{file} is not the controller of that run: its contents differ.", "other-controller", file)
     return controller
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from fmpy import platform, supported_platforms
 from fmpy.validation import validate_fmu
 
 from ..fmi.archive import Archive
+from ..fmi.choice import NATIVE, SOURCE, has_sources
 from ..fmi.connectors import CONTROLLER, Binding
+from ..fmi.description import illegal_combinations
+from ..fmi.host import wine
 from ..fmi.variables import Variable
 from ..loop.sampling import SampleTime
 from ..loop.setup import Setup, sample_time_parameter
 from .finding import Finding, Severity
+
+MOST_NAMED = 5
+"""Largest number of variables that a finding names."""
 
 
 def archive_findings(archive: Archive) -> Iterator[Finding]:
@@ -23,16 +29,45 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
     tool = description.generationTool or "an unnamed tool"
     kind = "co-simulation" if archive.kind == "CoSimulation" else "Model Exchange"
     yield Finding(Severity.OK, "standard", f"FMI {description.fmiVersion} {kind}, exported by {tool}")
-    platforms = [name for name in supported_platforms(str(archive.file)) if name != "c-code"]
-    if platforms:
-        yield Finding(Severity.OK, "platforms", f"{', '.join(platforms)} (this one: {platform})")
+    platform = _platform(archive)
+    if archive.platforms:
+        yield Finding(Severity.OK, "platforms", f"{', '.join(archive.platforms)} (this one: {platform})")
     else:
         yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
+    yield _library(archive)
     if str(archive.interface.needsExecutionTool).lower() in ("true", "1"):
         text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
         remedy = "Make sure that it is installed wherever the FMU is to run."
         yield Finding(Severity.NOTE, "execution tool", text, remedy)
+    if illegal := illegal_combinations(description):
+        more = f" and {len(illegal) - MOST_NAMED} more" if len(illegal) > MOST_NAMED else ""
+        text = f"the standard has no such variables: {', '.join(illegal[:MOST_NAMED])}{more}; their values are used"
+        remedy = "Correct their causality or variability: other tools may refuse the FMU."
+        yield Finding(Severity.WARNING, "variables", text, remedy)
     yield from _validation(archive.file)
+
+
+def _platform(archive: Archive) -> str:
+    """The name of this platform in the FMU's version of the standard."""
+    return replace(archive, way=NATIVE).library.parent.name
+
+
+def _library(archive: Archive) -> Finding:
+    """Which library is loaded, and why."""
+    platform = _platform(archive)
+    if archive.way == NATIVE:
+        return Finding(Severity.OK, "library", f"its own binary for {platform}")
+    binary = replace(archive, way=NATIVE).library.is_file()
+    why = "as asked for" if binary else f"as it has no binary for {platform}"
+    if archive.way == SOURCE:
+        return Finding(Severity.OK, "library", f"compiled here of its sources, {why}")
+    if not binary and has_sources(archive.folder):
+        why += " and its sources are not compiled"
+    text = (
+        f"runs under Wine {wine.version()}, {why}; results may differ in the last bits from those on Windows, because "
+    )
+    text += "its mathematical library is Wine's"
+    return Finding(Severity.NOTE, "library", text, f"Export it for {platform}, and it runs without Wine.")
 
 
 def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator[Finding]:

@@ -97,6 +97,8 @@ def _exact(value: float) -> str:
 def _command(setting: Setting, *case: str) -> str:
     controller, plant = setting.controller, setting.plant
     words = ["python", "-m", "orchestrator.simulate", *filter(None, (controller.path,)), *case]
+    if controller.library == "wine":
+        words += ["--library", controller.library]
     if setting.protocol != "paper":
         words += ["--protocol", setting.protocol]
     if plant.path:

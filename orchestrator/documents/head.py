@@ -32,11 +32,13 @@ class FmuRecord(Struct):
 
 class ControllerRecord(FmuRecord):
     """The controller, with its path as it was given, its mapping and connectors; a connector is None if an optional
-    one is absent."""
+    one is absent. ``library`` says where its library comes from: the FMU's binary, its sources, or its binary for
+    Windows under Wine."""
 
     path: str
     mapping: dict[str, str]
     connectors: dict[str, BoundRecord | None]
+    library: Literal["native", "source", "wine"] = "native"
 
 
 class PlantRecord(FmuRecord):

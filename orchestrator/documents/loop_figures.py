@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..benchmark import loop_analysis as analysis
-from ..benchmark.loop_analysis import System
+from ..benchmark.loop_analysis import StateSpace
 from ..errors import InputError
 from .picture import Picture
 from .style import COLOURS, DASHED, HUES, MUTED, SIZE, STYLE, legend_above
@@ -29,7 +29,7 @@ HIGHEST = 0.45
 """Highest frequency shown, in samples: close to half of it, the sampling alone shapes the curves."""
 
 
-def drawings(plant: System, controller: System | None) -> Mapping[str, Callable[[], Figure]]:
+def drawings(plant: StateSpace, controller: StateSpace | None) -> Mapping[str, Callable[[], Figure]]:
     """The figures by name: those of the plant, and those of the loop if there is a ``controller``."""
     found: dict[str, Callable[[], Figure]] = {
         "plant_bode": partial(plant_bode, plant),
@@ -45,7 +45,7 @@ def drawings(plant: System, controller: System | None) -> Mapping[str, Callable[
     return found
 
 
-def drawn(plant: System, controller: System | None, name: str) -> Figure:
+def drawn(plant: StateSpace, controller: StateSpace | None, name: str) -> Figure:
     """The figure called ``name``, in the common style; raises :class:`InputError` if there is none."""
     known = drawings(plant, controller)
     if name not in known:
@@ -54,7 +54,7 @@ def drawn(plant: System, controller: System | None, name: str) -> Figure:
         return known[name]()
 
 
-def plant_bode(plant: System) -> Figure:
+def plant_bode(plant: StateSpace) -> Figure:
     """From the torques u_m to the motor angles q_m: magnitude [dB of rad/(N.m)] and phase [°] over frequency [Hz]."""
     f = _frequencies(plant)
     values = analysis.response(plant, f)
@@ -70,7 +70,7 @@ def plant_bode(plant: System) -> Figure:
     return figure
 
 
-def loop_bode(plant: System, controller: System) -> Figure:
+def loop_bode(plant: StateSpace, controller: StateSpace) -> Figure:
     """The loop of each axis, broken at its torque while the other one is closed."""
     f, loops = _loops(plant, controller)
     figure, (size, phase) = _two("Frequency [Hz]")
@@ -85,7 +85,7 @@ def loop_bode(plant: System, controller: System) -> Figure:
     return figure
 
 
-def nichols(plant: System, controller: System) -> Figure:
+def nichols(plant: StateSpace, controller: StateSpace) -> Figure:
     """The same as magnitude over phase, with the region in which S exceeds 6 dB around -180° and 0 dB."""
     f, loops = _loops(plant, controller)
     figure = Picture(figsize=(1.3 * SIZE[0], 1.3 * SIZE[0]), layout="constrained")
@@ -103,7 +103,7 @@ def nichols(plant: System, controller: System) -> Figure:
     return figure
 
 
-def sensitivity(plant: System, controller: System) -> Figure:
+def sensitivity(plant: StateSpace, controller: StateSpace) -> Figure:
     """S and T: of each axis with the other one closed, and the largest singular values of both together."""
     f, loops = _loops(plant, controller)
     both = analysis.singular_values(analysis.loop_gain(plant, controller, f))
@@ -121,7 +121,7 @@ def sensitivity(plant: System, controller: System) -> Figure:
     return figure
 
 
-def plant_step(plant: System) -> Figure:
+def plant_step(plant: StateSpace) -> Figure:
     """Motor angles [rad] of the plant alone after a step of 1 N.m of each torque."""
     figure, axes = _one()
     for into in AXES:
@@ -134,7 +134,7 @@ def plant_step(plant: System) -> Figure:
     return figure
 
 
-def loop_step(plant: System, controller: System) -> Figure:
+def loop_step(plant: StateSpace, controller: StateSpace) -> Figure:
     """Motor angles after a step of their reference, and the tool after steps of a motor's torque and of the force."""
     loop = analysis.closed(plant, controller)
     figure = Picture(figsize=(WIDE * SIZE[0], SIZE[1]), layout="constrained")
@@ -156,7 +156,7 @@ def loop_step(plant: System, controller: System) -> Figure:
     return figure
 
 
-def poles(plant: System, controller: System | None) -> Figure:
+def poles(plant: StateSpace, controller: StateSpace | None) -> Figure:
     """Poles as frequency [Hz] over damping ratio; real ones have the ratio 1, unstable ones are red."""
     figure, axes = _one()
     shown = [("plant", plant, "x", COLOURS[0])]
@@ -174,19 +174,19 @@ def poles(plant: System, controller: System | None) -> Figure:
     return figure
 
 
-def _loops(plant: System, controller: System) -> tuple[np.ndarray, list[np.ndarray]]:
+def _loops(plant: StateSpace, controller: StateSpace) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies [Hz], and the loop of each axis with the other one closed."""
     f = _frequencies(analysis.closed(plant, controller))
     gain = analysis.loop_gain(plant, controller, f)
     return f, [analysis.at_a_time(gain, axis) for axis in AXES]
 
 
-def _frequencies(system: System) -> np.ndarray:
+def _frequencies(system: StateSpace) -> np.ndarray:
     """The frequencies [Hz] that are shown."""
     return analysis.grid(system, None if system.T_s is None else HIGHEST / system.T_s)
 
 
-def _step(system: System, given: int) -> tuple[np.ndarray, np.ndarray]:
+def _step(system: StateSpace, given: int) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and outputs after a unit step of an input."""
     assert system.T_s is not None, "steps are those of a sampled system"
     samples = round(STEP_TIME / system.T_s)

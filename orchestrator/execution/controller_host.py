@@ -22,9 +22,11 @@ def main() -> None:
     with lean_imports():
         import numpy as np
 
-        from ..errors import BenchmarkError
+        from ..errors import BenchmarkError, Crash
+        from ..fmi import port as ports
         from ..fmi import trace
         from ..fmi.archive import reopen
+        from ..fmi.choice import WINE
         from ..fmi.slaves import load, log
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
@@ -44,17 +46,22 @@ def main() -> None:
     os.dup2(nothing, 0)
     os.dup2(2, 1)  # what an FMU prints is no answer
     log.echo_to(2)
-    refuse_marks()
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
+        refuse_marks(no_locks=begin.controller.way == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
-            slave = load(reopen(files.name, files.sha256, files.folder), trace.CONTROLLER)
+            slave = load(reopen(files.name, files.sha256, files.folder, files.way), trace.CONTROLLER)
             surroundings.restore()
             with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
                 write_all(answers, frame(Ready()))
-                serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
+                ended = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
+                if ended == ports.LOST:
+                    raise slave.lost()
                 write_all(answers, frame(Over(log.lines())))
+        except Crash as crash:  # of the process that holds its library: this one ends as well, and its owner sees that
+            os.write(2, f"{crash}\n".encode())
+            os._exit(1)
         except BenchmarkError as error:
             write_all(answers, frame(Over(error=error_record(error))))

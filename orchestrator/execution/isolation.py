@@ -20,7 +20,6 @@ from ..fmi.archive import reopen
 from ..fmi.slaves import CLASSES
 from ..loop.controller import Steady
 from ..loop.scenario import Pair
-from ..loop.serving import c_function
 from ..loop.setup import Setup
 from . import sandbox
 from .messages import OVERHEAD, ErrorRecord, FmuFiles, error_of, frame, read_frame, write_all
@@ -65,7 +64,7 @@ class Isolated:
     """
 
     def __init__(self, files: FmuFiles, command: tuple[str, ...]) -> None:
-        self.archive = reopen(files.name, files.sha256, files.folder)
+        self.archive = reopen(files.name, files.sha256, files.folder, files.way)
         self.calls = CLASSES[self.archive.major_version, self.archive.kind].calls
         self._files, self._command = files, command
 
@@ -137,8 +136,8 @@ class Isolated:
         own.functions[port.REQUESTS], own.functions[port.ANSWERS] = self._requests, self._answers
         return own._replace(
             stepping=port.REMOTE,
-            set_values=c_function("write"),
-            get_values=c_function("read"),
+            set_values=port.c_function("write"),
+            get_values=port.c_function("read"),
             side=trace.CONTROLLER,
             trace=trace.current.words,
         )

@@ -76,7 +76,7 @@ class Job:
     def order(self, isolated: tuple[str, ...] = ()) -> Order:
         """What is sent to a worker; ``isolated`` is the command that starts a process for the controller."""
         plant, controller = (
-            FmuFiles(archive.name, archive.sha256, str(archive.folder), digests)
+            FmuFiles(archive.name, archive.sha256, str(archive.folder), digests, archive.way)
             for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
         return Order(plant, controller, self.work, self.tasks, isolated, self.core)

@@ -127,8 +127,8 @@ MACHINES = {
 LOAD, EQUAL, AT_LEAST, RETURN = 0x20, 0x15, 0x35, 0x06
 """BPF_LD | BPF_W | BPF_ABS, BPF_JMP | BPF_JEQ, BPF_JMP | BPF_JGE, BPF_RET, with a constant."""
 
-ALLOW, REFUSE = 0x7FFF0000, 0x00050000 | 1
-"""SECCOMP_RET_ALLOW; SECCOMP_RET_ERRNO with EPERM."""
+ALLOW, REFUSE, PRETEND = 0x7FFF0000, 0x00050000 | 1, 0x00050000
+"""SECCOMP_RET_ALLOW; SECCOMP_RET_ERRNO with EPERM; the same with 0: the call does nothing, and says it was done."""
 
 NUMBER, ARCHITECTURE, ARGUMENTS, OTHER_TABLE = 0, 4, 16, 0x40000000
 """Offsets in struct seccomp_data; the first number of the x32 interface, whose calls are the same by other numbers."""
@@ -137,12 +137,16 @@ NO_NEW_PRIVILEGES, SET_SECCOMP, FILTER = 38, 22, 2
 """PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, SECCOMP_MODE_FILTER."""
 
 
-def refuse_marks() -> bool:
-    """Refuse these calls to this process from now on; False where that cannot be done."""
+def refuse_marks(no_locks: bool = False) -> bool:
+    """Refuse these calls to this process from now on; False where that cannot be done.
+
+    With ``no_locks``, those that lock a file by fcntl say that it is locked, and do nothing: Wine's server does not
+    start without.
+    """
     known = MACHINES.get(platform.machine())
     if sys.platform != "linux" or known is None:
         return False
-    code = program(*known)
+    code = program(*known, no_locks)
     memory = ctypes.create_string_buffer(code)
 
     class Program(ctypes.Structure):
@@ -156,10 +160,10 @@ def refuse_marks() -> bool:
     return bool(done)
 
 
-def program(architecture: int, numbers: dict[str, int], arguments: Sequence[Argument]) -> bytes:
+def program(architecture: int, numbers: dict[str, int], arguments: Sequence[Argument], no_locks: bool = False) -> bytes:
     """The filter: struct sock_filter one after the other. A jump leaves out as many lines as it says."""
     refused = sorted({*numbers.values(), *EVERYWHERE.values()})
-    looks = [line for argument in arguments for line in _look(argument)]
+    looks = [line for argument in arguments for line in _look(argument, no_locks)]
     last = len(refused) + len(looks) + 5  # the line that refuses
     lines = [
         (LOAD, 0, 0, ARCHITECTURE),
@@ -174,9 +178,10 @@ def program(architecture: int, numbers: dict[str, int], arguments: Sequence[Argu
     return b"".join(struct.pack("HBBI", *line) for line in lines)
 
 
-def _look(argument: Argument) -> list[tuple[int, int, int, int]]:
+def _look(argument: Argument, no_locks: bool) -> list[tuple[int, int, int, int]]:
     """Lines that decide about a call by the low half of its argument, which is all that the kernel reads of it."""
-    values, (listed, others) = argument.values, (ALLOW, REFUSE) if argument.only else (REFUSE, ALLOW)
+    values, refuse = argument.values, PRETEND if no_locks and argument.values == LOCKS else REFUSE
+    listed, others = (ALLOW, refuse) if argument.only else (refuse, ALLOW)
     return [
         (EQUAL, 0, len(values) + 3, argument.number),
         (LOAD, 0, 0, ARGUMENTS + 8 * argument.place),

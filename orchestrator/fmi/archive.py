@@ -13,48 +13,38 @@ import logging
 import os
 import re
 import shutil
-import stat
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import fmpy
 from fmpy.model_description import CoSimulation, ModelDescription, ModelExchange
-from lxml import etree
 
 from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
+from .choice import SOURCE, WINE, Way, choose, has_sources
+from .description import read_description
+from .entries import MOST_BYTES, SMALL, check_entries, extract, files_of, is_intact, refused
 from .variables import variables
 
 logger = logging.getLogger(__name__)
 
-MOST_FILES = 10_000
-"""Largest number of files in an archive."""
+FILE_NAME = re.compile(r"\w[\w .+-]*")
+"""What a modelIdentifier may be. It names the shared library; not all exporters keep to C identifiers."""
 
-MOST_BYTES = 2 * 1024**3
-"""Largest size of an archive and of its contents; the largest FMUs of simulation tools are some hundred megabytes."""
+LONGEST_IDENTIFIER = 200
+"""Largest length of a modelIdentifier [bytes]."""
 
-SMALL = 64 * 1024**2
-"""Archives up to this size may be compressed as much as they like, and are kept in memory."""
-
-MOST_RATIO = 200
-"""Largest compression ratio of an archive larger than SMALL: beyond it is a zip bomb, not a model."""
-
-DESCRIPTIONS = ("modelDescription.xml", "sources/buildDescription.xml")
-"""Files that are parsed in this process; XML takes some twenty times its size in memory."""
-
-LARGEST_DESCRIPTION = 32 * 1024**2
-"""Largest size of each of these."""
+LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 
 @dataclass(frozen=True)
 class Archive:
     """An FMU on disk: its file, the SHA-256 of its bytes, the folder it is extracted to, its description.
 
-    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it.
+    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it. ``way`` says which library.
     """
 
     file: Path
@@ -64,13 +54,14 @@ class Archive:
     kind: str
     content: bytes | None = field(default=None, repr=False)
     """The file's bytes, unless it is large: what is needed to extract it again when the cache has been deleted."""
+    way: Way = "native"
 
     @functools.cached_property
     def digests(self) -> dict[str, str]:
         """SHA-256 by name of all files in it."""
         with self.opened() as archive:
-            files = (member for member in archive.infolist() if not member.is_dir())
-            return {file.filename: hashlib.sha256(archive.read(file)).hexdigest() for file in files}
+            files = files_of(archive)
+            return {name: hashlib.sha256(archive.read(member)).hexdigest() for name, member in files.items()}
 
     def opened(self) -> zipfile.ZipFile:
         """Its contents, to be closed."""
@@ -91,19 +82,31 @@ class Archive:
         """What the description says of the kind that is used."""
         return self.description.coSimulation if self.kind == "CoSimulation" else self.description.modelExchange
 
+    @functools.cached_property
+    def platforms(self) -> tuple[str, ...]:
+        """Names of the platforms that the file has libraries for. A folder without one does not count."""
+        with self.opened() as archive:
+            parts = [name.split("/") for name in files_of(archive) if name.endswith(LIBRARY_SUFFIXES)]
+        return tuple(sorted({each[1] for each in parts if each[0] == "binaries" and len(each) > 2}))
+
     @property
     def library(self) -> Path:
-        """The shared library for this platform, which may be missing."""
+        """The shared library that is loaded, which may be missing."""
+        if self.way == WINE:
+            platform = "x86_64-windows" if self.major_version == "3" else "win64"
+            return Path(self.folder, "binaries", platform, f"{self.interface.modelIdentifier}.dll")
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, "binaries", platform, name)
+        return Path(self.folder, "compiled" if self.way == SOURCE else "binaries", platform, name)
 
 
-def open_archive(file: Path) -> Archive:
+def open_archive(file: Path, wanted: Way | None = None) -> Archive:
     """Check and extract the FMU ``file``; a second call with the same bytes finds the first one's folder.
 
-    One folder per content also keeps compiled code that lies beside an FMU's sources. An FMU that has only sources is
-    compiled. Raises :class:`InputError` if the file cannot be used, with the reason and what to do about it.
+    One folder per content also keeps compiled code that lies beside an FMU's sources. Its library is the one that is
+    ``wanted``, or the first that there is (:mod:`.choice`).
+
+    Raises :class:`InputError` if the file cannot be used, with the reason and what to do about it.
     """
     try:
         if file.is_dir():
@@ -112,28 +115,33 @@ def open_archive(file: Path) -> Archive:
             raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).", "no-file", file)
         str(file).encode()
         if file.stat().st_size > MOST_BYTES:
-            raise _refused(f"it is larger than {MOST_BYTES / 1e6:.0f} MB", "archive-limit", file)
+            raise refused(f"it is larger than {MOST_BYTES / 1e6:.0f} MB", "archive-limit", file)
         sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     except UnicodeEncodeError:
         message = f"The file name {str(file)!a} is not UTF-8, so results could not name it. Rename it."
         raise InputError(message, "bad-file-name") from None
     except OSError as problem:
         raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
-    _check_contents(file)
+    check_entries(file)
     description = read_description(file)
     kind = _kind(file.name, description)
     variables(description)  # raises if one cannot be understood
     content = file.read_bytes() if file.stat().st_size <= SMALL else None
     archive = Archive(file, sha256, _extract(file, sha256), description, kind, content)
+    if wanted != archive.way and (wanted is not None or not archive.library.is_file()):
+        windows = replace(archive, way=WINE).library.is_file()
+        tool = description.generationTool or "the tool of its exporter"
+        needed = tool if str(archive.interface.needsExecutionTool).lower() in ("true", "1") else ""
+        archive = replace(archive, way=choose(archive.name, archive.folder, windows, needed, wanted))
     if not archive.library.is_file():
         _compile_library(archive)
     return archive
 
 
-def reopen(name: str, sha256: str, folder: str) -> Archive:
+def reopen(name: str, sha256: str, folder: str, way: Way = "native") -> Archive:
     """The FMU that :func:`open_archive` has extracted to ``folder``, in another process."""
     description = read_description(Path(folder))
-    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description))
+    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description), way=way)
 
 
 def check_files(name: str, folder: Path, digests: Mapping[str, str]) -> None:
@@ -151,40 +159,17 @@ def restore(archive: Archive) -> bool:
     """
     try:
         with archive.opened() as opened:
-            if _is_intact(archive.folder, opened) and archive.library.is_file():
+            if is_intact(archive.folder, opened) and archive.library.is_file():
                 return False
         with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
             file = archive.file
             if archive.content is not None:
                 file = Path(scratch) / archive.name
                 file.write_bytes(archive.content)
-            open_archive(file)
+            open_archive(file, archive.way)
         return True
     except (OSError, InputError) as problem:
         raise EnvironmentFault(f"{archive.name} was removed from the cache, and: {problem}", "cache-lost") from problem
-
-
-def read_description(file: Path) -> ModelDescription:
-    """The model description of an FMU; raises :class:`InputError` if it is missing or cannot be understood.
-
-    The schema is not enforced: many exporters' descriptions have harmless flaws. A check lists them.
-    """
-    try:
-        return fmpy.read_model_description(str(file), validate=False)
-    except etree.XMLSyntaxError as problem:
-        message = f"The modelDescription.xml of {file.name} is not well-formed XML ({problem}). Export the FMU again."
-        raise InputError(message, "bad-description", file.name) from None
-    except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
-        if isinstance(problem, KeyError) and "modelDescription.xml" in str(problem):
-            message = f"{file.name} is not an FMU: the archive has no modelDescription.xml."
-            raise InputError(message, "not-an-fmu", file.name) from None
-        message = f"The modelDescription.xml of {file.name} cannot be used: {problem or type(problem).__name__}. "
-        message += "Check it with: python -m fmpy validate."
-        raise InputError(message, "bad-description", file.name) from problem
-
-
-def _refused(reason: str, what: str, file: Path, value: str = "") -> InputError:
-    return InputError(f"{file.name} is refused: {reason}.", what, file.name, value)
 
 
 def _kind(name: str, description: ModelDescription) -> str:
@@ -197,61 +182,25 @@ def _kind(name: str, description: ModelDescription) -> str:
     else:
         message = f"{name} is FMI {version} for neither co-simulation nor (from FMI 2.0 on) Model Exchange."
         raise InputError(f"{message} Export it as FMI 2.0 or 3.0 co-simulation.", "unsupported-fmi", name, version)
-    if not identifier or not re.fullmatch(r"\w+", identifier):
-        message = f"{name}: the modelIdentifier {identifier!r} is not a C identifier. Export the FMU again."
+    if not FILE_NAME.fullmatch(identifier or "") or len(identifier.encode()) > LONGEST_IDENTIFIER:
+        message = f"{name}: the modelIdentifier {identifier!r} cannot be the name of a file. Export the FMU again."
         raise InputError(message, "bad-description", name, identifier)
     return kind
-
-
-def _check_contents(file: Path) -> None:
-    """Refuse files that are not archives, are too large, or would write outside their folder."""
-    try:
-        with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        message = f"{file.name} is not an FMU: it is not a zip archive. Export the controller again."
-        raise InputError(message, "not-an-fmu", file.name) from None
-    size = sum(member.file_size for member in members)
-    packed = sum(member.compress_size for member in members)
-    for member in members:
-        if flaw := _flaw(member):
-            raise _refused(f"its entry {member.filename!r} {flaw}", "bad-entry", file, member.filename)
-    if sum(member.filename == "modelDescription.xml" for member in members) > 1:
-        raise _refused("it has more than one modelDescription.xml", "bad-description", file)
-    if len(members) > MOST_FILES or size > MOST_BYTES or (size > SMALL and size > MOST_RATIO * max(packed, 1)):
-        found = f"{len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB"
-        limits = f"{MOST_FILES} files, {MOST_BYTES / 1e6:.0f} MB, and a ratio of {MOST_RATIO}"
-        raise _refused(f"{found}. The limits are {limits}", "archive-limit", file)
-
-
-def _flaw(member: zipfile.ZipInfo) -> str:
-    """Why an archive with this entry is refused; empty if it is not."""
-    name = member.filename
-    if name.startswith("/") or ".." in name.split("/") or "\\" in name or ":" in name:
-        return "points outside the archive"
-    if stat.S_ISLNK(member.external_attr >> 16):
-        return "is a link"
-    if member.flag_bits & 1:
-        return "is encrypted"
-    if name in DESCRIPTIONS and member.file_size > LARGEST_DESCRIPTION:
-        size, limit = f"{member.file_size / 1e6:.0f} MB", f"{LARGEST_DESCRIPTION / 1e6:.0f} MB"
-        return f"is {size}, more than the {limit} that are read: export it with fewer variables"
-    return ""
 
 
 def _extract(file: Path, sha256: str) -> Path:
     """The folder with the archive's files. It appears under its final name complete or not at all."""
     folder = cache_folder() / "fmus" / sha256
     with zipfile.ZipFile(file) as opened:
-        if _is_intact(folder, opened):
+        if is_intact(folder, opened):
             return folder
     scratch: Path | None = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
-        fmpy.extract(str(file), str(scratch / "fmu"))
         with zipfile.ZipFile(file) as opened:
-            if folder.is_dir() and not _is_intact(folder, opened):
+            extract(opened, scratch / "fmu")
+            if folder.is_dir() and not is_intact(folder, opened):
                 logger.warning("%s in the cache is not what the file holds: it is extracted anew.", file.name)
                 os.rename(folder, scratch / "spoiled")
         os.rename(scratch / "fmu", folder)
@@ -259,7 +208,7 @@ def _extract(file: Path, sha256: str) -> Path:
         if not folder.is_dir():  # else another process was first
             message = f"{file.name} cannot be extracted into the cache {folder.parent}: {problem.strerror or problem}."
             raise EnvironmentFault(message, "no-cache") from problem
-    except Exception as problem:  # FMPy and zipfile have bare ones for damaged archives
+    except Exception as problem:  # zipfile has many for damaged archives
         message = f"{file.name} cannot be extracted: {problem}. Export the FMU again."
         raise InputError(message, "cannot-extract", file.name) from problem
     finally:
@@ -268,31 +217,16 @@ def _extract(file: Path, sha256: str) -> Path:
     return folder
 
 
-def _is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
-    """Whether ``folder`` holds the archive's files as they are in it. An FMU may have written over its own, or a
-    power cut may have left them empty. Files that came later, such as compiled code, do not count."""
-    if not folder.is_dir():
-        return False
-    for member in archive.infolist():
-        path = folder / member.filename
-        try:
-            if not member.is_dir() and path.read_bytes() != archive.read(member):
-                return False
-        except (OSError, zipfile.BadZipFile, zlib.error):
-            return False
-    return True
-
-
 def _compile_library(archive: Archive) -> None:
     """Compile the shared library for this platform from the FMU's sources."""
     name, library = archive.name, archive.library
     platform = library.parent.name
-    others = sorted(path.name for path in (archive.folder / "binaries").glob("*") if path.is_dir())
-    if platform in others:
+    if platform in archive.platforms and archive.way != SOURCE:
         message = f"{name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit."
         raise InputError(f"{message} Export the FMU again.", "bad-description", name, library.stem)
-    if not (archive.folder / "sources").is_dir():
-        message = f"{name} has no binary for this platform, {platform}; it has {', '.join(others) or 'none'}, and no "
+    if not has_sources(archive.folder):
+        message = f"{name} has no binary for this platform, {platform}; it has "
+        message += f"{', '.join(archive.platforms) or 'none'}, and no "
         message += f"sources. Export it for {platform}, or with source code included."
         raise InputError(message, "no-binary", name, platform)
     from .compilation import compile_sources  # loads the builders, which only few FMUs need

@@ -2,11 +2,13 @@
 
 FMI 1, 2 and 3 co-simulation differ in how a step is called. Model Exchange controllers are stepped here too, from event
 to event: every sample is one, since inputs jump there, and between two of them the solver integrates if there is one. A
-slave in another process is reached through two pipes, one write and one read per step.
+slave in another process is reached through two pipes, one write and one read per step: a controller that its process
+serves as this one would, or a library of Windows in its host (:mod:`.host`).
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,9 +30,15 @@ the step, or goes on asking for another event iteration. No status an FMU can re
 LOST = 2**32 + 3
 """What stepping reports of a slave in another process that is gone, or sends what is no answer."""
 
-CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3, REMOTE = range(5)
-"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange; or in
-another process."""
+CHANGED = 2**33
+"""The same of a host whose FMU has changed how it computes: this plus the word that :mod:`orchestrator.jit` reads."""
+
+MOST = CHANGED + 2**16
+"""No status is larger."""
+
+CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3, REMOTE, HOSTED = range(6)
+"""How a slave is stepped: doStep of FMI 1 and 2, doStep of FMI 3, events of FMI 2 and FMI 3 Model Exchange; in
+another process; or in the host of a library."""
 
 REQUESTS, ANSWERS = range(2)
 """Entries of ``Port.functions`` of a remote slave: descriptors of the pipes there and back. Its ``set_values`` and
@@ -41,6 +49,9 @@ END, GO_ON, LEAVE = 0.0, 1.0, 2.0
 
 REQUEST_BYTES, ANSWER_BYTES = 24, 32
 """Sizes of a request (what to do, two signals) and of its answer (call, status, two signals), all float64."""
+
+HOSTED_BYTES = 40
+"""Size of a request to a host, which also holds the time and the step [s]."""
 
 SET_TIME, ENTER_EVENTS, UPDATE, ENTER_CONTINUOUS, COMPLETED = range(5)
 """Functions of Model Exchange in ``Port.functions``."""
@@ -75,7 +86,7 @@ class Port(NamedTuple):
     clock: np.ndarray
     """float64, shape (4,)."""
     info: np.ndarray
-    """float64, shape (4,): memory for what an FMU reports through pointers."""
+    """float64, shape (5,): memory for what an FMU reports through pointers, and for requests to another process."""
     inputs: np.ndarray
     input_values: np.ndarray
     outputs: np.ndarray
@@ -102,7 +113,7 @@ def unconnected(inputs: Sequence[int], size_in: int, outputs: Sequence[int], siz
         get_values=0,
         functions=np.zeros(5, dtype=np.int64),
         clock=np.array([np.inf, 1.0, 0.0, 0.0]),
-        info=np.zeros(4),
+        info=np.zeros(5),
         inputs=np.array(inputs, dtype=np.uint32),
         input_values=np.zeros(size_in),
         outputs=np.array(outputs, dtype=np.uint32),
@@ -118,6 +129,11 @@ def unconnected(inputs: Sequence[int], size_in: int, outputs: Sequence[int], siz
     )
 
 
+def c_function(name: str) -> int:
+    """Address of a function of the C library."""
+    return ctypes.cast(getattr(ctypes.CDLL(None), name), ctypes.c_void_p).value or 0
+
+
 @inlined
 def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tuple[int, int]:
     """Write the first ``count`` inputs, advance by ``step`` [s] from ``time`` [s], read the outputs if ``read``.
@@ -126,7 +142,10 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
     """
     port.trace[SIDE] = port.side
     if port.stepping == REMOTE:
-        return _exchange_remote(port)
+        return _exchange_remote(port, np.int64(REQUEST_BYTES))
+    if port.stepping == HOSTED:
+        port.info[3], port.info[4] = time, step
+        return _exchange_remote(port, np.int64(HOSTED_BYTES))
     if port.stepping == EVENTS or port.stepping == EVENTS_3:
         return _exchange_events(port, count, time, step, read)
     written = _write(port, count) if count > 0 else 0
@@ -144,16 +163,16 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
 
 
 @inlined
-def _exchange_remote(port: Port) -> tuple[int, int]:
-    """The other process knows the time: it counts the steps."""
+def _exchange_remote(port: Port, size: np.int64) -> tuple[int, int]:
+    """A controller's process knows the time, as it counts the steps; a host is told."""
     port.trace[CALL] = 1 + STEP
     at, fields = port.info.ctypes.data, port.info
     fields[0], fields[1], fields[2] = GO_ON, port.input_values[0], port.input_values[1]
-    if call_status(port.set_values, (port.functions[REQUESTS], at, np.int64(REQUEST_BYTES))) != REQUEST_BYTES:
+    if call_status(port.set_values, (port.functions[REQUESTS], at, size)) != size:
         return STEP, LOST
     if call_status(port.get_values, (port.functions[ANSWERS], at, np.int64(ANSWER_BYTES))) != ANSWER_BYTES:
         return STEP, LOST
-    if not (SET <= fields[0] <= GET and 0.0 <= fields[1] <= LOST):
+    if not (SET <= fields[0] <= GET and 0.0 <= fields[1] <= MOST):
         return STEP, LOST
     port.output_values[0], port.output_values[1] = fields[2], fields[3]
     return int(fields[0]), int(fields[1])

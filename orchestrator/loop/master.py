@@ -183,8 +183,10 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
 
 def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError | Crash:
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
-    if status == port.LOST and not isinstance(slave, Slave):
+    if status == port.LOST:
         return slave.lost()
+    if status >= port.CHANGED:
+        return FmuError(_changed_arithmetic(slave, status - port.CHANGED))
     name = slave.calls[("set", "step", "get")[call]]
     if status in STEPPING_WORDS:
         message = f"{slave.archive.name} {STEPPING_WORDS[status]}"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import NamedTuple
 
 import numpy as np
 
-from ..fmi.port import ANSWER_BYTES, GO_ON, REQUEST_BYTES, Port, exchange, unconnected
+from ..fmi.port import ANSWER_BYTES, GO_ON, LOST, REQUEST_BYTES, Port, c_function, exchange, unconnected
 from ..jit import call_status, compiled
 
 
@@ -25,15 +24,11 @@ def channel(requests: int, answers: int) -> Channel:
     return Channel(requests, answers, c_function("read"), c_function("write"))
 
 
-def c_function(name: str) -> int:
-    """Address of a function of the C library."""
-    return ctypes.cast(getattr(ctypes.CDLL(None), name), ctypes.c_void_p).value or 0
-
-
 @compiled
 def serve(port: Port, channel: Channel, interval: int, denominator: int, fields: np.ndarray) -> float:
     """Answer requests for steps of ``interval / denominator`` [s] until one wants something else, which is returned;
-    NaN if there is nobody any more. ``fields`` is memory for four float64."""
+    NaN if there is nobody any more, LOST if the controller's library was in a process that is gone. ``fields`` is
+    memory for four float64."""
     at = fields.ctypes.data
     k = 0
     while call_status(channel.read, (channel.requests, at, np.int64(REQUEST_BYTES))) == REQUEST_BYTES:
@@ -43,6 +38,8 @@ def serve(port: Port, channel: Channel, interval: int, denominator: int, fields:
             port.input_values[i] = port.scale[i] * (fields[1 + i] - port.offset[i])
         t = k * interval / denominator
         call, status = exchange(port, port.inputs.size, t, interval / denominator, True)
+        if status == LOST:
+            return float(LOST)
         fields[0], fields[1] = call, status
         for i in range(2):
             fields[2 + i] = port.output_scale[i] * port.output_values[i]

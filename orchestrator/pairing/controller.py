@@ -13,6 +13,7 @@ from ..documents.document import Shown
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
+from ..fmi.choice import WAYS, Way
 from ..fmi.controller_files import read_mapping, read_parameters
 from ..fmi.variables import variables
 from ..loop.setup import Setup
@@ -36,6 +37,9 @@ class Controller(Shown):
         Variables by connector, where their names differ: ``{"q_m[1]": "In1"}``; or a ``.toml`` or ``.ssm`` file.
     sample_time : number, str or Fraction, optional
         Sample time [s]; by default the FMU's own, or else the benchmark's.
+    library : "native", "source" or "wine", optional
+        Which of its libraries is loaded: the binary for this platform, one compiled of its sources, or the binary for
+        Windows, under Wine; by default the first of these that can be.
 
     Raises
     ------
@@ -47,8 +51,15 @@ class Controller(Shown):
     parameters: Mapping[str, float] | str | Path = field(default_factory=dict)
     mapping: Mapping[str, str] | str | Path = field(default_factory=dict)
     sample_time: Fraction | float | str | None = None
+    library: Way | None = None
 
     def __post_init__(self) -> None:
+        if self.library is not None and self.library not in WAYS:
+            message = f"The library of a controller is one of {', '.join(WAYS)}, not {self.library!r}."
+            raise InputError(message, "no-library", "", self.library, WAYS)
+        if self.library is not None and self.file is None:
+            message = "The paper's PID is built here as it runs best: a choice of library is for the FMU in a file."
+            raise InputError(message, "contradiction", "", self.library)
         if isinstance(self.parameters, Mapping):
             _check_finite(self.parameters)
         if self.sample_time is not None:
@@ -92,7 +103,7 @@ class Controller(Shown):
     @cached_property
     def archive(self) -> Archive:
         """The FMU, checked and extracted; raises :class:`InputError` if it cannot be used."""
-        return open_archive(Path(self.file)) if self.file is not None else fastest_default()
+        return open_archive(Path(self.file), self.library) if self.file is not None else fastest_default()
 
     @cached_property
     def setup(self) -> Setup:

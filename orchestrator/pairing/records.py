@@ -11,7 +11,9 @@ from ..benchmark.protocol import Protocol
 from ..documents.head import BoundRecord, ControllerRecord, PlantRecord
 from ..documents.results import LoopDelay
 from ..fmi.archive import Archive
+from ..fmi.choice import WINE
 from ..fmi.connectors import CONTROLLER
+from ..fmi.host import wine
 from ..loop.setup import controller_binding
 from ..version import __version__
 from .controller import Controller
@@ -29,14 +31,15 @@ def plant_record(plant: Plant, changes: Mapping[str, float]) -> PlantRecord:
     return PlantRecord(*_fmu(plant.archive), dict(changes), nominal, plant.build, plant.model, path)
 
 
-def environment() -> dict[str, str]:
-    """Versions and platform that the numbers were made with."""
+def environment(controller: Archive) -> dict[str, str]:
+    """Versions and platform that the numbers with this ``controller`` were made with."""
     return {
         "flexible_manipulator_benchmark": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "machine": platform.machine(),
         **{library: metadata.version(library) for library in LIBRARIES},
+        **({WINE: wine.version()} if controller.way == WINE else {}),
     }
 
 
@@ -51,7 +54,8 @@ def controller_record(pairing: Pairing, controller: Controller) -> ControllerRec
     }
     path = "" if controller.file is None else str(controller.file)
     setup = pairing.setup
-    return ControllerRecord(*_fmu(pairing.controller), dict(setup.parameters), path, dict(setup.mapping), connectors)
+    own, way = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.way
+    return ControllerRecord(*_fmu(pairing.controller), *own, way)
 
 
 def loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:

@@ -37,7 +37,7 @@ def head(
         plant=records.plant_record(testbed.manipulator, testbed.plant_parameters),
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
         rules=rules(protocol) if own_rules is None else own_rules,
-        environment=records.environment(),
+        environment=records.environment(pairing.controller),
         command=testbed.command,
         timing=Timing(
             start=begin.start,

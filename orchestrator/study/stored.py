@@ -14,6 +14,8 @@ from ..benchmark.results import Judgement
 from ..cache import computing_code
 from ..codec import Malformed, NonNegative, Struct, from_json, to_json
 from ..execution.store import Store
+from ..fmi.choice import WINE
+from ..fmi.host import wine
 from ..loop.trajectory import Status
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
@@ -43,6 +45,7 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         sorted(pairing.setup.parameters.items()),
         sorted(pairing.setup.mapping.items()),
         to_json([protocol.settling, protocol.stability]),
+        *((wine.version(),) if pairing.controller.way == WINE else ()),
     ]
     begin = hashlib.sha256(json.dumps(common).encode())
 

@@ -23,6 +23,7 @@ from ..documents.verification import Verification
 from ..errors import EnvironmentFault, InputError
 from ..execution.interpreter import is_clean
 from ..execution.supervision import OUTSIDE
+from ..fmi.choice import WINE
 from ..loop.sampling import controller_sample_time
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
@@ -142,7 +143,8 @@ def mixed(entropy: str, count: int) -> list[int]:
 def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandboxed: bool) -> Study[Verification]:
     """See :meth:`.Benchmark.repeat`."""
     record = certificate.controller
-    controller = Controller(file, record.parameters, record.mapping, certificate.sample_time.seconds)
+    library = record.library if record.library == WINE else None
+    controller = Controller(file, record.parameters, record.mapping, certificate.sample_time.seconds, library)
     if controller.archive.sha256 != record.sha256:
         message = f"{controller.archive.name} is not the controller of the certificate: its contents differ."
         raise InputError(message, "other-controller", file)

@@ -23,6 +23,8 @@ from random_calls.build import sanitizing_compiler
 import build_fmus
 from orchestrator.execution import sandbox
 
+MINGW = "x86_64-w64-mingw32-gcc"
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -94,6 +96,7 @@ TOOLS: Mapping[str, Tool] = {
     "musl-gcc": _program("musl-gcc", "needs musl (musl-gcc)"),
     "qemu-aarch64": _program("qemu-aarch64", "needs QEMU for programs of Linux on arm64 (qemu-aarch64)"),
     "wine": _program("wine", "needs Wine (wine)"),
+    "mingw": _program(MINGW, f"needs a C compiler for Windows (package mingw-w64, {MINGW})"),
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
     "readelf": _program("readelf", "needs readelf (binutils)"),
     "openssl": _program("openssl", "needs OpenSSL (openssl)"),

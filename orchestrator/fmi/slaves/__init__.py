@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from ..archive import Archive
+from ..choice import WINE
 from ..trace import NOBODY
 from .base import Slave
 from .fmi1 import Fmi1CoSimulation
 from .fmi2 import Fmi2CoSimulation
 from .fmi3 import Fmi3CoSimulation
+from .hosted import hosted
 from .model_exchange import Fmi2ModelExchange, Fmi3ModelExchange
 from .own import OwnFmu, law_of
 
@@ -25,6 +27,8 @@ CLASSES: dict[tuple[str, str], type[Slave]] = {
 
 def load(archive: Archive, side: int = NOBODY) -> Slave:
     """Load the library of an opened FMU; ``side`` (PLANT, CONTROLLER) is noted in the process's trace."""
+    if archive.way == WINE:
+        return hosted(CLASSES[archive.major_version, archive.kind])(archive, side)
     law = law_of(archive)
     if law is not None:
         return OwnFmu(archive, side, law)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import FmuError
+from ...errors import Crash, FmuError
 from .. import trace
 from ..archive import Archive
 from ..port import Port, unconnected
@@ -50,6 +50,8 @@ class Slave(ABC):
         folder = os.getcwd()
         try:
             self._fmu = self._load()
+        except (Crash, FmuError):
+            raise
         except Exception as problem:
             raise FmuError(f"{archive.name} cannot be loaded: {problem}", "load") from problem
         finally:
@@ -91,6 +93,10 @@ class Slave(ABC):
         """What the instance has said last."""
         return log.lines()
 
+    def lost(self) -> Crash:
+        """What became of the process that holds the library, if it is another one and gives no answer."""
+        raise NotImplementedError
+
     def terminate(self) -> None:
         """End the simulation of the instance."""
         self._do(self._fmu.terminate)
@@ -115,6 +121,8 @@ class Slave(ABC):
         with self._modules.in_place(), self._reported("instantiation"):
             try:
                 self._instantiate(stop_time)
+            except Crash:
+                raise
             except Exception as problem:
                 raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
         try:
@@ -203,7 +211,7 @@ class Slave(ABC):
         trace.current.note(self.side, call)
         try:
             yield
-        except FmuError:
+        except (Crash, FmuError):
             raise
         except Exception as problem:
             raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.lines()) from None

@@ -48,6 +48,11 @@ def note(instance: bytes, status: int, message: bytes) -> None:
             os.write(_echo, line.encode() + b"\n")
 
 
+def keep(line: bytes) -> None:
+    """Keep a message that another process has formatted and printed."""
+    _lines.append(printable(line)[:LINE_LENGTH])
+
+
 def callbacks(kind: type[ctypes.Structure]) -> ctypes.Structure:
     """FMPy's callbacks of FMI 1 or 2 that keep messages; for all instances one, since the C proxy that formats an FMU's
     message before it calls back exists once."""

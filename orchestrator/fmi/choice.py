@@ -1,0 +1,63 @@
+"""Which library of an FMU is loaded: its binary for this platform, one compiled of its sources, or that for Windows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final, Literal
+
+from ..errors import InputError
+from .host import wine
+
+NATIVE: Final = "native"
+SOURCE: Final = "source"
+WINE: Final = "wine"
+WAYS = (NATIVE, SOURCE, WINE)
+
+Way = Literal["native", "source", "wine"]
+"""Where the library comes from: the FMU's binary for this platform, its sources, its binary for Windows under Wine."""
+
+
+def choose(name: str, folder: Path, windows: bool, tool: str, wanted: Way | None) -> Way:
+    """Where the library of the FMU ``name`` in ``folder`` comes from, which has no binary for this platform or of which
+    another library is ``wanted``: its sources if there is a compiler, else that for Windows if it has one, ``windows``.
+    ``tool`` is what the FMU needs at run time, if anything.
+
+    Raises :class:`InputError` for an FMU that has not what is wanted, or whose library for Windows cannot be used here.
+    """
+    sources = has_sources(folder)
+    if wanted == WINE or (wanted is None and windows and not (sources and _has_compiler())):
+        _check_windows(name, windows, tool)
+        return WINE
+    if wanted == NATIVE or (wanted == SOURCE and not sources):
+        what = "binary for this platform" if wanted == NATIVE else "sources that could be compiled"
+        raise InputError(f"{name} has no {what}. Take another of its libraries.", "no-binary", name, wanted)
+    if sources:
+        return SOURCE
+    if {path.parent.name for path in (folder / "binaries").glob("*/*")} == {"win32"}:
+        message = f"{name} has a library for Windows of 32 bits only (win32), which does not run here. Export it for"
+        raise InputError(f"{message} Linux, or for Windows of 64 bits (win64).", "no-binary", name, "win32")
+    return NATIVE
+
+
+def has_sources(folder: Path) -> bool:
+    """Whether the extracted FMU has sources in C. A folder without any does not count."""
+    return any((folder / "sources").rglob("*.[ch]*"))
+
+
+def _check_windows(name: str, windows: bool, tool: str) -> None:
+    if not windows:
+        message = f"{name} has no library for Windows of 64 bits. Take another of its libraries."
+        raise InputError(message, "no-binary", name, WINE)
+    if tool:
+        message = f"{name} needs {tool} while it runs, which is not there under Wine. Export it to run alone."
+        raise InputError(message, "execution-tool", name, tool)
+    wine.needed(name)
+
+
+def _has_compiler() -> bool:
+    from controller_fmu.export import BuildError, find_compiler  # loads the builders, which only few FMUs need
+
+    try:
+        return find_compiler() is not None
+    except BuildError:
+        return False

@@ -1,0 +1,107 @@
+"""Reading an FMU's model description, with the flaws of exporters that change no meaning put right."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import fmpy
+from fmpy.model_description import ModelDescription
+from lxml import etree
+
+from ..errors import InputError
+from .entries import DESCRIPTION, DESCRIPTIONS, files_of
+
+COMBINATIONS: Mapping[str, tuple[str, ...]] = {
+    "parameter": ("fixed", "tunable"),
+    "calculatedParameter": ("fixed", "tunable"),
+    "structuralParameter": ("fixed", "tunable"),
+    "input": ("discrete", "continuous"),
+    "output": ("constant", "discrete", "continuous"),
+    "local": ("constant", "fixed", "tunable", "discrete", "continuous"),
+    "independent": ("continuous",),
+}
+"""The variabilities that FMI 2.0 and 3.0 allow, by causality."""
+
+GIVEN = ("parameter", "structuralParameter", "input")
+"""Causalities of variables whose initial value is given, not calculated."""
+
+
+def read_description(file: Path) -> ModelDescription:
+    """The model description of an FMU, or of the folder that one was extracted to.
+
+    Raises :class:`InputError` if it is missing or cannot be understood. The schema is not enforced: many exporters'
+    descriptions have harmless flaws. A check lists them.
+    """
+    documents = _documents(file)
+    if DESCRIPTION not in documents:
+        message = f"{file.name} is not an FMU: the archive has no {DESCRIPTION}."
+        raise InputError(message, "not-an-fmu", file.name)
+    try:
+        root = etree.fromstring(documents[DESCRIPTION])
+    except etree.XMLSyntaxError as problem:
+        message = f"The {DESCRIPTION} of {file.name} is not well-formed XML ({problem}). Export the FMU again."
+        raise InputError(message, "bad-description", file.name) from None
+    _put_right(root)
+    try:
+        if root.get("fmiVersion") is None:
+            raise ValueError("it has no fmiVersion")
+        if root.find("ModelVariables") is None:
+            raise ValueError("it has no ModelVariables")
+        changed = {**documents, DESCRIPTION: etree.tostring(root, encoding="utf-8")}
+        return fmpy.read_model_description(_archive(changed), validate=False)
+    except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
+        message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
+        message += "Check it with: python -m fmpy validate."
+        raise InputError(message, "bad-description", file.name) from problem
+
+
+def illegal_combinations(description: ModelDescription) -> list[str]:
+    """What each variable is, with its name, whose causality and variability the standard does not combine.
+
+    FMI 1.0 has other words, and none are found there.
+    """
+    if str(description.fmiVersion).startswith("1"):
+        return []
+    return [
+        f"{variable.name}: {variable.variability} {variable.causality}"
+        for variable in description.modelVariables
+        if variable.variability not in COMBINATIONS.get(variable.causality, ())
+    ]
+
+
+def _put_right(root: etree._Element) -> None:
+    """Remove the namespace of the root from all elements, and tell FMPy what it would look up for ``initial``."""
+    namespace = etree.QName(root).namespace
+    if namespace is not None:
+        for element in root.iter(f"{{{namespace}}}*"):
+            element.tag = etree.QName(element).localname
+        etree.cleanup_namespaces(root)
+    version = str(root.get("fmiVersion"))
+    if version.startswith("1"):
+        return
+    for variable in root.iterfind("ModelVariables/*"):
+        causality = variable.get("causality", "local")
+        legal = COMBINATIONS.get(causality, ())
+        default = "continuous" if version.startswith("2") else "".join(legal[:1])  # FMI 3.0's is always a legal one
+        if variable.get("initial") is None and variable.get("variability", default) not in legal:
+            variable.set("initial", "exact" if causality in GIVEN else "calculated")
+
+
+def _documents(file: Path) -> dict[str, bytes]:
+    """The files of an FMU that are parsed, by name."""
+    if file.is_dir():
+        return {name: (file / name).read_bytes() for name in DESCRIPTIONS if (file / name).is_file()}
+    with zipfile.ZipFile(file) as archive:
+        return {name: archive.read(entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+
+
+def _archive(documents: Mapping[str, bytes]) -> io.BytesIO:
+    """An archive in memory, which is what FMPy reads both documents from."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, text in documents.items():
+            archive.writestr(name, text)
+    return buffer

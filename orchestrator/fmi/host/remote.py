@@ -1,0 +1,218 @@
+"""A library in a process of its own, with the face of one that ctypes has loaded: FMPy calls it as any other."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import struct
+import subprocess
+import weakref
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from ...errors import Crash, FmuError
+from . import wine
+
+PROGRAM = Path(__file__).with_name("host.exe")
+
+EXCHANGE, LOAD, FIND, CALL, CONNECT = range(1, 6)
+"""What the host does, see ``host.c``."""
+
+REQUEST_HEAD, ANSWER_HEAD = struct.Struct("=5d"), struct.Struct("=Q")
+
+LARGEST = 64 * 1024**2
+"""Bytes of an answer at most."""
+
+LAST_WORDS = 1.0
+"""Seconds for a host that gives no answer to end."""
+
+KILLED = -9
+"""Exit code of a process that somebody has killed, such as a system that is out of memory."""
+
+
+class Host:
+    """The process. It ends with this object or this process; the installation of Wine is its own."""
+
+    def __init__(self, name: str) -> None:
+        """Start it for the FMU ``name``; raises :class:`~orchestrator.errors.InputError` where there is no Wine."""
+        command = [wine.needed(name), str(PROGRAM)]
+        installation, pipe = wine.Installation(), subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=installation.environment(), bufsize=0)
+        self._crash: Crash | None = None
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self.requests, self.answers = self._process.stdin.fileno(), self._process.stdout.fileno()
+        self._finalizer = weakref.finalize(self, _end, self._process, installation)
+
+    def ask(self, what: int, payload: bytes) -> bytes:
+        """What it answers; raises :class:`~orchestrator.errors.Crash` if it does not."""
+        try:
+            view = memoryview(REQUEST_HEAD.pack(what, len(payload), 0.0, 0.0, 0.0) + payload)
+            while view:
+                view = view[os.write(self.requests, view) :]
+            (size,) = ANSWER_HEAD.unpack(self._read(ANSWER_HEAD.size))
+            if size <= LARGEST:
+                return self._read(size)
+        except (OSError, EOFError):
+            pass
+        raise self.lost()
+
+    def _read(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            piece = os.read(self.answers, size - len(data))
+            if not piece:
+                raise EOFError
+            data += piece
+        return data
+
+    def lost(self) -> Crash:
+        """What became of it, as it gives no answer."""
+        if self._crash is None:
+            self._crash = _end_of(self.exit_code())
+        return self._crash
+
+    def exit_code(self) -> int | None:
+        """The exit code of one that gives no answer; None if it goes on."""
+        try:
+            return self._process.wait(LAST_WORDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return None
+
+
+def _end_of(code: int | None) -> Crash:
+    if code is None:
+        return Crash("the controller's process under Wine sent what is no answer")
+    if code < 0:
+        message = f"the controller's process under Wine was ended by signal {-code}"
+        return Crash(message, "killed" if code == KILLED else "")
+    return Crash(f"the controller's process under Wine ended by itself with exit code {code}")
+
+
+def _end(process: subprocess.Popen[bytes], installation: wine.Installation) -> None:
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+    installation.remove()
+
+
+class Library:
+    """The library ``path`` of the FMU ``name``, loaded by a new host; ``keep`` is given what the FMU says.
+
+    Raises :class:`~orchestrator.errors.FmuError` if it cannot be loaded.
+    """
+
+    def __init__(self, name: str, path: Path, keep: Callable[[bytes], None]) -> None:
+        self.host = Host(name)
+        self._name, self._keep = name, keep
+        payload = f"{Path(name).stem}\0{windows_path(path)}".encode()
+        refused = self.host.ask(LOAD, payload).decode(errors="replace")
+        if refused:
+            raise FmuError(_why_not_loaded(name, *refused.split(" ", 1)), "load")
+
+    def __getattr__(self, name: str) -> Function:
+        (address,) = ANSWER_HEAD.unpack(self.host.ask(FIND, name.encode()))
+        if not address:
+            raise AttributeError(f"function {name!r} not found")
+        return Function(self, name, address)
+
+    def call(self, name: str, address: int, arguments: list[tuple[bytes, int, bytes]]) -> tuple[int, list[bytes]]:
+        """The result of a function, and the contents of its buffers after the call; keeps what the FMU says."""
+        words = [ANSWER_HEAD.pack(address), ANSWER_HEAD.pack(len(arguments))]
+        for kind, value, content in arguments:
+            words += [ANSWER_HEAD.pack(kind[0]), ANSWER_HEAD.pack(value), content]
+        answer = self.host.ask(CALL, b"".join(words))
+        called, result = struct.unpack_from("=QQ", answer)
+        at, contents = 16, []
+        for kind, value, _ in arguments:
+            if kind == b"b":
+                contents.append(answer[at : at + value])
+                at += value
+        for line in answer[at:].split(b"\0")[:-1]:
+            self._keep(line)
+        if address and not called:
+            raise FmuError(f"{self._name}: the host cannot call {name}", name)
+        return result, contents
+
+
+def windows_path(path: Path) -> str:
+    """``path`` as programs of Windows name it."""
+    return "Z:" + str(path).replace("/", "\\")
+
+
+def _why_not_loaded(name: str, error: str, missing: str) -> str:
+    if missing.lower().startswith("python3"):
+        message = f"{name} needs Python for Windows ({missing}), which does not run here. Export it for Linux, such as"
+        return f"{message} with pythonfmu on Linux."
+    if missing:
+        message = f"{name} needs the library {missing} of Windows, which is neither in the FMU nor in Wine. Put it into"
+        return f"{message} the FMU beside its own, export it with static libraries, or for Linux."
+    return f"{name} cannot be loaded under Wine {wine.version()} (error {error} of Windows). Export it for Linux."
+
+
+class Function:
+    """A function of the library. FMPy sets its types, as those of ctypes' functions."""
+
+    argnames: Iterable[str] = ()
+    argtypes: Iterable[Any] = ()
+    restype: Any = None
+
+    def __init__(self, library: Library, name: str, address: int) -> None:
+        self._library, self._name, self.address = library, name, address
+
+    def __call__(self, *arguments: Any) -> Any:
+        encoded: list[tuple[bytes, int, bytes]] = []
+        outputs: list[Callable[[bytes], object]] = []
+        for kind, value, following in zip(self.argtypes, arguments, [*arguments[1:], 0], strict=True):
+            memory = _memory(value, following)
+            if memory is not None:
+                place, size = memory
+                encoded.append((b"b", size, ctypes.string_at(place, size)))
+                outputs.append(lambda data, place=place: ctypes.memmove(place, data, len(data)))  # type: ignore[misc]
+            elif isinstance(value, bytes) and kind is not ctypes.c_char:
+                content = _translated(value) + b"\0"
+                encoded.append((b"b", len(content), content))
+                outputs.append(lambda _: None)
+            else:
+                encoded.append((*_plain(kind, value), b""))
+        result, contents = self._library.call(self._name, self.address, encoded)
+        for write, data in zip(outputs, contents, strict=True):
+            write(data)
+        if self.restype is ctypes.c_int:
+            return ctypes.c_int(result & 0xFFFFFFFF).value
+        return result or None
+
+
+def _memory(value: Any, following: Any) -> tuple[int, int] | None:
+    """Address and size [bytes] of what a pointer points to, None for what is none; of a bare pointer the argument that
+    follows gives the number of elements."""
+    target = getattr(value, "_obj", value)  # of byref()
+    if isinstance(target, ctypes.Array) or (target is not value and not hasattr(target, "logger")):
+        return ctypes.addressof(target), ctypes.sizeof(target)
+    if isinstance(value, ctypes._Pointer):
+        return ctypes.addressof(value.contents), ctypes.sizeof(value._type_) * int(following)
+    return None
+
+
+def _plain(kind: Any, value: Any) -> tuple[bytes, int]:
+    """A number or a handle as its kind and its bits; callbacks are the host's own."""
+    if isinstance(value, ctypes.Structure) or hasattr(value, "_obj"):
+        return b"l", 2
+    if isinstance(value, ctypes._CFuncPtr):  # type: ignore[attr-defined]
+        return (b"l", 3) if value else (b"i", 0)
+    value = getattr(value, "value", value)
+    if kind is ctypes.c_double:
+        return b"d", int.from_bytes(struct.pack("=d", value), "little")
+    if isinstance(value, bytes):
+        return b"i", value[0]
+    return b"i", int(value or 0) & 0xFFFFFFFFFFFFFFFF
+
+
+def _translated(text: bytes) -> bytes:
+    """A text as the FMU gets it: places of this machine's files are written as Windows does."""
+    if text.startswith(b"file:///"):
+        return b"file:///Z:" + text.removeprefix(b"file://")
+    return windows_path(Path(text.decode())).encode() + b"\\" if text.startswith(b"/") and text.endswith(b"/") else text
