@@ -98,7 +98,7 @@ class Stepwise:
             return -1
         if u_m is None:
             return -1
-        info[:] = port.GET, 0.0, *u_m
+        info[:4] = port.GET, 0.0, *u_m
         return size
 
     @contextmanager
