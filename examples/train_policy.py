@@ -5,7 +5,8 @@
 Each generation draws candidates from a normal distribution of the logarithms of the gains, and simulates each in the
 same episodes: a force on the tool, at three poses, with arms and noise that are drawn from the seed. The mean and the
 deviation of the best quarter are the next distribution. The best candidate is saved as trained.npz and becomes an FMU,
-trained.fmu, and its V in the protocol quick is printed beside that of the first one. learning.svg shows the return of each generation.
+trained.fmu, and its V in the protocol quick is printed beside that of the first one. learning.svg shows the return of
+each generation.
 """
 
 import argparse
