@@ -1,6 +1,8 @@
-"""The README's animation: two controllers on the same arm, under the same force, docs/pictures/disturbance.gif.
+"""Animations of the arm under the force: docs/pictures/disturbance.gif, the README's, shows two controllers, and each
+docs/pictures/disturbance-NAME.gif one of the leaderboard.
 
-    python benchmarks/animation.py          two simulations and the picture, a minute; needs a C compiler
+    python benchmarks/animation.py          two simulations and the README's picture, a minute; needs a C compiler
+    python benchmarks/animation.py --each   six simulations and the pictures of the leaderboard
 
 Each arm is the trajectory of one simulation on the system ``compliant`` with the test ``disturbance``. The deviation of
 the link angles from rest is drawn MAGNIFIED times as large. The picture has SPEED seconds of the simulation per second.
@@ -8,9 +10,11 @@ the link angles from rest is drawn MAGNIFIED times as large. The picture has SPE
 
 from __future__ import annotations
 
+import argparse
 import io
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib
@@ -25,10 +29,16 @@ import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 from PIL import Image  # noqa: E402
 
+from benchmarks.leaderboard_tables import PAGES, animation  # noqa: E402
 from orchestrator import Benchmark, Controller, Simulation  # noqa: E402
 
 PICTURE = ROOT / "docs" / "pictures" / "disturbance.gif"
 CONTROLLERS = {"DiagonalPID_C": "#b3541e", "RobustLQG": "#1f6fb4"}
+"""The controllers of the README's picture, each with its colour."""
+
+OWN = "#1f6fb4"
+"""The colour of a controller that is alone in a picture."""
+
 POSE = math.radians(45.0), math.radians(-60.0)
 FROM, UNTIL = 9.8, 14.2
 """Part of the simulation that is shown [s]."""
@@ -40,10 +50,10 @@ SETTLED = 0.1
 GREY = "0.45"
 
 
-def simulations(bench: Benchmark) -> list[Simulation]:
-    """One simulation per controller, of the same case."""
-    case = bench.case_at(POSE, system="compliant", test="disturbance")
-    return [bench.simulate(Controller.built_in(name), case) for name in CONTROLLERS]
+def simulated(name: str) -> Simulation:
+    """The simulation of a controller, of the same case for all."""
+    bench = Benchmark()
+    return bench.simulate(Controller.built_in(name), bench.case_at(POSE, system="compliant", test="disturbance"))
 
 
 def arm(q_a: np.ndarray, lengths: tuple[float, float]) -> np.ndarray:
@@ -59,15 +69,16 @@ def shown_arm(simulation: Simulation, k: int, lengths: tuple[float, float]) -> n
     return arm(q_a[0] + MAGNIFIED * (q_a[k] - q_a[0]), lengths)
 
 
-def draw_arm(panel: Axes, simulation: Simulation, k: int, name: str, lengths: tuple[float, float]) -> None:
+def draw_arm(panel: Axes, simulation: Simulation, k: int, name: str, colour: str) -> None:
     """One panel: the arm at rest in grey, the arm now, and the force while it acts."""
+    lengths = lengths_of(simulation)
     rest, now, pulse = (
         arm(simulation.q_a[0], lengths),
         shown_arm(simulation, k, lengths),
         simulation.case.scenario.pulse,
     )
     panel.plot(*rest.T, "-", color="0.85", lw=7, solid_capstyle="round")
-    panel.plot(*now.T, "-", color=CONTROLLERS[name], lw=4, solid_capstyle="round", marker="o", mfc="white", ms=6)
+    panel.plot(*now.T, "-", color=colour, lw=4, solid_capstyle="round", marker="o", mfc="white", ms=6)
     if pulse.start <= simulation.time[k] < pulse.stop:
         size = math.hypot(*pulse.force)
         tail = now[2] - 0.45 / size * np.array(pulse.force)
@@ -76,20 +87,26 @@ def draw_arm(panel: Axes, simulation: Simulation, k: int, name: str, lengths: tu
     panel.set(xlim=(-0.35, 2.75), ylim=(-0.25, 1.4), aspect="equal", xticks=[], yticks=[])
     for side in panel.spines.values():
         side.set_visible(False)
-    panel.set_title(name, fontsize=10, color=CONTROLLERS[name], pad=2)
+    panel.set_title(name, fontsize=10, color=colour, pad=2)
     text = f"TCP error {1e3 * simulation.tcp_error[k]:5.2f} mm"
     panel.text(0.02, 0.02, text, transform=panel.transAxes, fontsize=8, family="monospace", color=GREY)
 
 
-def draw_errors(panel: Axes, found: list[Simulation], k: int) -> None:
+def lengths_of(simulation: Simulation) -> tuple[float, float]:
+    """The lengths of the links [m]."""
+    parameters = dict(simulation.case.scenario.parameters)
+    return parameters.get("l[1]", 1.0), parameters.get("l[2]", 1.5)
+
+
+def draw_errors(panel: Axes, found: Mapping[str, Simulation], colours: Mapping[str, str], k: int) -> None:
     """The TCP errors until sample k, with a logarithmic scale."""
     panel.axhline(SETTLED, color=GREY, lw=0.8, ls="--")
-    label = f"settled: below {SETTLED:g} mm (target: within 3 s after the force)"
+    label = f"settled: below {SETTLED:g} mm" + (" (target: within 3 s after the force)" if len(found) > 1 else "")
     panel.text(UNTIL - 0.03, 0.75 * SETTLED, label, fontsize=7, color=GREY, ha="right", va="top")
-    for simulation, (_, colour) in zip(found, CONTROLLERS.items(), strict=True):
+    for name, simulation in found.items():
         part = (simulation.time >= FROM) & (np.arange(len(simulation.time)) <= k)
-        panel.plot(simulation.time[part][::20], 1e3 * simulation.tcp_error[part][::20], color=colour, lw=1.2)
-    pulse = found[0].case.scenario.pulse
+        panel.plot(simulation.time[part][::20], 1e3 * simulation.tcp_error[part][::20], color=colours[name], lw=1.2)
+    pulse = next(iter(found.values())).case.scenario.pulse
     panel.axvspan(pulse.start, pulse.stop, color="0.92", lw=0)
     panel.set(xlim=(FROM, UNTIL), ylim=(0.01, 30.0), yscale="log")
     panel.set_yticks([0.01, 0.1, 1.0, 10.0], ["0.01", "0.1", "1", "10"])
@@ -98,36 +115,45 @@ def draw_errors(panel: Axes, found: list[Simulation], k: int) -> None:
     panel.tick_params(labelsize=7)
 
 
-def frame(found: list[Simulation], k: int, lengths: tuple[float, float]) -> Image.Image:
+def frame(found: Mapping[str, Simulation], colours: Mapping[str, str], k: int) -> Image.Image:
     """The picture at sample k."""
-    figure = plt.figure(figsize=(6.4, 4.2), layout="constrained")
-    title = f"The same arm under the same force: deflection {MAGNIFIED:g} times as large, {SPEED:g} times as fast"
-    figure.suptitle(title, fontsize=9)
-    panels = figure.subplot_mosaic([["left", "right"], ["errors", "errors"]], height_ratios=[1.25, 1.0])
-    for place, simulation, name in zip(("left", "right"), found, CONTROLLERS, strict=True):
-        draw_arm(panels[place], simulation, k, name, lengths)
-    draw_errors(panels["errors"], found, k)
+    figure = plt.figure(figsize=(3.2 * len(found), 4.2), layout="constrained")
+    scales = f"deflection {MAGNIFIED:g} times as large, {SPEED:g} times as fast"
+    title = f"The same arm under the same force: {scales}" if len(found) > 1 else scales
+    figure.suptitle(title, fontsize=9 if len(found) > 1 else 7)
+    panels = figure.subplot_mosaic([[*found], ["errors"] * len(found)], height_ratios=[1.25, 1.0])
+    for name, simulation in found.items():
+        draw_arm(panels[name], simulation, k, name, colours[name])
+    draw_errors(panels["errors"], found, colours, k)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=100)
     plt.close(figure)
     return Image.open(stream).convert("RGB")
 
 
-def main() -> None:
-    """Simulate both, and write the picture."""
-    bench = Benchmark()
-    found = simulations(bench)
-    parameters = dict(found[0].case.scenario.parameters)
-    lengths = parameters.get("l[1]", 1.0), parameters.get("l[2]", 1.5)
+def write(found: Mapping[str, Simulation], colours: Mapping[str, str], file: Path) -> None:
+    """Draw the simulations of controllers by name beside each other, and write the animation."""
+    sampled = next(iter(found.values())).time
     times = np.arange(FROM, UNTIL, SPEED / FRAMES_PER_SECOND)
-    frames = [frame(found, int(np.searchsorted(found[0].time, time)), lengths) for time in times]
+    frames = [frame(found, colours, int(np.searchsorted(sampled, time))) for time in times]
     palette = frames[len(frames) // 6].quantize(COLOURS)
     first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in frames]
     duration = 1000 // FRAMES_PER_SECOND
-    first.save(PICTURE, save_all=True, append_images=others, duration=duration, loop=0, optimize=True)
-    print(f"{PICTURE.relative_to(ROOT)}: {len(frames)} frames, {PICTURE.stat().st_size / 1024:.0f} KiB")
-    for simulation in found:
-        print(f"{simulation.controller}: settled {simulation.result.measurements.B6:.2f} s after the force")
+    first.save(file, save_all=True, append_images=others, duration=duration, loop=0, optimize=True)
+    print(f"{file.relative_to(ROOT)}: {len(frames)} frames, {file.stat().st_size / 1024:.0f} KiB")
+    for name, simulation in found.items():
+        print(f"{name}: settled {simulation.result.measurements.B6:.2f} s after the force")
+
+
+def main() -> None:
+    """Write the picture of the README, or those of the leaderboard."""
+    parser = argparse.ArgumentParser(description="Write animations of the arm under the force.")
+    parser.add_argument("--each", action="store_true", help="one for each controller of the leaderboard")
+    if not parser.parse_args().each:
+        write({name: simulated(name) for name in CONTROLLERS}, CONTROLLERS, PICTURE)
+        return
+    for name in PAGES:
+        write({name: simulated(name)}, {name: OWN}, animation(name))
 
 
 if __name__ == "__main__":

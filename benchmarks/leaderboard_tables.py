@@ -30,6 +30,12 @@ PAGES = {
 }
 """The project's controllers by the name of their FMU, and where their page is."""
 
+
+def animation(name: str) -> Path:
+    """The picture of a controller's arm under the force, which benchmarks/animation.py makes."""
+    return PICTURE.parent / f"disturbance-{name}.gif"
+
+
 HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
 WORST_HEAD = (
     "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius |\n"
@@ -118,12 +124,13 @@ def _failing(figures: Figures) -> str:
 
 def leaderboard(kept: Sequence[Figures]) -> str:
     """The whole table of docs/leaderboard.md, in the order of what was found; a name links to the controller's page,
-    the last cell to the commands that repeat its worst cases."""
+    the last cells to its animation and to the commands that repeat its worst cases."""
     lines = []
     for each in sorted(kept, key=standing):
         page = f"../{PAGES[name_of(each)]}/README.md"
-        lines.append(worst_row(each, f"[{name_of(each)}]({page})", f"[commands]({page}#scorecard)"))
-    return WORST_HEAD.replace("| radius |", "| radius | repeat |").rstrip() + "---|\n" + "".join(lines)
+        moving = f"[GIF](pictures/{animation(name_of(each)).name})"
+        lines.append(worst_row(each, f"[{name_of(each)}]({page})", moving, f"[commands]({page}#scorecard)"))
+    return WORST_HEAD.replace("| radius |", "| radius | motion | repeat |").rstrip() + "---|---|\n" + "".join(lines)
 
 
 def scorecard(kept: Sequence[Figures], name: str) -> str:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import quote
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -15,6 +16,7 @@ sys.path.insert(0, str(ROOT))
 from build_fmus import KNOWN  # noqa: E402
 from orchestrator import InputError, Verification  # noqa: E402
 from orchestrator.benchmark.certificate import Figure  # noqa: E402
+from orchestrator.documents.files import VERIFICATION  # noqa: E402
 from orchestrator.documents.verification import differences  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
 
@@ -111,7 +113,7 @@ def place_of(submission: Submission) -> tuple[bool, bool, float]:
 
 
 def verified_table(found: Sequence[Submission]) -> str:
-    """The table of the submissions; mean and standard deviation over the draws."""
+    """The table of the submissions, each name a link to its certificate; mean and standard deviation over the draws."""
     lines = []
     for name, known, repeated in found:
         verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
@@ -121,7 +123,8 @@ def verified_table(found: Sequence[Submission]) -> str:
         words = "repeated" if repeated else "claimed"
         compared = (known, known.references[BASELINE])
         cells = (*(spread(of.cost) for of in compared), *(spread(of.strict.cost) for of in compared if of.strict))
-        lines.append(f"| {name} | {' | '.join(cells)} | {verdicts} | {values} | {known.entropy.source} | {words} |\n")
+        link = f"[{name}](../{SUBMISSIONS.name}/{quote(name)}/{VERIFICATION})"
+        lines.append(f"| {link} | {' | '.join(cells)} | {verdicts} | {values} | {known.entropy.source} | {words} |\n")
     return VERIFIED_HEAD + "".join(lines)
 
 

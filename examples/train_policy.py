@@ -4,8 +4,9 @@
 
 Each generation draws candidates from a normal distribution of the logarithms of the gains, and simulates each in the
 same episodes: a force on the tool, at three poses, with arms and noise that are drawn from the seed. The mean and the
-deviation of the best quarter are the next distribution. The best candidate becomes an FMU, trained.fmu, and its V in
-the protocol quick is printed beside that of the first one. learning.svg shows the return of each generation.
+deviation of the best quarter are the next distribution. The best candidate is saved as trained.npz and becomes an FMU,
+trained.fmu, and its V in the protocol quick is printed beside that of the first one. learning.svg shows the return of
+each generation.
 """
 
 import argparse
@@ -111,6 +112,7 @@ def main(generations: int, population: int, folder: Path) -> tuple[np.ndarray, l
     folder.mkdir(parents=True, exist_ok=True)
     gains, history = train(generations, population)
     draw(history, folder / "learning.svg")
+    np.savez(folder / "trained.npz", activation="tanh", **weights(gains))
     for name, each in (("first", START), ("trained", gains)):
         file = controller_from_mlp({**weights(each), "activation": "tanh"}, out=folder / f"{name}.fmu")
         evaluation = Benchmark("quick").evaluate(Controller(file), recordings=False)

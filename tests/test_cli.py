@@ -349,7 +349,8 @@ def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypat
 
 def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2 and main(["frobnicate"]) == 2
-    assert "there is no command frobnicate" in capsys.readouterr().err
+    assert "there is no command frobnicate. Commands: evaluate, " in capsys.readouterr().err
+    assert main(["evalute"]) == 2 and "Did you mean evaluate?" in capsys.readouterr().err
     assert main(["--help"]) == 0
     assert set(COMMANDS) <= set(capsys.readouterr().out.split())
     assert main(["--version"]) == 0 and capsys.readouterr().out.startswith("flexible-manipulator-benchmark ")

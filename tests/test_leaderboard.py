@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 
 import pytest
 from support.pid_fmus import built
@@ -25,6 +26,14 @@ def test_all_tables_show_the_figures_that_are_kept():
 def test_its_controllers_are_built_and_have_a_page():
     assert set(tables.PAGES) <= set(build_fmus.NAMES)
     assert {tables.name_of(figures) for figures in KEPT} == set(tables.PAGES)
+
+
+@pytest.mark.parametrize("name", tables.PAGES)
+def test_each_row_links_its_page_its_animation_and_its_commands(name):
+    (row,) = (line for line in tables.leaderboard(KEPT).splitlines() if line.startswith(f"| [{name}]"))
+    links = [tables.BOARD.parent / link.split("#")[0] for link in re.findall(r"\]\(([^)]*)\)", row)]
+    assert len(links) == 3 and all(link.is_file() for link in links)
+    assert tables.animation(name) in links and tables.animation(name).stat().st_size < 2e5
 
 
 @pytest.mark.parametrize("figures", KEPT, ids=tables.name_of)

@@ -197,7 +197,7 @@ def test_the_example_of_a_training_finds_better_gains(tmp_path, capsys):
     first, trained = (float(re.search(r"V = ([\d.]+) on quick", line)[1]) for line in printed[-2:])
     assert trained < first and not np.array_equal(gains, example["START"])
     assert f"V falls from {first} to" in text("docs/policies.md")
-    assert {file.name for file in tmp_path.iterdir()} == {"learning.svg", "first.fmu", "trained.fmu"}
+    assert {file.name for file in tmp_path.iterdir()} == {"learning.svg", "trained.npz", "first.fmu", "trained.fmu"}
 
 
 @pytest.fixture

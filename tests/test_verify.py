@@ -408,10 +408,11 @@ def again(submitted, tmp_path_factory) -> Path:
 
 def test_submissions_are_ranked_by_their_certificates(submitted, again, tmp_path):
     lines = submitting.verified_table(submitting.submissions(tmp_path)).splitlines()
-    assert [line.split(" | ")[0] for line in lines[2:]] == ["| first", "| second"] and " ± " in lines[2]
+    names = [f"| [{name}](../submissions/{name}/verification.json)" for name in ("first", "second")]
+    assert [line.split(" | ")[0] for line in lines[2:]] == names and " ± " in lines[2]
     assert {line.count("|") for line in lines} == {12} and all(line.endswith("claimed |") for line in lines[2:])
     lines = submitting.verified_table(submitting.submissions(tmp_path, again)).splitlines()
-    assert lines[2].startswith("| second") and lines[2].endswith("repeated |")
+    assert lines[2].startswith("| [second]") and lines[2].endswith("repeated |")
     (tmp_path / "first" / "other.fmu").write_bytes(b"another controller")
     assert refusal(submitting.submissions, tmp_path).what == "submission"
 

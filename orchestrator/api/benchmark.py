@@ -230,7 +230,8 @@ class Benchmark(Testbed, Shown):
     ) -> Robustness:
         """Search for the worst case: is there an arm within the tolerances for which the controller fails, and which?
 
-        What is found is a proof, since its command repeats it; that nothing is found proves nothing.
+        Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still
+        have one.
 
         Parameters
         ----------

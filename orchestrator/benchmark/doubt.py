@@ -1,6 +1,6 @@
 """Whether the end of a case leaves a doubt about its verdict, and the longer simulation that settles it.
 
-FMUs are told of the latest end in all simulations.
+The stop time that FMUs get is the latest possible end, in all simulations.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]],
 
     ``windows`` are the amplitudes [m] of x and of z in the last windows. There is a doubt if neither coordinate has a
     limit cycle for sure, one of them does not come to rest for sure, or the TCP creeps to where its ``rest_error`` [m]
-    is none; and there is time left to look at it.
+    is none; and the longer simulation has not reached its end.
     """
     limits, left = protocol.stability, _left(protocol, case)
     if left <= 0 or not windows[0]:

@@ -80,8 +80,8 @@ class Disturbances(Struct):
 class Jitter(Struct):
     """By how much a draw may move what is listed: poses on both axes [degrees], mirrored at the workspace's ends; the
     parameters of systems inwards, as a share of their half-widths; the direction of the force [degrees]; and its begin
-    and end together [s]. With ``tests``, the tests of a system differ in noise and disturbance: what one shows tells
-    nothing about another."""
+    and end together [s]. With ``tests``, the tests of a system differ in noise and disturbance: no test reveals
+    the draws of another."""
 
     pose_deg: NonNegative = 0.0
     system: Share = 0.0

@@ -49,8 +49,8 @@ def require_integrable(changes: Mapping[str, float], uncertainty: Mapping[str, f
     curing = [name for name in changes if _is_integrable({**NOMINAL, **changes, name: NOMINAL[name]}, uncertainty)]
     name = (curing or list(changes))[0]
     raise InputError(
-        f"The plant's {name} = {changes[name]:g} makes a manipulator that its integration cannot follow: motions are "
-        "too fast for its step, or a coefficient of the equations of motion is not a finite number.",
+        f"With the plant's {name} = {changes[name]:g}, the integration is unstable: the motions are too fast for its "
+        "step, or a coefficient of the equations of motion is not a finite number.",
         "bad-plant-parameter",
         name,
         changes[name],

@@ -53,7 +53,7 @@ class Variation:
 
     def __post_init__(self) -> None:
         if self.duration is not None and not 0 < self.duration <= LONGEST:
-            message = f"{float(self.duration):g} s is not a duration up to {LONGEST} s."
+            message = f"The duration {float(self.duration):g} s is not between 0 and {LONGEST} s."
             raise InputError(message, "bad-duration", "", float(self.duration))
         for bits in (self.angle_bits, self.torque_bits):
             if bits is not None and not 0 <= bits <= FINEST_BITS:

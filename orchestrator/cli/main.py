@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
 from collections.abc import Sequence
 
@@ -48,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"flexible-manipulator-benchmark {__version__}")
         return EXIT_OK
     if words[0] not in COMMANDS:
-        print(f"error: there is no command {words[0]}. Commands: {', '.join(COMMANDS)}", file=sys.stderr)
+        near = difflib.get_close_matches(words[0], COMMANDS, 1)
+        hint = f"Did you mean {near[0]}?" if near else f"Commands: {', '.join(COMMANDS)}"
+        print(f"error: there is no command {words[0]}. {hint}", file=sys.stderr)
         return EXIT_BAD_INPUT
     return run(words[0], words[1:])

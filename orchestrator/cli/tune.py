@@ -70,8 +70,9 @@ def _tell() -> Callable[[Event], str]:
         if not isinstance(event, TrialDone):
             return ""
         trial = event.trial
+        failing = f", {', '.join(trial.fails)} fail{'s' * (len(trial.fails) == 1)}" if trial.fails else ""
         best[:] = sorted([*best, trial], key=lambda each: each.objective)[:1]
-        came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else "")
+        came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else failing)
         lead = f"best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}"
         return f"{event.done:5d} of {event.total}  {printable(came_to):24}  {lead}"
 

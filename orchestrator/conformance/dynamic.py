@@ -113,7 +113,7 @@ def reset(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]
 
 
 def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
-    """Two instances alive at once must not disturb each other."""
+    """Two instances that exist at the same time must not affect each other."""
     if str(controller.archive.interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
         text, remedy = "only one per process, as declared", "Nothing to mend: the benchmark uses one per process."
         yield Finding(Severity.NOTE, "instances", text, remedy)

@@ -1,4 +1,4 @@
-"""All cases of a run as one table: CSV, and Parquet for those who go on in pandas or a database."""
+"""All cases of a run as one table: CSV, and Parquet for pandas or a database."""
 
 from __future__ import annotations
 

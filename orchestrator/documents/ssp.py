@@ -88,8 +88,8 @@ def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values
         message = f"The delays split the sample time of {float(scenario.sample_time):g} s unevenly, or it is no "
         raise InputError(f"{message}whole fraction of a second: there is no step for other tools.", "no-ssp")
     if min(exact["drive_delay"]) < 1:
-        message = "A torque without delay would act in the step that the controller computes it in, "
-        raise InputError(f"{message}which other tools have no order for.", "no-ssp")
+        message = "An SSP package needs a delay of the torque: other tools do not define the order of exchange without "
+        raise InputError(f"{message}one.", "no-ssp")
     random = stable_stream(sensor.noise.seed).get_state(legacy=False)["state"]
     pairs: dict[str, Iterable[float]] = {
         "q_m_ref": steady.q_m_ref,

@@ -59,7 +59,7 @@ def write_drawn(drawings: Mapping[str, Callable[[], Figure | None]], folder: Pat
 
 
 def label(name: str) -> str:
-    """A stranger's name as Matplotlib shows it: it leaves out what begins with an underscore, and ``$`` begins a
+    """A name as Matplotlib shows it: Matplotlib leaves out what begins with an underscore, and ``$`` begins a
     formula."""
     return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
 

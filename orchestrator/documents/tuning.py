@@ -55,7 +55,8 @@ class Judged(Struct):
 
 
 class Best(Struct):
-    """The candidate that is best of those that hold A1 to A3, and what tells whether that is luck.
+    """The candidate that is best of those that hold A1 to A3, and the figures that show whether
+    its V depends on the draws it was tuned with.
 
     ``held_out`` is V of the objective's performance cases with other draws; ``seeds`` V of the whole protocol with
     other seeds; ``strict`` V of the protocol strict, ``strict_broken`` what fails there, and ``strict_not_judged``
@@ -141,7 +142,7 @@ class Tuning(Document, Comparable, kw_only=True):
         )
 
     def summary(self) -> Summary:
-        """The best candidate beside what the search began with, and what tells whether it is luck."""
+        """The best candidate beside what the search began with, and its V with other draws."""
         parts: list[Part] = [_parameters(self)]
         parts += [_best(self)] if self.best else [_nearest(self)]
         return Summary(f"Tuning of {self.controller.file}", self._kicker, (*parts, *map(Note, tuning_remarks(self))))

@@ -35,7 +35,7 @@ TAIL = 8192
 
 
 class Begin(Struct, frozen=True):
-    """What a controller is told: itself, how it is used, and where it begins."""
+    """What the process of a controller receives: the FMU, its setup, the steady state and the times [s]."""
 
     controller: FmuFiles
     setup: Setup
@@ -57,7 +57,7 @@ class Over(Struct, frozen=True, tag=True):
 
 
 class Isolated:
-    """A controller that a new process loads for each simulation, so that none knows of another.
+    """A controller that a new process loads for each simulation, so that none uses data of another.
 
     ``command`` starts such a process. What comes from it is two numbers per sample, and messages checked against their
     type.

@@ -17,7 +17,7 @@ def fill_cache() -> None:
 
 
 def main(channel: int, output: int, trace: int) -> None:
-    """Fill the cache, then live the life of a worker with these descriptors."""
+    """Fill the cache, then run as a worker with these descriptors."""
     fill_cache()
     with lean_imports():
         from . import worker  # not before: its imports load compiled code from the cache

@@ -1,4 +1,4 @@
-"""System calls that a controller apart is refused: those by which the process of one case could tell that of another.
+"""System calls that are refused to an isolated controller: those by which one case could pass information to another.
 
 Inside the sandbox the devices of /dev are those of the machine. Where root verifies, root owns them inside, too, and a
 controller could change their modes or times, which the process of a later case would find. Files that both see can be

@@ -1,4 +1,4 @@
-"""Tasks in worker processes that may crash, hang, leak or flood: each costs itself only."""
+"""Tasks in worker processes. A task that crashes, hangs, or uses too much memory or output affects no other task."""
 
 from __future__ import annotations
 

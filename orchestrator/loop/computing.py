@@ -1,4 +1,4 @@
-"""The computing time of a controller as it is told; :mod:`.stopwatch` measures it."""
+"""The computing time of a controller as results state it; :mod:`.stopwatch` measures it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..codec import Natural, NonNegative, Struct
 
 class ComputingTime(Struct):
     """Wall time [s] of one step of a controller, its inputs set and its outputs read: median, 99th percentile and the
-    largest of ``steps``. The largest tells as much about the machine as about the controller. A median of 0 says that a
+    largest of ``steps``. The largest depends on the machine as much as on the controller. A median of 0 says that a
     step takes less than the clock of the machine resolves."""
 
     steps: Natural

@@ -13,7 +13,7 @@ def stable_stream(seed: tuple[int, ...]) -> np.random.RandomState:
     """The stream of a seed.
 
     NumPy guarantees the streams of its bit generators and of the frozen ``RandomState``, but not those of
-    ``Generator``; a benchmark's noise has to outlive a library's next version.
+    ``Generator``; the benchmark's noise must not change with a new version of NumPy.
     """
     return np.random.RandomState(np.random.PCG64(np.random.SeedSequence(seed)))
 

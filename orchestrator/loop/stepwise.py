@@ -94,11 +94,11 @@ class Stepwise:
         assert self._loop.parent is not None
         try:
             u_m = self._loop.parent.switch((float(info[1]), float(info[2])))
-        except GreenletExit:  # whoever had this simulation has forgotten it
+        except GreenletExit:  # nothing refers to this simulation any more
             return -1
         if u_m is None:
             return -1
-        info[:] = port.GET, 0.0, *u_m
+        info[:4] = port.GET, 0.0, *u_m
         return size
 
     @contextmanager
@@ -120,5 +120,5 @@ class Stepwise:
         """There is nothing to end."""
 
     def lost(self) -> Crash:
-        """The caller wants no more of it."""
+        """The error of a simulation that the caller has ended."""
         return Crash("the caller has ended the simulation")

@@ -3,7 +3,7 @@
 An evolution strategy with a population for each of these peaks. Good members are exchanged between the poses, with the
 force turned with the arm. A generation takes short simulations; at the end of each leg the best members are repeated
 over the whole case, where all criteria count. The next generation is that of the criterion by which V has lately
-risen the most for what it costs. All is a function of results, seed and start alone: the answer is the same for any
+risen the most for what it costs. The search depends on results, seed and start alone: the answer is the same for any
 number of processes.
 """
 
@@ -43,7 +43,7 @@ NEAR = 30.0
 """Difference of q_a2 [degrees] at which another pose is chosen half as often."""
 
 MEMORY = 3
-"""Generations from which the gain of the next one is foretold."""
+"""Number of recent generations from which the gain of the next one is estimated."""
 
 HOPE = 0.02
 """Gain in V that a generation has at the least by this: no criterion is given up."""

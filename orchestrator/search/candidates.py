@@ -78,12 +78,12 @@ class Trial(Struct):
 
 
 def check_range(name: str, given: Range) -> Range:
-    """``given`` if it is a range; raises :class:`InputError` for one that is empty, or a logarithm that is none."""
+    """``given`` if it is a range; raises :class:`InputError` if it is empty, or logarithmic and not positive."""
     if not given.low < given.high or not math.isfinite(given.low + given.high):
-        message = f"The range of {name}, from {given.low:g} to {given.high:g}, is none."
+        message = f"The range of {name} goes from {given.low:g} to {given.high:g}: the first must be the smaller one."
         raise InputError(message, "bad-range", name)
     if given.log and given.low <= 0.0:
-        message = f"The range of {name} begins at {given.low:g}: a logarithmic one holds positive numbers."
+        message = f"The range of {name} begins at {given.low:g}: a logarithmic range has positive ends."
         raise InputError(message, "bad-range", name, given.low)
     return given
 

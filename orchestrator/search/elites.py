@@ -15,8 +15,8 @@ ELITE = 6
 
 
 class Peak(NamedTuple):
-    """The largest value of a criterion at one pose: each one of eq. (14)'s maxima is looked for by itself; or, without
-    a pose, at those of the workspace that are no configuration."""
+    """The largest value of a criterion at one pose: each maximum of eq. (14) is searched for separately; or, without
+    a pose, at the poses of the workspace that are no configuration."""
 
     target: Target
     q_a: Pair | None = None

@@ -33,8 +33,8 @@ class CriterionFound(Struct):
 
 class RequirementFound(Struct):
     """A requirement: the worst case found, which fails with ``seeds_failed`` of ``seeds_tried`` realizations of the
-    noise. A failure found is a proof; none found is none. ``passed`` is None if nothing fails, but a simulation was
-    skipped or lost. ``status`` is that of the worst case's simulation."""
+    noise. A longer search may find a failure where this one found none. ``passed`` is None if nothing fails, but a
+    simulation was skipped or lost. ``status`` is that of the worst case's simulation."""
 
     passed: bool | None
     kind: Kind

@@ -26,7 +26,7 @@ STUDY = "study.log"
 class Proposals:
     """A study of Optuna over ``vary`` that begins at ``start``; its ``record`` is a file, if wanted.
 
-    The same values told give the same candidates: an interrupted study is repeated, with known values.
+    The same objectives lead to the same candidates: an interrupted study is repeated with the stored ones.
     """
 
     def __init__(

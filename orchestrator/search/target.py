@@ -20,8 +20,8 @@ NEAR = 0.8
 """Share of a limit cycle's amplitude from which a short simulation's is repeated over the whole case."""
 
 PASSIVE, LASTING = 0.5, 1.05
-"""Ratios of the last two windows of a short simulation: of what dies by itself, and beyond which a larger one means
-nothing."""
+"""Ratios of the last two windows of a short simulation: that of a motion that decays without a controller, and that
+beyond which a larger one adds nothing."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ def unrest(result: Judgement, limits: Stability) -> float:
     """How far the end of a short simulation of a stability test is from rest; only comparisons are meant.
 
     The size of the motion in decades from a hundredth of a limit cycle on, weighted by its ratio to the window before
-    as far as that exceeds the ratio of what dies by itself: a large ring of the arm on locked motors is further from a
-    failure than a small motion that lasts.
+    as far as that exceeds the ratio of a motion that decays without a controller: a large ring of the arm on locked
+    motors is further from a failure than a small motion that lasts.
     """
     figures = result.measurements
     if not result.simulated:

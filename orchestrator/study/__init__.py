@@ -1,1 +1,1 @@
-"""Studies: what is asked of a controller, as computations that ask for simulations, and the engine that runs them."""
+"""Studies of a controller, as generators that request simulations, and the engine that runs them."""

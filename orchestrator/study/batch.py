@@ -25,7 +25,7 @@ Execute = Callable[[Sequence[Job]], Generator[tuple[int, Outcome], None, None]]
 """Runs jobs somewhere; yields (number of the job, outcome) as they come."""
 
 OnRun = Callable[[CaseRun, int, int], None]
-"""Is told each run as it comes, how many there are, and how many there will be."""
+"""Called with each run as it arrives, the number of runs so far, and their total number."""
 
 
 @dataclass

@@ -47,7 +47,7 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 OnEvent = Callable[[Event], None]
-"""Is told the events of a study."""
+"""Called with each event of a study."""
 
 
 @dataclass

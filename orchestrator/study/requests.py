@@ -1,4 +1,4 @@
-"""What a study asks for, and what answers it.
+"""The requests of a study, and their answers.
 
 A study is a generator: it yields requests, is sent the answers, and returns its document. It has no effects of its own:
 it can be tried with any function that answers, and one study can be part of another with ``yield from``.
@@ -177,7 +177,7 @@ class TrialDone:
 Event = SeedDone | StageDone | TrialDone | CaseChecked
 
 OnResult = Callable[[CaseResult, int, int], None]
-"""Is told each result as it comes, how many there are, and how many there will be."""
+"""Called with each result as it arrives, the number of results so far, and their total number."""
 Request = Batch | Rehearse | TimeSteps | Record | Save | Write | Now | Tell
 Study = Generator[Request, Any, T]
 """A study that returns a ``T``."""

@@ -1,4 +1,4 @@
-"""Verifying a controller: draws that nobody knew before, in a process that it cannot reach, beside references."""
+"""Verifying a controller: draws that nobody knew before, the controller in a process of its own, and references."""
 
 from __future__ import annotations
 

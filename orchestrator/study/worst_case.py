@@ -47,7 +47,7 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
     for name in only:
         if name not in {target.name for target in known}:
             names = [target.name for target in known]
-            message = f"There is nothing called {name} to search for. Choose from {', '.join(names)}."
+            message = f"The search has no criterion or test {name}. Choose from {', '.join(names)}."
             raise InputError(message, "no-target", protocol.name, name, names)
     wanted = [target for target in known if not only or target.name in only]
     first = math.ceil(least(protocol, list(map(of_case, listed)), wanted))

@@ -95,7 +95,7 @@ def _width(table: Table, place: int) -> int:
 
 
 def _text(text: str, style: str = "") -> Text:
-    """Text of a stranger for the console: without control characters, and none of it taken for markup."""
+    """Text of an FMU or a file for the console: without control characters, and none of it taken for markup."""
     return Text(printable(text), style)
 
 
