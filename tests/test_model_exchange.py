@@ -3,6 +3,7 @@
 All are the C controller with its law replaced: x[0] is q_m_ref[1], x[2] q_m[1], x[4] u_m[1], x[15] u_m0[1].
 """
 
+import shutil
 from fractions import Fraction
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -85,9 +86,13 @@ def answers(plant_file: Path, controller: Path) -> np.ndarray:
     return trajectory.command
 
 
-def by_fmpy(file: Path) -> list[float]:
-    """u_m[1] at the end of each sample as FMPy's own Model Exchange simulation has it, for the same inputs."""
-    step, folder = float(T_S), open_archive(file).folder
+def by_fmpy(file: Path, folder: Path) -> list[float]:
+    """u_m[1] at the end of each sample as FMPy's own Model Exchange simulation has it, for the same inputs; the FMU is
+    extracted to ``folder``."""
+    step, archive = float(T_S), open_archive(file)
+    shutil.copytree(archive.folder, folder)
+    # FMPy looks for it there, also if it was compiled here.
+    shutil.copytree(archive.library.parent, folder / "binaries" / archive.library.parent.name, dirs_exist_ok=True)
     jump = LATE * step
     rows = [(0.0, 1.0, 1.0), (jump, 1.0, 1.0), (jump, 1.0, 1.0 - ERROR), (SAMPLES * step, 1.0, 1.0 - ERROR)]
     signals = np.array(rows, dtype=[("time", float), ("q_m_ref[1]", float), ("q_m[1]", float)])
@@ -108,7 +113,7 @@ def test_a_relay_switches_with_its_input_and_between_samples(version, pid, probe
     torques = answers(probe_plant_file, file)[:, 0].tolist()
     # At the end of sample 9 the torque is that after the event in its middle.
     assert torques == [-1.0] * LATE + [1.0] * 5 + [-1.0] * 3
-    assert torques == in_child(by_fmpy, file)
+    assert torques == in_child(by_fmpy, file, tmp_path / "relay")
 
 
 STRICT = """static int in_events = 1;
