@@ -214,7 +214,7 @@ def test_a_process_that_a_signal_ends_leaves_no_result_and_no_second_try(bench, 
 
 
 def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
-    slow = replace(bench, timeout=1.0)
+    slow = replace(bench, timeout=1.0, workers=1)  # so that the second case is still waiting when the first ends
     found = verified(slow, Controller(faulty(Fault("spin"))), count=2)
     assert {case.status for case in found.cases} <= {Status.TIMEOUT, Status.SKIPPED}
     assert found.requirements["A3"].passed is False
