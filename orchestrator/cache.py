@@ -37,7 +37,8 @@ logger = logging.getLogger(__name__)
 def cache_folder() -> Path:
     """The user's cache folder for this program, created if missing.
 
-    If it is not writable, a temporary folder takes its place for this process. Raises
+    If it is not writable, a temporary folder takes its place for this process, as for one whose name is not in ASCII:
+    FMUs made by pythonfmu crash where their resources are in such a folder. Raises
     :class:`~orchestrator.errors.EnvironmentFault` if there is no place for that either.
     """
     wanted = os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False)
@@ -48,13 +49,15 @@ def cache_folder() -> Path:
 
 @functools.cache
 def _writable(wanted: Path) -> Path:
-    try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=wanted).close()
-        return wanted
-    except OSError as problem:
-        reason = f"The cache folder {wanted} is not writable ({problem.strerror or problem})"
-    remedy = f"Set {VARIABLE} to a writable folder."
+    reason = f"The cache folder {wanted} has letters outside of ASCII, with which FMUs in Python crash"
+    if str(wanted).isascii():
+        try:
+            wanted.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=wanted).close()
+            return wanted
+        except OSError as problem:
+            reason = f"The cache folder {wanted} is not writable ({problem.strerror or problem})"
+    remedy = f"Set {VARIABLE} to a writable folder with a name in ASCII."
     try:
         folder = tempfile.mkdtemp(prefix="flexible-manipulator-")
     except OSError:

@@ -66,6 +66,13 @@ def test_a_temporary_folder_takes_the_place_of_one_that_is_not_writable(tmp_path
     assert record.levelname == "WARNING" and VARIABLE in record.getMessage()
 
 
+def test_fmus_in_python_are_kept_from_folders_with_which_they_crash(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "Jörg"))
+    folder = cache_folder()
+    assert folder.is_dir() and str(folder).isascii() and tmp_path not in folder.parents
+    assert "ASCII" in caplog.text and VARIABLE in caplog.text
+
+
 def test_without_a_temporary_folder_either_the_machine_is_at_fault(tmp_path, monkeypatch):
     def unwritable(*_arguments, **_keywords):
         raise OSError("Read-only file system")

@@ -72,6 +72,7 @@ def test_a_fault_has_its_status(fault, native_plant_file, tmp_path):
     status, words = FAULTS[fault]
     found, message = outcome(native_plant_file, windows_fmu(tmp_path, fault), limits=Limits(600 * 1024**2, 2 * 1024**2))
     assert (found, words in message) == (status, True), message
+    assert found != "crashed" or "of the controller at t =" in message, message
     assert no_wine_left()
 
 

@@ -116,6 +116,16 @@ def test_the_check_says_what_it_runs_under(pid_c_file, tmp_path, twin):
     assert library.severity == "note" and "runs under Wine 0.0" in library.text
 
 
+@pytest.mark.needs("compiler", "x86_64-linux")
+def test_a_library_is_found_whatever_its_capitals(pid_c_file, tmp_path, twin):
+    with zipfile.ZipFile(pretending(pid_c_file, tmp_path)) as archive:
+        files = {name.replace(".dll", ".DLL"): archive.read(name) for name in archive.namelist()}
+    file = tmp_path / "capitals.fmu"
+    file.write_bytes(pack(files))
+    found = open_archive(file)
+    assert found.way == "wine" and found.library.suffix == ".DLL" and found.platforms == ("win64",)
+
+
 @pytest.mark.slow  # ziglang first compiles its C library for Windows
 @pytest.mark.needs("ziglang")
 def test_the_host_is_made_of_its_source(tmp_path):

@@ -86,15 +86,17 @@ class Archive:
     def platforms(self) -> tuple[str, ...]:
         """Names of the platforms that the file has libraries for. A folder without one does not count."""
         with self.opened() as archive:
-            parts = [name.split("/") for name in files_of(archive) if name.endswith(LIBRARY_SUFFIXES)]
+            parts = [name.split("/") for name in files_of(archive) if name.lower().endswith(LIBRARY_SUFFIXES)]
         return tuple(sorted({each[1] for each in parts if each[0] == "binaries" and len(each) > 2}))
 
     @property
     def library(self) -> Path:
         """The shared library that is loaded, which may be missing."""
         if self.way == WINE:
-            platform = "x86_64-windows" if self.major_version == "3" else "win64"
-            return Path(self.folder, "binaries", platform, f"{self.interface.modelIdentifier}.dll")
+            folder = self.folder / "binaries" / ("x86_64-windows" if self.major_version == "3" else "win64")
+            wanted = folder / f"{self.interface.modelIdentifier}.dll"
+            # Windows takes small letters for capitals.
+            return next((path for path in sorted(folder.glob("*")) if path.name.lower() == wanted.name.lower()), wanted)
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
         return Path(self.folder, "compiled" if self.way == SOURCE else ".", "binaries", platform, name)

@@ -33,6 +33,9 @@ LARGEST = 64 * 1024**2
 LAST_WORDS = 1.0
 """Seconds for a host that gives no answer to end."""
 
+NO_LIBRARY = "193"
+"""Error of Windows for a file that is no library, or one of 32 bits."""
+
 KILLED = -9
 """Exit code of a process that somebody has killed, such as a system that is out of memory."""
 
@@ -156,6 +159,8 @@ def _why_not_loaded(name: str, error: str, missing: str) -> str:
     if missing:
         message = f"{name} needs the library {missing} of Windows, which is neither in the FMU nor in Wine. Put it into"
         return f"{message} the FMU beside its own, export it with static libraries, or for Linux."
+    if error == NO_LIBRARY:
+        return f"{name} has a file in the place of its library for Windows that is none of 64 bits. Export it again."
     return f"{name} cannot be loaded under Wine {wine.version()} (error {error} of Windows). Export it for Linux."
 
 

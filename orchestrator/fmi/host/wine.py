@@ -13,8 +13,8 @@ import os
 import platform
 import shutil
 import subprocess
+import tempfile
 from contextlib import suppress
-from itertools import count
 from pathlib import Path
 
 from ...cache import cache_folder
@@ -36,8 +36,6 @@ SETTINGS = {
 
 LAST_WORDS = 5.0
 """Seconds that Wine's server may take to end."""
-
-_numbers = count()
 
 
 @functools.cache
@@ -83,7 +81,7 @@ class Installation:
         around = cache_folder() / "wine"
         around.mkdir(exist_ok=True)
         _remove_lost(around)
-        self._folder = around / f"{platform.node()}-{os.getpid()}-{next(_numbers)}"
+        self._folder = Path(tempfile.mkdtemp(prefix=f"{platform.node()}-{os.getpid()}-", dir=around))
         (self._folder / "drive_c" / "windows" / "system32").mkdir(parents=True)
         (self._folder / "dosdevices").mkdir()
         for drive, target in (("c:", "../drive_c"), ("z:", "/")):

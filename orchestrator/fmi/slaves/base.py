@@ -135,9 +135,16 @@ class Slave(ABC):
                     with self._reported("reset"):
                         self._reset(stop_time)
             yield self
-        finally:
-            trace.current.note(self.side, "freeing the instance")
-            self._free()
+        except Crash:  # the process ends, and its trace stays where that was
+            raise
+        except BaseException:
+            self._end()
+            raise
+        self._end()
+
+    def _end(self) -> None:
+        trace.current.note(self.side, "freeing the instance")
+        self._free()
 
     def _usual_reasons(self) -> str:
         """Why FMUs give no instance: all they can say is NULL, and what they log."""
