@@ -19,6 +19,7 @@ from hostile.commands import (
     NOISE,
     ROOT,
     command,
+    command_line,
     end_session,
     kill,
     session_members,
@@ -59,7 +60,7 @@ class Cluster:
     def workers(self) -> list[psutil.Process]:
         """The worker processes, which the nannies start again when they die."""
         members = session_members(self.nannies.pid)
-        return [each for each in members if "spawn_main" in " ".join(each.cmdline())]
+        return [each for each in members if "spawn_main" in command_line(each)]
 
     def simulating(self) -> bool:
         """Whether a worker is at work."""

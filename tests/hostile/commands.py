@@ -83,10 +83,18 @@ def fork_servers(session: int) -> list[psutil.Process]:
     """The living fork servers of a command, whoever is their parent by now; they must be asked for while it lives."""
     known = _servers.setdefault(session, set())
     for child in _descendants(session):
-        with suppress(psutil.Error, ProcessLookupError):
-            if os.getsid(child.pid) == child.pid and "fork_server" in " ".join(child.cmdline()):
+        with suppress(ProcessLookupError):
+            if os.getsid(child.pid) == child.pid and "fork_server" in command_line(child):
                 known.add(child)
-    return [server for server in known if server.is_running() and server.status() != psutil.STATUS_ZOMBIE]
+    return [server for server in known if command_line(server)]
+
+
+def command_line(process: psutil.Process) -> str:
+    """The command line of a living process; empty for one that has ended, be it between two looks."""
+    with suppress(psutil.Error):
+        if process.is_running():
+            return " ".join(process.cmdline())
+    return ""
 
 
 def simulations(session: int) -> list[psutil.Process]:
