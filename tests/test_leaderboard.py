@@ -71,6 +71,13 @@ def test_three_starts_of_the_search_agree(figures):
     assert leaderboard.agree(starts)
 
 
+@pytest.mark.parametrize("figures", KEPT, ids=tables.name_of)
+def test_what_fails_within_the_tolerances_has_a_radius_of_at_most_one(figures):
+    found = figures["robustness"]
+    if not all(entry["passed"] for entry in found["requirements"].values()):
+        assert found["radius"]["stability"] <= 1.0
+
+
 def test_those_that_were_found_to_fail_come_last():
     (known,) = (figures for figures in KEPT if tables.name_of(figures) == "TunedPID")
 

@@ -47,7 +47,7 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
     hunt.allot(STABILITY / (STABILITY + COST))
     stability = [target for target in hunt.wanted if not target.criterion]
     members = [member for target in stability for member in contenders(hunt, target)]
-    broken = any((yield from failing(hunt, members)))  # then the radius is below 1, whatever happens beyond
+    broken = any((yield from failing(hunt, members)))  # then the radius is at most 1, whatever happens beyond
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
     lasts = not members or bool(hunt.afford([wider(members[0], scale[-1])]))
     found = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
@@ -58,7 +58,9 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
     except Spent:
         lasts = False
     yield from hunt.note("radius of V")
-    return Radius(cost, None if found is None else SCALES[found[0]], SCALES[-1]) if lasts else None
+    # What fails with its own noise may hold with the one that members of other factors share.
+    least = SCALES[found[0]] if found is not None else 1.0 if broken else None
+    return Radius(cost, least, SCALES[-1]) if lasts else None
 
 
 def scaled(member: Member, factor: float) -> Member:
