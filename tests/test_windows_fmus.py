@@ -11,6 +11,7 @@ from support.windows_fmus import for_windows, pretending, twin_of_wine
 
 import build_fmus
 from controller_fmu.export.archive import pack
+from controller_fmu.export.state_space import controller_from_state_space
 from orchestrator.conformance.static import archive_findings
 from orchestrator.execution import launch
 from orchestrator.fmi.archive import open_archive
@@ -18,9 +19,10 @@ from orchestrator.fmi.host import build
 from orchestrator.fmi.host.remote import PROGRAM
 from orchestrator.pairing.pairing import simulate
 
+T_S = 0.25e-3
 PID = ("DiagonalPID_C", "DiagonalPID_C_fmi1", "DiagonalPID_C_fmi3", "DiagonalPID_C_fmi3_scalars")
 MODEL_EXCHANGE = ("DiagonalPID_C_me2", "DiagonalPID_C_me3")
-CONTROLLERS = (*PID, *MODEL_EXCHANGE, "DitheredLQG_C")
+CONTROLLERS = (*PID, *MODEL_EXCHANGE, "DitheredLQG_C", "StateSpace")
 
 
 @pytest.fixture
@@ -30,6 +32,19 @@ def twin(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", twin_of_wine(tmp_path / "wine"))
     yield
     launch._end_fork_servers()
+
+
+@pytest.fixture
+def built(fmu_folder, tmp_path):
+    """A function: a controller of the project, or one in state space, by its name."""
+
+    def file(name):
+        if name != "StateSpace":
+            return build_fmus.build(name, fmu_folder)
+        A, B = np.diag([0.9, 0.8]), np.diag([0.1, 0.2])
+        return controller_from_state_space(A, B, 40.0 * np.eye(2), 10.0 * np.eye(2), T_S, out=tmp_path / f"{name}.fmu")
+
+    return file
 
 
 @pytest.fixture
@@ -45,18 +60,18 @@ def torques(native_plant_file):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.needs("compiler", "x86_64-linux")
-def test_in_another_process_it_gives_the_same_bits(name, fmu_folder, tmp_path, twin, torques):
-    native = build_fmus.build(name, fmu_folder)
-    file = pretending(native, tmp_path)
+def test_in_another_process_it_gives_the_same_bits(name, built, tmp_path, twin, torques):
+    native = built(name)
+    file = pretending(native, tmp_path / "windows")
     np.testing.assert_array_equal(torques(file), torques(native))
     assert open_archive(file).way == "wine" and not left_of_wine()
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.needs("compiler", "wine", "mingw", "x86_64-linux")
-def test_under_wine_it_gives_the_same_bits(name, fmu_folder, tmp_path, torques):
-    native = build_fmus.build(name, fmu_folder)
-    np.testing.assert_array_equal(torques(for_windows(native, tmp_path)), torques(native))
+def test_under_wine_it_gives_the_same_bits(name, built, tmp_path, torques):
+    native = built(name)
+    np.testing.assert_array_equal(torques(for_windows(native, tmp_path / "windows")), torques(native))
     assert not left_of_wine()
 
 
