@@ -2,9 +2,11 @@
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 from numpy.testing import assert_allclose, assert_array_equal
 from support.pid_fmus import T_S, Signals, in_child, slave
 from support.stub_fmus import strict_compiler
@@ -20,7 +22,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.needs("compiler"),
 ]
-EVENT_PARTS = "event_"
 SWAYING = {"m[1]": 55.0, "m[2]": 165.0, "k_low[1]": 0.4e6, "k_low[2]": 0.16e6, "f_c[1]": 0.3, "f_c[2]": 1.8}
 """A heavy, compliant arm with little friction in the first axis and much in the second."""
 TORQUE_LIMIT = np.array([35.0, 20.0])
@@ -54,63 +55,109 @@ def torques(path, signals, parameters):
         return np.array(one.run(signals.rows))
 
 
+class Reference(NamedTuple):
+    """What the law gives in each sample: torques [N.m], and what part of dither, event's and peak's feedback acts."""
+
+    u_m: np.ndarray
+    dither: np.ndarray
+    event: np.ndarray
+    peak: np.ndarray
+    sways: np.ndarray
+
+
 def reference(signals, p):
-    """The torques, how much of the event's feedback acted, and how much of the dither did without an event."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
-    own = {name.removeprefix(EVENT_PARTS): value for name, value in p.items() if name.startswith(EVENT_PARTS)}
-    laws = np.stack([lqg.law(lqg.controller(chosen(Weights, values), pose, T_S)) for values in (p, own)])
+    prefixes = ("", "event_", "peak_")
+    weights = [{name: p[prefix + name] for name in p if prefix + name in p} for prefix in prefixes]
+    laws = np.stack([lqg.law(lqg.controller(chosen(Weights, own), pose, T_S)) for own in weights])
     amplitude = np.minimum([p["amplitude[1]"], p["amplitude[2]"]], (TORQUE_LIMIT - np.abs(u_0)) / p["headroom"])
     first, second = 1.0, 1.5
     reach = math.sqrt(first**2 + second**2 - 2 * first * second * math.sin(q_m_ref[1] / 200)) / (first + second)
-    states, u, found, shares = np.zeros((2, 12)), np.zeros(2), [], []
-    average, offset, unrest, peak, level, event, sway = np.zeros(2), np.zeros(2), 0.0, 0.0, 0.0, -math.inf, -math.inf
+    window, over = round(2 * p["period"] / T_S), p["hold"] + p["decay"]
+    states, u, found = np.zeros((3, 12)), np.zeros(2), []
+    errors, slow, unrest, level = [np.zeros(2)] * window, np.zeros(2), 0.0, 0.0
+    fast, jumps = np.zeros(2), 0.0
+    event = first_event = sway = -math.inf
+    peak, dither_left, peak_left = -math.inf, p["dither_time"], p["peak_time"]
 
-    def strength(k, begin):
-        return np.clip(1 - ((k - begin) * T_S - p["hold"]) / p["decay"], 0, 1)
+    def fading(time):
+        return math.exp(-T_S / time)
+
+    def strength(k, since, hold, decay):
+        return float(np.clip(1 - ((k - since) * T_S - hold) / decay, 0, 1))
 
     for k, q_m in enumerate(signals.q_m):
         now = np.stack([np.concatenate([state, u, q_m - q_m_ref]) for state in states])
         after = np.einsum("lij,lj->li", laws, now)
-        states, feedback, error = after[:, :12], after[:, 12:14], after[1, 14:]
-        jump = np.linalg.norm(error - average)
-        if jump > max(p["threshold"] / reach, p["contrast"] * unrest, p["contrast"] * peak):
+        states, feedback, error = after[:, :12], after[:, 12:14], after[1:, 14:]
+        jump = np.linalg.norm(error[1] - fast)
+        if jump > max(p["jump"], p["jump_contrast"] * jumps) and peak_left > 0:
+            peak = k
+        fast = error[1] + fading(p["jump_time"]) * (fast - error[1])
+        jumps = jump + fading(p["average_time"]) * (jumps - jump)
+        errors = [*errors[1:], error[0]]
+        mean = np.mean(errors, axis=0)
+        moved = np.linalg.norm(mean - slow)
+        slow = mean + fading(p["average_time"]) * (slow - mean)
+
+        factor = p["spent"] if dither_left <= 0 else p["dithered"] if (k - 1 - max(event, sway)) * T_S < over else 1.0
+        if moved > factor * p["threshold"] / reach and moved > p["contrast"] * unrest:
+            if (k - 1 - event) * T_S >= over:
+                first_event = k - 1
             event = k
-        if np.linalg.norm(average - offset) > p["sway"] / reach:
+        if moved > p["sway"] / reach and dither_left > 0:
             sway = k
-        peak *= math.exp(-T_S / p["fatigue"])
-        if max(strength(k, event), strength(k, sway)) > 0:
-            peak = max(peak, jump)
-        unrest += (1 - math.exp(-T_S / p["average_time"])) * (jump - unrest)
-        average = average + (1 - math.exp(-T_S / p["jump_time"])) * (error - average)
-        offset = offset + (1 - math.exp(-T_S / p["average_time"])) * (average - offset)
-        level = max(np.linalg.norm(error), math.exp(-T_S / p["memory"]) * level)
-        allowed = np.clip((level - p["off"]) / p["rise"], 0, 1)
-        dither = min(allowed, max(strength(k, event), p["sway_share"] * strength(k, sway)))
-        share = min(allowed, strength(k, event)) * np.clip((k - event) * T_S / p["wait"] - 1, 0, 1)
+        unrest = moved + fading(p["average_time"]) * (unrest - moved)
+        level = max(np.linalg.norm(error[0]), fading(p["memory"]) * level)
+
+        allowed = float(np.clip((level - p["off"]) / p["rise"], 0, 1))
+        by_event, by_sway = (strength(k, since, p["hold"], p["decay"]) for since in (event, sway))
+        dither = min(allowed, max(by_event, p["sway_share"] * by_sway))
+        share = min(allowed, by_event) * float(np.clip((k - first_event) * T_S / p["wait"] - 1, 0, 1))
+        peaks = strength(k, peak, p["peak_hold"], p["peak_decay"])
+        peak_left = min(p["peak_time"], peak_left + T_S * (p["peak_regain"] - (peaks > 0)))
+        dither_left -= T_S * (dither > 0)
+
         sign = 1 if k % (p["period"] / T_S) < p["period"] / T_S / 2 else -1
-        wanted = u_0 + (1 - share) * feedback[0] + share * feedback[1] + dither * sign * amplitude
-        found.append(np.clip(wanted, -TORQUE_LIMIT, TORQUE_LIMIT))
-        shares.append((share, dither if strength(k, event) == 0 else 0.0))
-        u = found[-1] - u_0
-    return np.array(found), np.array(shares)
+        later = (1 - share) * feedback[0] + share * feedback[1]
+        wanted = u_0 + (1 - peaks) * later + peaks * feedback[2] + dither * sign * amplitude
+        u_m = np.clip(wanted, -TORQUE_LIMIT, TORQUE_LIMIT)
+        found.append((u_m, dither, share, peaks, by_sway > by_event))
+        u = u_m - u_0
+    return Reference(*(np.array(column) for column in zip(*found, strict=True)))
 
 
 def test_torques_are_those_of_the_law(files, measured):
     signals, starts = measured
-    expected, shares = reference(signals, starts)
-    event, sway = shares.T
-    assert (event == 0).mean() > 0.3 and (event == 1).mean() > 0.05, "at rest as well as after an event"
-    assert (sway == starts["sway_share"]).mean() > 0.05, "and swaying"
+    # So low a threshold that a peak begins, and so little time that the dither is spent.
+    changed = {"jump": 1e-4, "peak_hold": 0.1, "dither_time": 5.0}
+    expected = reference(signals, {**starts, **changed})
+    assert (expected.event == 0).mean() > 0.3 and (expected.event == 1).mean() > 0.02, (
+        "at rest as well as after an event"
+    )
+    assert (expected.sways & (expected.dither > 0)).mean() > 0.02, "and swaying"
+    assert (expected.peak == 1).any() and (expected.dither > 0).sum() * T_S > 4.9, (
+        "in a peak, and until the time is spent"
+    )
     drive = TORQUE_LIMIT / 2**11
+    found = in_child(torques, files["RobustLQG"], signals, changed)
     # Rounding in the Riccati equations grows a little in an event's large signals; another law differs by whole steps.
-    assert_allclose(in_child(torques, files["RobustLQG"], signals, {}) / drive, expected / drive, rtol=0.0, atol=0.05)
+    assert_allclose(found / drive, expected.u_m / drive, rtol=0.0, atol=0.05)
 
 
 def test_without_an_event_it_is_the_lqg(files, measured):
     signals, starts = measured
-    weights = {name: starts[name] for name in starts if f"{EVENT_PARTS}{name}" in starts}
+    weights = {name: starts[name] for name in starts if f"event_{name}" in starts}
     plain = in_child(torques, files["DitheredLQG_C"], signals, {**weights, "amplitude[1]": 0.0, "amplitude[2]": 0.0})
-    here = in_child(torques, files["RobustLQG"], signals, {"threshold": 1.0, "sway": 1.0})
+    never = dict.fromkeys(("threshold", "sway", "jump"), 1.0)
+    here = in_child(torques, files["RobustLQG"], signals, never)
     assert np.ptp(here) > 1.0
     assert_array_equal(here, plain)
+
+
+@pytest.mark.parametrize("period", [1e-9, 0.5])
+def test_a_period_without_samples_or_with_too_many_is_refused(files, measured, period):
+    signals, _ = measured
+    with pytest.raises(FMICallException, match="ExitInitializationMode"):
+        torques(files["RobustLQG"], signals, {"period": period})

@@ -1,4 +1,5 @@
-/* Two LQGs, a stiff one at rest and a damping one with a dither after an event, as a model for the FMI glue. */
+/* Three LQGs, a stiff one at rest, a damping one with a dither after an event and a strong one for first peaks, as a model
+ * for the FMI glue. */
 #include "model.h"
 
 #include <math.h>
@@ -8,11 +9,13 @@
 #include "design.h"
 #include "switching.h"
 
+enum { QUIET, EVENT, PEAK, LAWS };
+
 typedef struct {
     Variables of;
 
-    Law quiet, event;
-    double at_rest[LAW], shaken[LAW]; /* of each law: z, u, e */
+    Law laws[LAWS];
+    double vectors[LAWS][LAW]; /* of each law: z, u, e */
     Switching switching;
     Watch watch;
     double T_s, u_0[AXES], amplitude[AXES];
@@ -24,8 +27,11 @@ ASSERT_LAYOUT(weights_are_side_by_side,
 ASSERT_LAYOUT(event_weights_are_side_by_side,
               offsetof(Variables, event_effort) + sizeof START[0] * AXES - offsetof(Variables, event_stiffness) ==
                   sizeof(Weights));
+ASSERT_LAYOUT(peak_weights_are_side_by_side,
+              offsetof(Variables, peak_effort) + sizeof START[0] * AXES - offsetof(Variables, peak_stiffness) ==
+                  sizeof(Weights));
 ASSERT_LAYOUT(switching_is_side_by_side,
-              offsetof(Variables, decay) + sizeof START[0] - offsetof(Variables, amplitude) == sizeof(Switching));
+              offsetof(Variables, peak_regain) + sizeof START[0] - offsetof(Variables, amplitude) == sizeof(Switching));
 
 /* Distance of the TCP from the first axis, relative to that of the stretched arm; lengths [m] as in Table 1. */
 static double reach(const double q_m_ref[AXES])
@@ -48,39 +54,47 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
     if (!check_ranges(of, message)) return false;
     memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
+    if (window(&lqg->switching, lqg->T_s) < 1.0 || window(&lqg->switching, lqg->T_s) > WINDOW) {
+        snprintf(message, MODEL_MESSAGE_SIZE, "parameter period = %g s: it must have 1 to %d samples", of->period, WINDOW / 2);
+        return false;
+    }
     /* The filters take what a folded arm does for a larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
     lqg->switching.threshold /= reach(of->q_m_ref);
     lqg->switching.sway /= reach(of->q_m_ref);
-    lqg->watch = watch(&lqg->switching);
+    lqg->watch = watch(&lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++)
         lqg->amplitude[i] = amplitude(&lqg->switching, i, of->u_m0[i], TORQUE_LIMIT[i]);
-    Weights quiet, event;
-    memcpy(&quiet, of->stiffness, sizeof quiet);
-    memcpy(&event, of->event_stiffness, sizeof event);
-    return design(&quiet, of->q_m_ref, of->u_m0, of->T_s, &lqg->quiet, message) &&
-           design(&event, of->q_m_ref, of->u_m0, of->T_s, &lqg->event, message);
+    const double *given[LAWS] = {of->stiffness, of->event_stiffness, of->peak_stiffness};
+    for (int law = 0; law < LAWS; law++) {
+        Weights weights;
+        memcpy(&weights, given[law], sizeof weights);
+        if (!design(&weights, of->q_m_ref, of->u_m0, of->T_s, &lqg->laws[law], message)) return false;
+    }
+    return true;
 }
 
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     RobustLqg *lqg = model;
     Variables *of = &lqg->of;
-    double quiet[LAW], event[LAW];
-    for (int i = 0; i < AXES; i++)
-        lqg->at_rest[E + i] = lqg->shaken[E + i] = of->q_m[i] - of->q_m_ref[i];
-    apply(&lqg->quiet, lqg->at_rest, quiet);
-    apply(&lqg->event, lqg->shaken, event);
-    for (int i = 0; i < AXES; i++)
-        if (!check_torque(i, quiet[U + i] + event[U + i], t, message)) return false;
-    const Shares of_event = shares(&lqg->watch, &lqg->switching, event + E, lqg->T_s);
-    const double shake = of_event.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
-    for (int i = 0; i < AXES; i++) {
-        const double feedback = (1.0 - of_event.feedback) * quiet[U + i] + of_event.feedback * event[U + i];
-        of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
-        quiet[U + i] = event[U + i] = of->u_m[i] - lqg->u_0[i]; /* both filters know the torque that acts */
+    double next[LAWS][LAW];
+    for (int law = 0; law < LAWS; law++) {
+        for (int i = 0; i < AXES; i++)
+            lqg->vectors[law][E + i] = of->q_m[i] - of->q_m_ref[i];
+        apply(&lqg->laws[law], lqg->vectors[law], next[law]);
     }
-    memcpy(lqg->at_rest, quiet, sizeof quiet);
-    memcpy(lqg->shaken, event, sizeof event);
+    for (int i = 0; i < AXES; i++)
+        if (!check_torque(i, next[QUIET][U + i] + next[EVENT][U + i] + next[PEAK][U + i], t, message)) return false;
+    const Shares share = shares(&lqg->watch, &lqg->switching, next[EVENT] + E, next[PEAK] + E, lqg->T_s);
+    const double shake = share.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
+    for (int i = 0; i < AXES; i++) {
+        const double later = (1.0 - share.event) * next[QUIET][U + i] + share.event * next[EVENT][U + i];
+        const double feedback = (1.0 - share.peak) * later + share.peak * next[PEAK][U + i];
+        of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
+        for (int law = 0; law < LAWS; law++)
+            next[law][U + i] = of->u_m[i] - lqg->u_0[i]; /* all filters know the torque that acts */
+    }
+    memcpy(lqg->vectors, next, sizeof next);
     return true;
 }
 

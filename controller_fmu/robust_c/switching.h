@@ -1,4 +1,4 @@
-/* The switching law: what an event is, how much of the event's feedback and dither acts, and the dither's wave. */
+/* The switching law: what an event is, how much of the dither and of the other feedbacks acts, and the dither's wave. */
 #ifndef SWITCHING_H
 #define SWITCHING_H
 
@@ -6,60 +6,105 @@
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
-    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, jump_time, average_time, fatigue;
+    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, dithered, spent, dither_time;
     double sway, sway_share, wait, hold, decay;
+    double jump, jump_contrast, jump_time, peak_hold, peak_decay, peak_time, peak_regain;
 } Switching;
 
-/* Level [m], average of the error and, slower, of that average [m], slow average of the error's distance from its
- * average, which is a jump [m], largest jump of an event [m], time since the last event and since the arm last swayed
- * [s], number of the sample. */
+/* Longest window of the moving average, in samples. */
+enum { WINDOW = 512 };
+
+/* The errors [m] of the last `window` samples and their sum; the slow average of their mean and that of the motion [m]; the
+ * level [m]; the fast average of the third estimate, and the slow average of its jumps [m]; times [s] since the last
+ * event, the first one of those that still act, the last motion and the last peak; times [s] that are left to the dither
+ * and to the third law; number of the sample. */
 typedef struct {
-    double level, average[2], offset[2], unrest, peak, since_event, since_sway, sample;
+    double past[WINDOW][2], sum[2], slow[2], unrest, level, fast[2], jumps;
+    double since_event, since_first, since_sway, since_peak, dither_left, peak_left, sample;
+    int window;
 } Watch;
 
-/* How much of the event's dither and of its feedback acts, 0 to 1. */
+/* How much of the dither, of the event's feedback and of the peak's acts, 0 to 1. */
 typedef struct {
-    double dither, feedback;
+    double dither, event, peak;
 } Shares;
 
 static inline double limited(double x, double least, double most) { return fmin(fmax(x, least), most); }
 
-/* Neither event nor sway yet. */
-static inline Watch watch(const Switching *by)
+/* Samples of the moving average: two periods, since the arm answers the dither with a subharmonic as well. */
+static inline double window(const Switching *by, double T_s) { return floor(2.0 * by->period / T_s + 0.5); }
+
+/* At rest: no event, no motion and no peak yet. */
+static inline Watch watch(const Switching *by, double T_s)
 {
     const double over = by->hold + by->decay;
-    return (Watch){.since_event = over, .since_sway = over};
+    return (Watch){.window = (int)window(by, T_s), .dither_left = by->dither_time, .peak_left = by->peak_time,
+                   .since_event = over, .since_first = over, .since_sway = over,
+                   .since_peak = by->peak_hold + by->peak_decay};
 }
 
-/* How strong something still is so long [s] after its cause, 1 to 0. */
-static inline double faded(const Switching *by, double since)
+/* How strong something still is so long [s] after its cause: 1 for `hold`, then down to 0 within `decay`. */
+static inline double faded(double hold, double decay, double since) { return limited(1.0 - (since - hold) / decay, 0.0, 1.0); }
+
+/* Moves a first-order average to its next sample. */
+static inline void smooth(double *average, double value, double time, double T_s)
 {
-    return limited(1.0 - (since - by->hold) / by->decay, 0.0, 1.0);
+    *average += (value - *average) * (1.0 - elementary_exp(-T_s / time));
 }
 
-/* Takes the estimated TCP error [m] of this sample. */
-static inline Shares shares(Watch *on, const Switching *by, const double error[2], double T_s)
+/* How far [m] the mean error of the last window, in which the dither cancels, is from its slow average. */
+static inline double motion(Watch *on, const Switching *by, const double error[2], double T_s)
 {
-    const double jump = elementary_hypot(error[0] - on->average[0], error[1] - on->average[1]);
-    /* What the dither itself does is no new event: after one, only a larger jump is. */
-    const bool is_event = jump > by->threshold && jump > by->contrast * fmax(on->unrest, on->peak);
-    on->since_event = is_event ? 0.0 : on->since_event + T_s;
-    /* A constant error is no sway: the dither may cause one, and would keep itself up. */
-    const bool sways = elementary_hypot(on->average[0] - on->offset[0], on->average[1] - on->offset[1]) > by->sway;
-    on->since_sway = sways ? 0.0 : on->since_sway + T_s;
-    const double event = faded(by, on->since_event), sway = faded(by, on->since_sway);
-    on->peak *= elementary_exp(-T_s / by->fatigue);
-    if (fmax(event, sway) > 0.0) on->peak = fmax(on->peak, jump);
-    on->unrest += (jump - on->unrest) * (1.0 - elementary_exp(-T_s / by->average_time));
+    double *oldest = on->past[(int)fmod(on->sample, on->window)], moved[2];
     for (int i = 0; i < 2; i++) {
-        on->average[i] += (error[i] - on->average[i]) * (1.0 - elementary_exp(-T_s / by->jump_time));
-        on->offset[i] += (on->average[i] - on->offset[i]) * (1.0 - elementary_exp(-T_s / by->average_time));
+        on->sum[i] += error[i] - oldest[i];
+        oldest[i] = error[i];
+        moved[i] = on->sum[i] / on->window - on->slow[i];
+        smooth(&on->slow[i], on->sum[i] / on->window, by->average_time, T_s);
     }
+    return elementary_hypot(moved[0], moved[1]);
+}
+
+/* How much of the third law acts, which a jump begins: its estimate is further than `jump` from its fast average, and than
+ * `jump_contrast` times what it has been of late. A force does that within 30 ms; the arm's answer to a chirp grows from
+ * period to period. The time is limited: the law would not bear the gain and the delay of A1 and A2. */
+static inline double of_peak(Watch *on, const Switching *by, const double error[2], double T_s)
+{
+    const double jump = elementary_hypot(error[0] - on->fast[0], error[1] - on->fast[1]);
+    const bool begins = jump > by->jump && jump > by->jump_contrast * on->jumps && on->peak_left > 0.0;
+    for (int i = 0; i < 2; i++)
+        smooth(&on->fast[i], error[i], by->jump_time, T_s);
+    smooth(&on->jumps, jump, by->average_time, T_s);
+    on->since_peak = begins ? 0.0 : on->since_peak + T_s;
+    const double share = faded(by->peak_hold, by->peak_decay, on->since_peak);
+    on->peak_left = fmin(by->peak_time, on->peak_left + T_s * (by->peak_regain - (share > 0.0)));
+    return share;
+}
+
+/* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
+static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
+{
+    const double over = by->hold + by->decay, moved = motion(on, by, error, T_s);
+    const bool has_time = on->dither_left > 0.0, shaken = fmin(on->since_event, on->since_sway) < over;
+    /* The dither's end moves the arm, and one that wakes itself again and again would be a limit cycle. */
+    const double least = by->threshold * (has_time ? (shaken ? by->dithered : 1.0) : by->spent);
+    if (moved > least && moved > by->contrast * on->unrest) {
+        /* A further event does not bring back the first law: the damping one acts already. */
+        if (on->since_event >= over) on->since_first = 0.0;
+        on->since_event = 0.0;
+    } else
+        on->since_event += T_s;
+    on->since_first += T_s;
+    on->since_sway = moved > by->sway && has_time ? 0.0 : on->since_sway + T_s;
+    smooth(&on->unrest, moved, by->average_time, T_s);
     on->level = fmax(elementary_hypot(error[0], error[1]), on->level * elementary_exp(-T_s / by->memory));
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
+    const double event = faded(by->hold, by->decay, on->since_event);
+    const double dither = fmin(wanted, fmax(event, by->sway_share * faded(by->hold, by->decay, on->since_sway)));
     /* The stiff feedback keeps the first peak lower; the damping one is for what comes after it. */
-    const double passed = limited(on->since_event / by->wait - 1.0, 0.0, 1.0);
-    return (Shares){fmin(wanted, fmax(event, by->sway_share * sway)), fmin(wanted, event) * passed};
+    const double passed = limited(on->since_first / by->wait - 1.0, 0.0, 1.0);
+    on->dither_left -= T_s * (dither > 0.0);
+    return (Shares){dither, fmin(wanted, event) * passed, of_peak(on, by, peak, T_s)};
 }
 
 /* The square wave, 1 or -1, in this sample. */

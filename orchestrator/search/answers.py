@@ -79,6 +79,7 @@ def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
         phi_F=told.phi_F or 0.0,
         sweep=told.sweep or (0.0, 0.0),
         command=hunt.command(member),
+        seed=told.seed,
     )
 
 

@@ -101,8 +101,8 @@ class ConfigurationFound(Struct):
 
 class PeakFound(Struct):
     """The largest value of a criterion found at a configuration, None for a loop that is unstable: with which
-    ``deviations`` of the parameters, in half-widths of Table 1 by FMI name, direction of the force [rad] and
-    frequencies [Hz] of the chirp."""
+    ``deviations`` of the parameters, in half-widths of Table 1 by FMI name, direction of the force [rad], frequencies
+    [Hz] of the chirp and base seed of the noise."""
 
     configuration: int
     criterion: str
@@ -111,3 +111,4 @@ class PeakFound(Struct):
     phi_F: Finite
     sweep: tuple[Finite, Finite]
     command: str
+    seed: Natural = 0

@@ -1,0 +1,184 @@
+"""The figures of docs/study.md: the controllers on draws that no tuning has seen, and the time that RobustLQG rations.
+
+    python benchmarks/study.py                     300 draws of each controller, and RobustLQG without a limit on the
+                                                   time of its dither and its third feedback (20 minutes on two cores)
+    python benchmarks/study.py RobustLQG           one controller; the figures of the others stay
+    python benchmarks/study.py --probability       as many draws of RobustLQG as bound a probability of failure of 0.1 %
+                                                   (20 minutes)
+    python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
+
+A draw is one arm, pose, direction of the force, sweep and noise, simulated in every test of the protocol
+(``python -m orchestrator.reliability``). Its seed is used here alone. The figures are kept in docs/study.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.leaderboard import FIGURES as LEADERBOARD  # noqa: E402
+from benchmarks.leaderboard import built, searched_as  # noqa: E402
+from benchmarks.leaderboard_tables import PAGES, name_of, standing  # noqa: E402
+from benchmarks.marked_tables import with_table  # noqa: E402
+from orchestrator import Benchmark, Reliability  # noqa: E402
+from orchestrator.benchmark.reliability import draws_needed  # noqa: E402
+
+DATA, PAGE = ROOT / "docs" / "study.json", ROOT / "docs" / "study.md"
+PARETO, EXCEEDED = (ROOT / "docs" / "pictures" / f"study-{name}.png" for name in ("pareto", "draws"))
+RUNS = ROOT / "runs" / "study"
+MAKER = "benchmarks/study.py"
+
+SEED = 20261125
+"""Of the draws: neither the protocols', the tunings' nor the searches'."""
+
+DRAWS, PROBABILITY, CONFIDENCE = 300, 0.001, 0.99
+
+RATIONED, UNLIMITED = "RobustLQG", {"peak_time": 1e6, "dither_time": 1e6}
+"""The controller whose time is limited, and parameters [s] that do not limit it."""
+
+CRITERIA = {"B5": 1e3, "B6": 1.0, "B7": 1e3}
+"""The heaviest criteria, shown in mm, s and mm."""
+
+Figures = Mapping[str, Any]
+
+
+def drawn(name: str, draws: int) -> dict[str, Any]:
+    """What a sample of a controller comes to: its failures, and V and the heaviest criteria of the draws."""
+    found = Benchmark(seed=SEED).reliability(
+        searched_as(name), draws=draws, confidence=CONFIDENCE, folder=RUNS / f"{name}-{draws}"
+    )
+    return {"draws": draws, **_kept(found)}
+
+
+def _kept(found: Reliability) -> dict[str, Any]:
+    requirements = {
+        name: {"failures": len({each.draw for each in entry.failures}), "bound": entry.bound}
+        for name, entry in found.requirements.items()
+    }
+    values = {"V": found.cost, **{name: found.criteria[name] for name in CRITERIA}}
+    sample = {name: [float(f"{value:.5g}") for value in each.values] for name, each in values.items()}
+    return {
+        "requirements": requirements,
+        "median": {name: each.median for name, each in values.items()},
+        "values": sample,
+    }
+
+
+def without_limit() -> dict[str, Any]:
+    """The list ``strict`` with RobustLQG as it is, and without a limit on the time of dither and third feedback."""
+    found = {}
+    for words, values in (("limited", {}), ("not limited", UNLIMITED)):
+        controller = built(RATIONED).with_parameters(values)
+        results = Benchmark("strict").evaluate(controller, folder=RUNS / words, recordings=False).results
+        found[words] = {
+            "cost": results.cost,
+            "requirements": {name: entry.passed for name, entry in results.stability.items()},
+        }
+    return found
+
+
+def table(kept: Figures) -> str:
+    """What the draws of each controller come to, in the order of the leaderboard."""
+    head = "| controller | draws | A1 A2 A3 fail | at most | V, median | largest | B5 mm | B6 s | B7 mm |\n"
+    lines = []
+    for name in ordered():
+        own = kept["draws"][name]
+        failures = " ".join(str(entry["failures"]) for entry in own["requirements"].values())
+        bound = max(entry["bound"] for entry in own["requirements"].values())
+        medians = " | ".join(f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
+        cells = (
+            name,
+            own["draws"],
+            failures,
+            f"{100 * bound:.2g} %",
+            f"{own['median']['V']:.1f}",
+            f"{max(own['values']['V']):.1f}",
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} | {medians} |\n")
+    return head + 9 * "|---" + "|\n" + "".join(lines)
+
+
+def ordered() -> list[str]:
+    """The controllers in the order of the leaderboard."""
+    return [name_of(each) for each in sorted(leaderboard(), key=standing)]
+
+
+def leaderboard() -> list[dict[str, Any]]:
+    """The figures of the leaderboard."""
+    found: list[dict[str, Any]] = json.loads(LEADERBOARD.read_text(encoding="utf-8"))
+    return found
+
+
+def draw(kept: Figures) -> None:
+    """V found against the probability of a failure and the radius; and how many draws exceed a V."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    figure, (by_bound, by_radius) = plt.subplots(1, 2, figsize=(6.3, 3.4), sharey=True, layout="constrained")
+    for each in sorted(leaderboard(), key=standing):
+        name, found = name_of(each), each["robustness"]
+        bounds = [entry["bound"] for entry in kept["draws"][name]["requirements"].values()]
+        radius = found["radius"]["stability"]
+        (mark,) = by_bound.plot(max(bounds), found["cost"], "o", ms=6, label=name)
+        reach = found["radius"]["limit"] if radius is None else radius
+        by_radius.plot(reach, found["cost"], "o" if radius is not None else ">", ms=6, color=mark.get_color())
+    for panel in (by_bound, by_radius):
+        panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
+    by_radius.axvline(1.0, color="0.6", lw=0.8, ls="--")
+    by_bound.set_xscale("log")
+    by_bound.set_xlabel("probability that a draw fails,\nupper bound (99 %)", fontsize=8)
+    by_radius.set_xlabel("factor on Table 1 at which A1, A2 or A3\nfails (arrow: not found)", fontsize=8)
+    by_bound.set_ylabel("V found", fontsize=8)
+    by_bound.set_ylim(bottom=0.0)
+    figure.legend(loc="outside upper center", ncols=3, fontsize=8)
+    figure.savefig(PARETO, dpi=150)
+
+    figure, panel = plt.subplots(figsize=(6.3, 3.4), layout="constrained")
+    for name in ordered():
+        values = np.sort(kept["draws"][name]["values"]["V"])
+        panel.step(
+            values, 1.0 - np.arange(len(values)) / kept["draws"][name]["draws"], where="post", lw=1.2, label=name
+        )
+    panel.axvline(100.0, color="0.6", lw=0.8, ls="--")
+    panel.set_yscale("log")
+    panel.set_xlabel("V of a draw", fontsize=8)
+    panel.set_ylabel("share of the draws that exceed it", fontsize=8)
+    panel.legend(fontsize=8)
+    figure.savefig(EXCEEDED, dpi=150)
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description="Make the figures of docs/study.md.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers: {', '.join(PAGES)}")
+    parser.add_argument("--draws", type=int, default=DRAWS, help=f"of each controller (default: {DRAWS})")
+    parser.add_argument("--probability", action="store_true", help="the larger sample of RobustLQG alone")
+    parser.add_argument("--table", action="store_true", help="only from the figures that are kept")
+    options = parser.parse_args()
+    os.chdir(ROOT)
+    kept = json.loads(DATA.read_text(encoding="utf-8")) if DATA.is_file() else {"draws": {}}
+    if options.probability:
+        kept["many"] = drawn(RATIONED, draws_needed(PROBABILITY, CONFIDENCE))
+    elif not options.table:
+        for name in options.names or PAGES:
+            kept["draws"][name] = drawn(name, options.draws)
+        if RATIONED in (options.names or PAGES):
+            kept["time"] = without_limit()
+    DATA.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table(kept), MAKER), encoding="utf-8")
+    draw(kept)
+
+
+if __name__ == "__main__":
+    main()
