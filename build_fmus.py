@@ -199,7 +199,7 @@ NAMES_HELP = f"""names:
   DitheredLQG                  the same with a dither against friction, Python
   DitheredLQG_C                the same in C, equal up to rounding (FMI 2.0 co-simulation)
   Imperfections                what the benchmark's loop has between controller and plant, C (FMI 2.0 co-simulation)
-  RobustLQG                    two LQGs, switched by events, the second with a dither, in C (FMI 2.0 co-simulation)
+  RobustLQG                    three LQGs, switched by events, with a dither, in C (FMI 2.0 co-simulation)
   RobustLinearLQG              DitheredLQG_C without a dither, and weights that hold in truth
 built with --all or by name, the manipulator in C for
   FlexibleManipulatorNative_fmi3   FMI 3.0 co-simulation

@@ -57,8 +57,8 @@ def test_the_model_based_controllers_meet_the_papers_target_in_its_sample(name):
 def test_one_controller_holds_its_requirements_against_the_search():
     """A search by default breaks none of its requirements."""
     (figures,) = (figures for figures in KEPT if tables.name_of(figures) == "RobustLQG")
-    assert figures["strict"]["cost"] < 88.0 and figures["cost"] < 78.0
     found = figures["robustness"]
+    assert figures["strict"]["cost"] <= 85.0 and found["cost"] <= 110.0
     assert all(entry["passed"] for entry in (*figures["stability"].values(), *found["requirements"].values()))
     assert min(found["margins"][f"gain_{axis}"]["value"] or 20.0 for axis in (1, 2)) >= 2.5
     assert min(found["margins"][f"delay_{axis}"]["value"] for axis in (1, 2)) >= 1.5e-3

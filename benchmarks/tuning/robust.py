@@ -1,17 +1,18 @@
 """Find the parameters of RobustLQG against the worst cases found: controller_fmu/robust_c/robust_weights.json.
 
-    python benchmarks/tuning/robust.py               three rounds of attack and repair from the values in the file
-                                                     (needs a C compiler and the extra ``tuning``; about 20 minutes a
-                                                     round on two cores)
-    python benchmarks/tuning/robust.py --vary peak   only the parameters that begin with ``peak_``
+    python benchmarks/tuning/robust.py                three rounds of attack and repair from the values in the file
+                                                      (needs a C compiler and the extra ``tuning``; about 15 minutes a
+                                                      round on two cores)
+    python benchmarks/tuning/robust.py --vary peak    only the parameters that begin with ``peak``
 
 A round attacks the controller with the project's search (``Benchmark.robustness``), which gives the worst member of
-B5, B6 and B7 at each configuration. These members are added to those of earlier rounds, and CMA-ES makes V of all of
-them small (eqs. (14) and (15): the largest value of each criterion at each configuration). Stability tests with more
-gain and delay than A1 and A2 ask for are a penalty. Members are simulated as the search simulates them, in short
-simulations: B5 with the force alone, B6 and B7 with the whole chirp, where all three criteria count.
+B5, B6 and B7 at each configuration. These members join those of earlier rounds and of the protocol ``strict``, and
+CMA-ES makes V of all of them small (eqs. (14) and (15): the largest value of each criterion at each configuration).
+Those stability tests of ``strict`` that end worst with more gain and delay than A1 and A2 ask for are a penalty.
+Members are simulated as the search simulates them, in short simulations: B5 with the force alone, B6 and B7 with the
+whole chirp, where all three criteria count.
 
-The members are kept in runs/RobustLQG-tuning; a folder of an earlier search can be given as a further start.
+The searches are kept in runs/RobustLQG-tuning; ``--known`` begins with the worst members of other ones.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from orchestrator.fmi.slaves import Slave, load  # noqa: E402
 from orchestrator.loop.setup import Setup  # noqa: E402
 from orchestrator.pairing.testbed import available_cores  # noqa: E402
 from orchestrator.pairing.work import CaseTask, judge_case  # noqa: E402
-from orchestrator.search.member import Member, case_of, names  # noqa: E402
+from orchestrator.search.member import Member, case_of, of_case, spelled  # noqa: E402
 from orchestrator.search.short import short  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 
@@ -64,12 +65,15 @@ KEPT = ("T_s", "period", "headroom", "peak_time", "peak_regain", "dither_time", 
 LEAST = {"jump": 1e-3, "jump_contrast": 2.5, "dithered": 1.0}
 """Smallest values: a chirp must not begin a peak."""
 
-GAIN, DELAY = 1.15 * 2.5, Fraction(2, 1000)
+GAIN, DELAY = 1.2 * 2.5, Fraction(2, 1000)
 """Loop gain and additional delay [s] of the stability tests, in place of A1's 2.5 and A2's 1.5 ms."""
 
-STABILITY_TESTS, STABILITY_WEIGHT = 16, 10.0
-SETTLED, PEAKED = 3.0, 0.4
-"""Time after the force [s] that B6 is waited for, and that the others are simulated for."""
+B5_EVERY, STABILITY_TESTS = 6, 60
+"""Every so many of the cases of ``strict`` with a force are taken, and so many of its stability tests: the worst."""
+
+STABILITY_WEIGHT = 3.0
+SETTLED, PEAKED, RESTED = 3.0, 0.4, Fraction(6)
+"""Time after the force [s] that B6 is waited for, and that the others and the stability tests are simulated for."""
 
 
 class Arm(NamedTuple):
@@ -119,33 +123,30 @@ def arms_of(found: Robustness) -> list[Arm]:
     ]
 
 
-def stability_arms(poses: Sequence[tuple[float, float]], seed: int = 5) -> list[Arm]:
-    """Stability tests of random corners of Table 1 with more gain or delay than asked for; axis 1 is the harder one."""
-    stream, own, found = np.random.default_rng(seed), Fraction(1, 4000), []
+def forced() -> list[Arm]:
+    """Some of the cases of ``strict`` with a force, for B5."""
+    cases = [case for case in STRICT.prepared(Controller.built_in("RobustLQG"))[3] if "B5" in case.test.criteria]
+    return [Arm("B5", spelled(of_case(case), PROTOCOL, TARGETS["B5"].test)) for case in cases[::B5_EVERY]]
+
+
+def tested() -> list[Arm]:
+    """The stability tests of ``strict``, with more gain and delay."""
+    _, _, _, cases = STRICT.prepared(Controller.built_in("RobustLQG"))
+    own = Fraction(1, 4000)
     gains = {"gain_1": (GAIN, 1.0), "gain_2": (1.0, GAIN)}
     delays = {"delay_1": (own + DELAY, own), "delay_2": (own, own + DELAY)}
-    order = ("gain_1", "gain_1", "delay_1", "gain_1", "gain_2", "delay_1", "gain_1", "delay_2")
-    for number in range(STABILITY_TESTS):
-        test = order[number % len(order)]
-        signs = tuple((name, float(stream.choice([-1.0, 1.0]))) for name in names(PROTOCOL))
-        member = Member(
-            poses[int(stream.integers(len(poses)))],
-            test,
-            signs,
-            phi_F=float(stream.uniform(0.0, 2.0 * math.pi)),
-            sweep=PROTOCOL.disturbance.chirp_frequencies,
-            gain=gains.get(test),
-            delay=delays.get(test),
-            seed=int(stream.integers(1000)),
-        )
-        found.append(Arm("", member))
-    return found
+    members = [
+        spelled(of_case(case), PROTOCOL, case.test.name) for case in cases if case.test.axis and not case.test.repeats
+    ]
+    return [Arm("", replace(each, gain=gains.get(each.test), delay=delays.get(each.test))) for each in members]
 
 
 def simulated(arm: Arm) -> Case:
     """The short simulation of an arm."""
     shown = TARGETS[arm.member.test] if not arm.criterion else TARGETS["B5" if arm.criterion == "B5" else "B6"]
     part = short(PROTOCOL, shown, SETTLED if arm.criterion == "B6" else PEAKED)
+    if part is not None and not arm.criterion:
+        part = replace(part, duration=Fraction(part.t_2 or 0.0) + RESTED)
     return case_of(replace(arm.member, short=part), PROTOCOL, STRICT.nominal)
 
 
@@ -171,9 +172,7 @@ def summed(arms: Sequence[Arm], results: Iterable[Judgement]) -> Judged:
     for arm, result in zip(arms, results, strict=True):
         figures = result.measurements
         if not arm.criterion:
-            size = math.log10(max(figures.limit_cycle or 1e-9, 1e-9) / (0.5 * PROTOCOL.stability.limit_cycle))
-            lasts = figures.limit_cycle is None or (figures.limit_cycle_ratio or 0.0) > PROTOCOL.stability.ring_down
-            penalty += STABILITY_WEIGHT * (min(max(size, 0.0), 1.0) if figures.limit_cycle is not None else 1.0) * lasts
+            penalty += STABILITY_WEIGHT * unrest(figures.limit_cycle, figures.limit_cycle_ratio)
             continue
         for name in ("B5",) if arm.criterion == "B5" else CRITERIA:
             value = getattr(figures, name)
@@ -183,28 +182,46 @@ def summed(arms: Sequence[Arm], results: Iterable[Judgement]) -> Judged:
     return Judged(criteria, sum(spec[name].weight * criteria[name] / spec[name].target for name in criteria), penalty)
 
 
-class Tuning:
-    """Candidates on all arms known, with one process for each core."""
+def unrest(amplitude: float | None, ratio: float | None) -> float:
+    """How bad the end of a stability test is, 0 to 1: its amplitude [m], None if it is unstable, in decades from a
+    limit cycle on if it lasts, and from 0.5 mm on if it does not."""
+    if amplitude is None:
+        return 1.0
+    decades = math.log10(max(amplitude, 1e-9) / PROTOCOL.stability.limit_cycle)
+    lasting = max(decades / 3.0, 0.0) if (ratio or 0.0) > PROTOCOL.stability.ring_down else 0.0
+    large = 0.3 + (decades - 1.7) / 2.0 if decades > 1.7 else 0.0
+    return min(max(lasting, large), 1.0)
 
-    def __init__(self, arms: Sequence[Arm]) -> None:
-        self.arms = (*arms, *stability_arms(sorted({arm.member.q_a for arm in arms})))
-        self.cases = [simulated(arm) for arm in self.arms]
+
+class Tuning:
+    """Candidates on all ``arms``, with one process for each core; the stability tests are those that are worst at the
+    ``start``."""
+
+    def __init__(self, arms: Sequence[Arm], start: Mapping[str, float]) -> None:
         pairing = STRICT.prepared(Controller.built_in("RobustLQG"))[1]
-        self.pool = ProcessPoolExecutor(
-            available_cores(), initializer=begin, initargs=(pairing.plant, pairing.controller)
-        )
+        fmus = (pairing.plant, pairing.controller)
+        self.pool = ProcessPoolExecutor(available_cores(), initializer=begin, initargs=fmus)
+        tests = tested()
+        found = (each.measurements.limit_cycle for each in self.judged(list(map(simulated, tests)), start))
+        ends = [math.inf if amplitude is None else amplitude for amplitude in found]
+        worst = sorted(range(len(tests)), key=lambda place: -ends[place])
+        self.arms = (*arms, *forced(), *(tests[place] for place in worst[:STABILITY_TESTS]))
+        self.cases = list(map(simulated, self.arms))
+
+    def judged(self, cases: Sequence[Case], parameters: Mapping[str, float]) -> Iterable[Judgement]:
+        """Simulate cases with a candidate."""
+        return self.pool.map(judged, cases, [parameters] * len(cases), chunksize=3)
 
     def __call__(self, parameters: Mapping[str, float]) -> Judged:
         """Judge one candidate."""
-        results = self.pool.map(judged, self.cases, [parameters] * len(self.cases), chunksize=3)
-        return summed(self.arms, results)
+        return summed(self.arms, self.judged(self.cases, parameters))
 
 
 def repaired(
     start: Mapping[str, float], vary: Sequence[str], arms: Sequence[Arm], generations: int, sigma: float, seed: int
 ) -> dict[str, float]:
     """The best parameters that CMA-ES finds, which varies the logarithms of those named in ``vary``."""
-    tuning = Tuning(arms)
+    tuning = Tuning(arms, start)
     sampler = CMA(mean=np.log([start[name] for name in vary]), sigma=sigma, seed=seed)
     best, chosen = tuning(start), dict(start)
     print(f"{len(arms)} arms; at the start {best}", flush=True)
@@ -236,26 +253,27 @@ def main() -> None:
     parser.add_argument("--generations", type=int, default=20, metavar="N", help="of a repair (default: 20)")
     parser.add_argument("--sigma", type=float, default=0.1, help="first standard deviation of the logarithms")
     parser.add_argument("--seed", type=int, default=1, help="of CMA-ES")
-    parser.add_argument("--vary", default="", metavar="PREFIX", help="only the parameters that begin so")
+    parser.add_argument(
+        "--vary", default="", metavar="PREFIX", help="parameters that begin with one of these, with commas"
+    )
     parser.add_argument("--known", type=Path, nargs="*", default=(), metavar="FOLDER", help="searches to begin with")
     given = parser.parse_args()
     parameters: dict[str, float] = json.loads(FILE.read_text(encoding="utf-8"))["parameters"]
-    vary = [
-        name for name, value in parameters.items() if name.startswith(given.vary) and name not in KEPT and value > 0.0
-    ]
-    arms = [arm for folder in given.known for arm in arms_of(Robustness.load(folder))]
+    prefixes = tuple(given.vary.split(","))
+    chosen = (name for name in parameters if name.startswith(prefixes) and name not in KEPT)
+    vary = [name for name in chosen if parameters[name] > 0.0]
+    known = list(given.known)
     for number in range(given.rounds):
+        if not known:
+            attacked(parameters, given.budget, RUNS / "begin")
+            known.append(RUNS / "begin")
+        arms = [arm for folder in known for arm in arms_of(Robustness.load(folder))]
+        parameters = repaired(parameters, vary, arms, given.generations, given.sigma, given.seed + number)
         found = attacked(parameters, given.budget, RUNS / f"round-{number}")
         print(f"round {number}: V found {found.cost:.1f}, {found.broken or 'no failure found'}", flush=True)
-        arms += arms_of(found)
-        parameters = repaired(parameters, vary, arms, given.generations, given.sigma, given.seed + number)
-        contents = {
-            "tuned": {**origin(Path(__file__)), **vars(given), "known": len(given.known)},
-            "parameters": parameters,
-        }
-        FILE.write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")
-    found = attacked(parameters, given.budget, RUNS / "end")
-    print(f"in the end: V found {found.cost:.1f}, {found.broken or 'no failure found'}")
+        known.append(RUNS / f"round-{number}")
+        how = {**origin(Path(__file__)), "budget": given.budget, "V found": float(f"{found.cost:.4g}")}
+        FILE.write_text(json.dumps({"tuned": how, "parameters": parameters}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
