@@ -62,7 +62,7 @@ CONTENTS = {
     ],
     "Reference": ["protocol", "timing", "plant", "api", "results", "paper"],
     "Controllers": ["/controller_fmu/*/README"],
-    "Project": ["/README", "/CONTRIBUTING", "/CHANGELOG"],
+    "Project": ["release-notes", "stability", "/README", "/CONTRIBUTING", "/CHANGELOG"],
 }
 """The site's navigation: pages by heading. The build fails if a page is missing here."""
 

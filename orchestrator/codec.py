@@ -8,6 +8,7 @@ either of the type asked for or an error.
 from __future__ import annotations
 
 import math
+import threading
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -47,6 +48,22 @@ class Malformed(ValueError):
     """Data are not of the expected type."""
 
 
+_known: set[Any] = set()
+_looking = threading.Lock()
+
+
+def _known_type(kind: type[T]) -> type[T]:
+    """``kind``, after msgspec has looked up its fields, which it does once for each type.
+
+    In msgspec 0.22, a second thread that uses the type meanwhile crashes the process. Here it waits.
+    """
+    if kind not in _known:
+        with _looking:
+            msgspec.msgpack.Decoder(kind)
+            _known.add(kind)
+    return kind
+
+
 def pack(value: Any) -> bytes:
     """``value`` as MessagePack, for messages: fast, and with arrays."""
     return msgspec.msgpack.encode(value, enc_hook=_to_plain)
@@ -55,7 +72,7 @@ def pack(value: Any) -> bytes:
 def unpack(data: bytes, kind: type[T]) -> T:
     """The inverse of :func:`pack`; raises :class:`Malformed` for anything that is not a ``kind``."""
     try:
-        return msgspec.msgpack.decode(data, type=kind, dec_hook=_from_plain)
+        return msgspec.msgpack.decode(data, type=_known_type(kind), dec_hook=_from_plain)
     except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
         raise Malformed(str(problem)) from None
 
@@ -69,7 +86,7 @@ def to_json(value: Any, indent: int | None = 1) -> str:
 def from_json(text: bytes | str, kind: type[T]) -> T:
     """The inverse of :func:`to_json`; raises :class:`Malformed`."""
     try:
-        return msgspec.json.decode(text, type=kind, dec_hook=_from_plain)
+        return msgspec.json.decode(text, type=_known_type(kind), dec_hook=_from_plain)
     except (msgspec.MsgspecError, ValueError, RecursionError) as problem:
         raise Malformed(str(problem)) from None
 
@@ -77,7 +94,7 @@ def from_json(text: bytes | str, kind: type[T]) -> T:
 def convert(plain: Any, kind: type[T]) -> T:
     """Plain dictionaries and lists, such as a TOML file's, as a ``kind``; raises :class:`Malformed`."""
     try:
-        return msgspec.convert(plain, kind, dec_hook=_from_plain)
+        return msgspec.convert(plain, _known_type(kind), dec_hook=_from_plain)
     except (msgspec.ValidationError, ValueError, RecursionError) as problem:
         raise Malformed(str(problem)) from None
 

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
 from fractions import Fraction
 
 import msgspec
@@ -158,3 +160,34 @@ WRONG_ARRAYS = [
 def test_other_arrays_are_refused(wrong):
     with pytest.raises(Malformed):
         unpack(msgspec.msgpack.encode({"array": wrong}), Holder)
+
+
+TWO_THREADS = """
+import threading, time
+from orchestrator.codec import Struct, convert
+
+def slow():
+    begun.set()
+    time.sleep(0.2)
+    return int
+
+class Inner(Struct):
+    x: "slow()"
+
+class Outer(Struct):
+    inner: Inner
+
+begun = threading.Event()
+other = threading.Thread(target=convert, args=({"inner": {"x": 1}}, Outer))
+other.start()
+begun.wait()
+print(convert({"inner": {"x": 1}}, Outer).inner.x)
+other.join()
+"""
+"""A type is used while another thread is looking up its fields for the first time."""
+
+
+def test_two_threads_use_a_type_for_the_first_time() -> None:
+    """In a process of its own, which msgspec alone would crash."""
+    finished = subprocess.run([sys.executable, "-c", TWO_THREADS], capture_output=True, text=True, check=False)
+    assert (finished.returncode, finished.stdout) == (0, "1\n"), finished.stderr

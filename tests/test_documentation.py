@@ -12,6 +12,9 @@ from fmpy import read_model_description
 import orchestrator
 from orchestrator.benchmark.protocol import load
 from orchestrator.cli.main import COMMANDS
+from orchestrator.documents.case_file import SCHEMA
+from orchestrator.documents.document import Document
+from orchestrator.documents.results import Results
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_POSE = 'extends = "quick"\nname = "one pose"\n[grid]\nq_a1_points = 1\nq_a2_points = 1\n'
@@ -118,6 +121,20 @@ def test_the_citation_has_this_version_and_the_paper_as_on_its_page():
     *others, last = [f"{each['given-names'][0]}. {each['family-names']}" for each in paper["authors"]]
     where = f"{paper['conference']['name']} {paper['year']}, {paper['conference']['city']}"
     assert f'{", ".join(others)} and {last}, "{paper["title"]}", {where}' in " ".join(text("docs/paper.md").split())
+
+
+def test_changelog_and_release_notes_begin_with_this_version():
+    citation = yaml.safe_load(text("CITATION.cff"))
+    version, date = citation["version"], citation["date-released"]
+    assert f"\n## {version} ({date})\n" in text("CHANGELOG.md")
+    assert f"\n## Version {version} ({date.day} {date:%B %Y})\n" in text("docs/release-notes.md")
+
+
+def test_the_page_on_stability_lists_the_forms_that_are_written():
+    documents = (Results, *(getattr(orchestrator, name) for name in orchestrator.__all__))
+    kinds = {kind for kind in documents if isinstance(kind, type) and issubclass(kind, Document)}
+    rows = re.findall(r"^\| .*?`([\w*.]+)` \| `(flexible-manipulator-.+?)` \|", text("docs/stability.md"), re.MULTILINE)
+    assert dict(rows) == {"case*.npz": SCHEMA} | {kind.FILE: kind.SCHEMA for kind in kinds}
 
 
 def test_the_readme_is_short_and_has_the_two_commands():

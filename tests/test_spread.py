@@ -64,7 +64,7 @@ def test_a_document_is_read_as_it_was_saved_or_refused(name, tmp_path):
         assert old in text
         (tmp_path / kind.FILE).write_text(text.replace(old, new))
         assert refusal(kind.load, tmp_path).what == what, old
-    assert "Version 0.1.0" in str(refusal(kind.load, tmp_path)), "what reads the older form"
+    assert "Make it again" in str(refusal(kind.load, tmp_path)), "what to do about the older form"
 
 
 def test_a_spread_whose_statistics_are_not_those_of_its_seeds_is_refused(tmp_path):

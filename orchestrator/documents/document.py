@@ -242,14 +242,11 @@ def _read(file: Path, kind: type[D]) -> D:
     if found is None:
         message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
         own = form.removeprefix(f"{name}/")
-        if own != form and own.isdecimal() and int(own) == int(number) - 1:
-            message += f" Version {LAST_OLD} of this package reads it; or make it again."
+        if own != form and own.isdecimal():
+            later = int(own) > int(number)
+            message += " A later version of this package made it." if later else " Make it again with this version."
         raise InputError(message, "other-schema", file, form)
     return found
-
-
-LAST_OLD = "0.1.0"
-"""The last version that reads documents of the forms before :class:`Head`."""
 
 
 class _Schema(msgspec.Struct):
