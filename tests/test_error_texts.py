@@ -109,6 +109,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: find_parameters(NAMED, {"n": 1.0}, WHERE),
         lambda: find_outputs(NAMED, ["x"], WHERE),
         lambda: plan.make_plan(T_S, (Fraction(1, 10**15 + 1), T_S), NO_DELAY),
+        lambda: plan.make_plan(T_S, NO_DELAY, (T_S / 2, T_S), None, T_S * 3 / 4),
         lambda: sampling.controller_sample_time(archive(experiment="0.0003"), T_S),
         lambda: setup.controller_binding(
             with_parameters("u_m0[1]", "u_m0[2]"), setup.Setup({"u_m0[1]": 1.0})
@@ -125,6 +126,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: nominal.check_changes({"m[1]": float("inf")}, PAPER.uncertainty),
         lambda: variation.Variation(duration=Fraction(-1)),
         lambda: variation.Variation(angle_bits=99),
+        lambda: variation.Variation(dropout=1.5),
         lambda: variation.vary(empty, PAPER, variation.Variation(force=1.0, t_2=1.0)),
         lambda: variation.vary(empty, PAPER, variation.Variation(phi_F=2e6)),
         lambda: draws.from_beacon("2027-01-01", "2026-01-01"),

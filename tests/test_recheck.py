@@ -213,6 +213,8 @@ def test_what_is_no_case_is_refused_with_a_sentence(recorded, tmp_path, capsys):
         "number": changed(recorded, {"X": lambda X: np.where(np.arange(len(X))[:, None] == 7, np.nan, X)}),
         "shape": changed(recorded, {"given": lambda given: given[:-1]}),
         "delay": changed(recorded, scenario__drive__delay=["1/3000", "1/4000"]),
+        "dropped samples": changed(recorded, scenario__drive__dropout=0.1),
+        "jitter": changed(recorded, scenario__sensor__jitter="1/8000"),
         "parameters": changed(recorded, parameters=lambda all: {**all, "g": 1.0}),
         "missing": changed(recorded, definitions={}),
     }

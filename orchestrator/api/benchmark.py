@@ -580,7 +580,7 @@ class Benchmark(Testbed, Shown):
         ------
         InputError
             As :meth:`case_at`; if the plant is an FMU of your own, whose equations are not known; or if the variation
-            delays the measurement.
+            delays the measurement, drops samples or has jitter.
         """
         from .linear_model import linear_model
 

@@ -143,6 +143,8 @@ def linear_model(case: Case, is_sampled: bool, delay: bool, friction: Friction) 
         raise InputError(message, "bad-friction", "friction", friction, ("sticking", "sliding"))
     if scenario.sensor.delay != NO_DELAY:
         raise InputError("A linear model has no delay of the measurement.", "sensor-delay")
+    if scenario.drive.dropout or scenario.sensor.jitter:
+        raise InputError("A linear model has neither dropped samples nor jitter.", "random-timing")
     parameters = dict(scenario.parameters)
     at = rest(parameters, (pose.q_a1, pose.q_a2))
     model, T_s = linearized(parameters, at, friction, scenario.drive.gain), None

@@ -29,7 +29,8 @@ class Variation:
 
     ``undisturbed`` removes chirp and force, and ``ideal`` noise, quantization, saturation and delay, except those that
     are given. ``angle_bits`` and ``torque_bits`` are the quantizers' steps as powers of two, 0 for none; ``delay`` is
-    that from controller to motor, T_d included.
+    that from controller to motor, T_d included. ``dropout`` is the probability that the torques of a sample are lost,
+    and ``jitter`` the largest time by which a measurement is taken too early.
     """
 
     undisturbed: bool = False
@@ -41,6 +42,8 @@ class Variation:
     torque_limit: Pair | None = None
     delay: Delays | None = None
     sensor_delay: Delays | None = None
+    dropout: float | None = None
+    jitter: Fraction | None = None
     gain: Pair | None = None
     chirp_amplitude: Pair | None = None
     chirp_frequencies: Pair | None = None
@@ -58,6 +61,9 @@ class Variation:
         for bits in (self.angle_bits, self.torque_bits):
             if bits is not None and not 0 <= bits <= FINEST_BITS:
                 raise InputError(f"{bits} is not a number of bits from 0 to {FINEST_BITS}.", "bad-bits", "", bits)
+        if self.dropout is not None and not 0.0 <= self.dropout <= 1.0:
+            message = f"The dropout {self.dropout:g} is not a probability from 0 to 1."
+            raise InputError(message, "bad-dropout", "", self.dropout)
 
     def __repr__(self) -> str:
         changed = {own.name: getattr(self, own.name) for own in fields(self) if getattr(self, own.name) != own.default}
@@ -97,12 +103,14 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
             noise=Noise(sigma, scenario.sensor.noise.seed),
             delay=_given(wanted.sensor_delay, sensor.delay),
             quantum=angle_quantum,
+            jitter=_given(wanted.jitter, sensor.jitter),
         ),
         drive=Drive(
             gain=_given(wanted.gain, drive.gain),
             limit=_given(wanted.torque_limit, drive.limit),
             quantum=torque_quantum,
             delay=_given(wanted.delay, drive.delay),
+            dropout=_given(wanted.dropout, drive.dropout),
         ),
         chirp=Chirp(
             amplitude=_given(wanted.chirp_amplitude, chirp.amplitude),

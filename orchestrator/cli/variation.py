@@ -34,6 +34,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     pair("--torque-limit", "saturation [N.m] (inf: none)", number(0.0, infinite=True))
     pair("--delay", "transport delay from controller to motor, T_d included [s]", time)
     pair("--sensor-delay", "transport delay of the measurement [s]", time)
+    single("--dropout", "probability that the torques of a sample are lost and the former held", number(0.0, most=1.0))
+    single("--jitter", "largest random time by which angles are measured before their sample [s]", time)
     pair("--gain", "loop gain about the initial torque (1: none)")
     pair("--chirp-amplitude", "amplitude of the motor torque disturbance [N.m]")
     pair("--chirp-frequencies", "its frequencies [Hz]", number(0.0), ("START", "END"))

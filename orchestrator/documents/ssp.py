@@ -43,9 +43,12 @@ def package(
     """The bytes of the package; equal arguments give equal bytes.
 
     Raises :class:`~orchestrator.errors.InputError` if the loop cannot be had so: the plant's steps within a sample
-    have different lengths, or no torque is delayed by one of them; or the controller has arrays.
+    have different lengths, or no torque is delayed by one of them; samples are dropped, or measurements have jitter; or
+    the controller has arrays.
     """
     drive, sensor = scenario.drive, scenario.sensor
+    if drive.dropout or sensor.jitter:
+        raise InputError("An SSP package has neither dropped samples nor jitter.", "no-ssp")
     plan = make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold)
     tick = scenario.sample_time / plan.step.size
     binding = controller_binding(controller, setup)

@@ -1,8 +1,8 @@
 """The master loop: the one place where time advances. See docs/timing.md for the contract it keeps.
 
 At sample k, time t_k = k T_s: measure q_m (noise, delay, quantization), step the controller over one sample, take its
-torque (gain, saturation, quantization), and step the plant to t_k+1 in the parts of the plan, each driven by the
-torque that has arrived by then and by the disturbances at its beginning.
+torque (gain, saturation, quantization), or the former one if the sample is dropped, and step the plant to t_k+1 in the
+parts of the plan, each driven by the torque that has arrived by then and by the disturbances at its beginning.
 
 The recorded samples serve as the delay lines: what acts now is what was recorded some samples ago.
 """
@@ -42,6 +42,8 @@ class Loop(NamedTuple):
     angle_quantum: float
     noise: np.ndarray
     """Measurement noise [rad], shape (samples + 1, 2)."""
+    dropped: np.ndarray
+    """Whether the torques of a sample are lost, bool, shape (samples,)."""
     chirp: ChirpSignal
     pulse: PulseSignal
     abort_distance: float
@@ -59,7 +61,8 @@ class Record(NamedTuple):
     command: np.ndarray
     """Torques as the controller asked for them, shape (samples, 2) [N.m]."""
     torque: np.ndarray
-    """Torques as they leave for the drive: amplified, saturated, quantized, shape (samples, 2) [N.m]."""
+    """Torques as they leave for the drive: amplified, saturated, quantized; in a dropped sample, those of the one
+    before; shape (samples, 2) [N.m]."""
 
 
 class Exit(NamedTuple):
@@ -80,7 +83,7 @@ def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
     row 0 of ``record.outputs``; of a loop that goes on, all rows before its first sample.
     """
     plan = loop.plan
-    parts = plan.step.size
+    rows, parts = plan.step.shape
     T_s = plan.interval / plan.denominator
     x_0, z_0 = record.outputs[0, 2], record.outputs[0, 3]
     reach = loop.abort_distance * loop.abort_distance
@@ -108,14 +111,18 @@ def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
             record.command[k, i] = asked
             if not abs(asked) <= ABSURD:
                 return Exit(ABSURD_TORQUE, k, GET, 0, warnings)
-            torque = amplify(asked, loop.u_m0[i], loop.gain[i])
-            record.torque[k, i] = quantize(saturate(torque, loop.limit[i]), loop.torque_quantum[i])
+            if loop.dropped[k]:
+                record.torque[k, i] = record.torque[k - 1, i] if k > 0 else loop.u_m0[i]
+            else:
+                torque = amplify(asked, loop.u_m0[i], loop.gain[i])
+                record.torque[k, i] = quantize(saturate(torque, loop.limit[i]), loop.torque_quantum[i])
 
+        row = k % rows
         for part in range(parts):
-            t = (k * plan.interval + plan.offset[part]) / plan.denominator
+            t = (k * plan.interval + plan.offset[row, part]) / plan.denominator
             changed = 2 if k + part == 0 else 0
             for i in range(2):
-                arrived = k - plan.drive_lag[part, i]
+                arrived = k - plan.drive_lag[row, part, i]
                 torque = record.torque[arrived, i] if arrived >= 0 else loop.u_m0[i]
                 if torque != u[i]:
                     u[i] = torque
@@ -129,13 +136,13 @@ def run(plant: Port, controller: Port, loop: Loop, record: Record) -> Exit:
                 u[4], u[5] = F_x, F_z
                 changed = 6
             # A crossing into the plant costs more than its values do: none if nothing has changed, else one for all.
-            read = part == parts - 1 or plan.sample_part[0] == part or plan.sample_part[1] == part
-            call, status = exchange(plant, changed, t, plan.step[part], read)
+            read = part == parts - 1 or plan.sample_part[row, 0] == part or plan.sample_part[row, 1] == part
+            call, status = exchange(plant, changed, t, plan.step[row, part], read)
             if status > WARNING:
                 return Exit(PLANT_FAILED, k, call, status, warnings)
             warnings += status
             for i in range(2):
-                if plan.sample_part[i] == part:
+                if plan.sample_part[row, i] == part:
                     record.measured[k + 1, i] = plant.output_values[i] + loop.noise[k + 1, i]
 
         for i in range(plant.output_values.size):

@@ -17,7 +17,7 @@ from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
 from . import disturbances, random_streams
 from .controller import Remote, Steady, prepared
-from .plan import make_plan
+from .plan import CELLS, make_plan
 from .scenario import Scenario
 from .setup import Setup
 from .trajectory import Ending, Status, Trajectory
@@ -98,11 +98,12 @@ def steady_state(plant: Slave, binding: Binding) -> Steady:
 
 
 def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
-    drive, sensor = scenario.drive, scenario.sensor
+    drive, sensor, seed = scenario.drive, scenario.sensor, scenario.sensor.noise.seed
+    cells = random_streams.jitter_cells(seed, CELLS, scenario.samples + 1) if sensor.jitter else None
     return loop.Loop(
         first=first,
         samples=scenario.samples,
-        plan=make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold),
+        plan=make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold, sensor.jitter, cells),
         q_m_ref=np.array(steady.q_m_ref),
         u_m0=np.array(steady.u_m0),
         gain=np.array(drive.gain),
@@ -110,6 +111,7 @@ def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
         torque_quantum=np.array(drive.quantum),
         angle_quantum=sensor.quantum,
         noise=random_streams.noise(sensor.noise, scenario.samples + 1),
+        dropped=random_streams.dropped(seed, drive.dropout, scenario.samples),
         chirp=disturbances.chirp_signal(scenario.chirp),
         pulse=disturbances.pulse_signal(scenario.pulse),
         abort_distance=scenario.abort_distance,

@@ -8,6 +8,9 @@ import numpy as np
 
 from .scenario import Noise
 
+DROPOUT, JITTER = (0, 1), (0, 2)
+"""Words behind those of the noise, for streams of their own."""
+
 
 def stable_stream(seed: tuple[int, ...]) -> np.random.RandomState:
     """The stream of a seed.
@@ -29,3 +32,21 @@ def noise(spec: Noise, samples: int) -> np.ndarray:
         numbers *= spec.sigma
     numbers.flags.writeable = False
     return numbers
+
+
+def dropped(seed: tuple[int, ...], probability: float, samples: int) -> np.ndarray:
+    """Which samples are lost, bool, shape (samples,), with the ``seed`` words of the noise.
+
+    Each is lost with this probability, independently of the others. More samples begin with the same ones, and those
+    that are lost at a probability are lost at all higher ones.
+    """
+    if probability == 0.0:
+        return np.zeros(samples, dtype=np.bool_)
+    found: np.ndarray = stable_stream((*seed, *DROPOUT)).random_sample(samples) < probability
+    return found
+
+
+def jitter_cells(seed: tuple[int, ...], cells: int, samples: int) -> np.ndarray:
+    """A number from 0 to ``cells`` - 1 for each sample, all equally likely, int64, shape (samples,), with the ``seed``
+    words of the noise. More samples begin with the same ones."""
+    return (cells * stable_stream((*seed, *JITTER)).random_sample(samples)).astype(np.int64)

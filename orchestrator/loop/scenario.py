@@ -1,7 +1,7 @@
 """The frozen description of one closed-loop simulation: what goes in, in SI units.
 
 Every imperfection has a neutral value that switches it off: amplitude 0, sigma 0, quantum 0, limit infinite,
-delay 0, gain 1.
+delay 0, gain 1, dropout 0, jitter 0.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ NO_DELAY: Delays = (Fraction(0), Fraction(0))
 
 @dataclass(frozen=True)
 class Noise:
-    """White measurement noise: ``sigma`` [rad] per sample, and the seed words that determine every sample."""
+    """White measurement noise: ``sigma`` [rad] per sample, and the seed words that determine every sample. Dropout and
+    jitter have streams of their own, with other words behind these."""
 
     sigma: float = 0.0
     seed: tuple[int, ...] = (0,)
@@ -26,22 +27,26 @@ class Noise:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Measurement of the motor angles: noise, then transport delay [s] per axis, then rounding to ``quantum`` [rad]."""
+    """Measurement of the motor angles: noise, then transport delay [s] per axis, then rounding to ``quantum`` [rad].
+    Sample by sample both angles are taken earlier by a random time up to ``jitter`` [s]."""
 
     noise: Noise = Noise()
     delay: Delays = NO_DELAY
     quantum: float = 0.0
+    jitter: Fraction = Fraction(0)
 
 
 @dataclass(frozen=True)
 class Drive:
     """The way of a torque command: ``gain`` about the initial torque, saturation at ``limit`` [N.m], rounding to
-    ``quantum`` [N.m], transport delay [s]; each per axis."""
+    ``quantum`` [N.m], transport delay [s]; each per axis. The commands of a sample are lost with the probability
+    ``dropout``, those of both axes together."""
 
     gain: Pair = (1.0, 1.0)
     limit: Pair = (math.inf, math.inf)
     quantum: Pair = (0.0, 0.0)
     delay: Delays = NO_DELAY
+    dropout: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Trajectory:
     ``time`` [s], ``q_m`` [rad], ``X`` [m] and ``extra`` (the other plant outputs asked for, by name) have N + 1 rows,
     the first one the initial state; ``measured`` [rad] is what the controller's delay line was fed with.
     ``given`` [rad], ``command`` and ``torque`` [N.m] have N rows: the angles that the controller was given, delayed and
-    quantized, what it asked for, and what went to the drive.
+    quantized, what it asked for, and what went to the drive (of a dropped sample, what went there before).
     ``q_m_ref`` [rad] and ``u_m0`` [N.m] are the plant's published steady state.
     """
 

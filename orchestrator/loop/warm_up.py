@@ -10,7 +10,7 @@ from ..jit import arithmetic_now
 from . import closed_loop, serving
 from .disturbances import ChirpSignal, PulseSignal
 from .plan import make_plan
-from .random_streams import noise
+from .random_streams import dropped, noise
 from .scenario import NO_DELAY, Noise
 
 
@@ -31,6 +31,7 @@ def warm_up() -> None:
         torque_quantum=two,
         angle_quantum=0.0,
         noise=noise(Noise(sigma=1.0), 1),
+        dropped=dropped((0,), 0.0, 0),
         chirp=ChirpSignal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
         abort_distance=0.0,

@@ -132,6 +132,8 @@ def _scenario(given: Mapping[str, Any], parameters: Mapping[str, float]) -> Scen
     )
     if interval <= 0:
         raise Unreadable("its sample time is not positive")
+    if float(drive.get("dropout", 0.0)) or Fraction(sensor.get("jitter", 0)):
+        raise Unreadable("its samples are dropped or have jitter, which is not computed anew")
     return found
 
 
