@@ -279,10 +279,11 @@ def yields(model: LinearModel, closed: StateSpace) -> float:
     """How much further the tool goes with a decaying force than with motors that do not move: the least share.
 
     With E(s) from F to X, the least d' (E(s) - H(s)) d / d' H(s) d over the directions d and the real s > 0 of
-    ``RATES``, H being E with motors that do not move. It is positive for two controllers, one an axis, that are stable
-    by themselves (integrators included): E - H = R' W R with W = (K + Z)^-1 and the impedance Z of the motors, which
-    is symmetric, and K = diag(k_1, k_2) is real; det(K + Z) has no zero for s > 0 as the loop is stable, and is
-    positive for large s; so k_i + Z_ii, which would make it negative where they are zero, stay positive, and so does W.
+    ``RATES``, H being E with motors that do not move. In continuous time it is positive for two controllers, one an
+    axis, that are stable by themselves (integrators included): E - H = R' W R with W = (K + Z)^-1, the impedance Z of
+    the motors, which is symmetric, and K = diag(k_1, k_2), which is real; det(K + Z) has no zero for s > 0 as the loop
+    is stable, and is positive for large s; so k_i + Z_ii, whose zero would make it negative, stays positive, and so
+    does W.
     """
     shares = []
     for rate in RATES:
@@ -388,11 +389,8 @@ def main() -> None:
         kept = dict(sorted(kept.items(), key=lambda entry: int(entry[0])))
         DATA.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         print(f"pose {index}: {json.dumps(kept[str(index)])}", flush=True)
-    rule = bench.rules.criteria["B5"]
-    text = with_table(
-        PAGE.read_text(encoding="utf-8"), table(list(kept.values()), 1e-3 * rule.weight / rule.target), MAKER
-    )
-    PAGE.write_text(text, encoding="utf-8")
+    made = table(list(kept.values()), bench)
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), made, MAKER), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The bounds of linear controllers: programs with known minima, and a PID as one of the laws they minimize over."""
 
+import json
 import math
 
 import numpy as np
@@ -147,3 +148,11 @@ def test_the_limit_is_on_what_s_does_to_a_motion(laws, pid, elements, axis):
         state = closed.A @ state + closed.B[:, 2] * torque
     assert x @ found.P @ x + 2.0 * found.l @ x + found.c == pytest.approx(size, rel=1e-9)
     assert found.limit == pytest.approx(linear_bound.SENSITIVITY**2 * motion @ motion)
+
+
+def test_the_page_has_the_figures():
+    kept = list(json.loads(linear_bound.DATA.read_text(encoding="utf-8")).values())
+    assert linear_bound.table(kept, BENCH) in linear_bound.PAGE.read_text(encoding="utf-8")
+    for found in kept:
+        assert found["any"] <= found["linear"]["B5"] <= found["loop"] and found["yields"] > 0.0
+        assert found["linear"]["V"] <= found["sensitive"]["V"] <= found["yielding"]["V"]
