@@ -216,7 +216,8 @@ class Laws:
         answer[0] = 1.0
         for b, own in enumerate(elements[self.part(axis)].reshape(2, -1)):
             answer -= fftconvolve(self.own.g[:, b, axis], own)[: self.samples] / self.sigma
-        return toeplitz(answer, np.zeros(self.samples))
+        found: np.ndarray = toeplitz(answer, np.zeros(self.samples))
+        return found
 
     def limit(self, axis: int, motion: np.ndarray) -> Quadratic:
         """That S of ``axis`` makes a ``motion`` at most ``SENSITIVITY`` times larger; shape (samples,)."""
