@@ -226,7 +226,7 @@ def at(q_a, system, gain=None):
     [
         ("DiagonalPID_C", at((72.0, -50.0), "slippery", (8.25, 1.0)), "limit cycle", 60.0),
         ("DitheredLQG_C", at((-90.0, -90.0), "sticky"), "ring-down", 60.0),
-        ("RobustLQG", swept(0.0, 15.0, test="disturbance_90", gain=3.427), "limit cycle", 60.0),
+        ("RobustLQG", swept(0.0, 15.0, test="disturbance_90", gain=4.5), "limit cycle", 60.0),
         ("RobustLQG", swept(0.0, 15.0, test="gain_1", gain=4.0), "limit cycle", 60.0),
         ("RobustLQG", swept(15.0, 0.0, test="gain_1", gain=4.0), "limit cycle", 60.0),
     ],
