@@ -55,7 +55,7 @@ def drawn(name: str, draws: int) -> dict[str, Any]:
     found = Benchmark(seed=SEED).reliability(
         searched_as(name), draws=draws, confidence=CONFIDENCE, folder=RUNS / f"{name}-{draws}"
     )
-    return {"draws": draws, **_kept(found)}
+    return {"draws": draws, "guid": built(name).archive.description.guid, **_kept(found)}
 
 
 def _kept(found: Reliability) -> dict[str, Any]:
