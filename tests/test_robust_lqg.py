@@ -92,7 +92,7 @@ def reference(signals, p):
         after = np.einsum("lij,lj->li", laws, now)
         states, feedback, error = after[:, :12], after[:, 12:14], after[1:, 14:]
         jump = np.linalg.norm(error[1] - fast)
-        if jump > max(p["jump"], p["jump_contrast"] * jumps) and peak_left > 0:
+        if jump > max(p["jump"] / reach, p["jump_contrast"] * jumps) and peak_left > 0:
             peak = k
         fast = error[1] + fading(p["jump_time"]) * (fast - error[1])
         jumps = jump + fading(p["average_time"]) * (jumps - jump)

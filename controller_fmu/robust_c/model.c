@@ -61,6 +61,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     /* The filters take what a folded arm does for a larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
     lqg->switching.threshold /= reach(of->q_m_ref);
     lqg->switching.sway /= reach(of->q_m_ref);
+    lqg->switching.jump /= reach(of->q_m_ref);
     lqg->watch = watch(&lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++)
         lqg->amplitude[i] = amplitude(&lqg->switching, i, of->u_m0[i], TORQUE_LIMIT[i]);
