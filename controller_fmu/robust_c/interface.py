@@ -34,9 +34,7 @@ class Switching(NamedTuple):
     wait: Annotated[float, "s", "Time from an event until its feedback begins; after twice that it has all", POSITIVE]
     hold: Annotated[float, "s", "Time after an event for which the full strength is allowed", 0.0]
     decay: Annotated[float, "s", "Time in which what is allowed then falls to nothing", POSITIVE]
-    jump: Annotated[
-        float, "m", "Jump of the stretched arm's TCP error, as the third law estimates it, that begins a peak", 0.0
-    ]
+    jump: Annotated[float, "m", "Jump of the stretched arm's TCP error in the third filter that begins a peak", 0.0]
     jump_contrast: Annotated[float, "1", "Smallest ratio of such a jump to the average of the jumps", 0.0]
     jump_time: Annotated[float, "s", "Time constant of the average error that a jump is counted from", POSITIVE]
     peak_hold: Annotated[float, "s", "Time for which the third law then acts alone", 0.0]
