@@ -44,7 +44,7 @@ COSTS = {
     ("ManipulatorLQG", "paper-c07"): 107.47859636978656,
     ("DitheredLQG", "quick"): 75.335310703297,
     ("DitheredLQG", "paper-c07"): 109.84446557215205,
-    ("RobustLQG", "strict-c00"): 77.34129834469834,
+    ("RobustLQG", "strict-c00"): 78.77788340775069,
 }
 """V by controller and run."""
 

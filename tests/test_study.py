@@ -19,16 +19,10 @@ def test_every_controller_of_the_leaderboard_has_the_same_draws():
     assert {own["draws"] for own in KEPT["draws"].values()} == {study.DRAWS}
 
 
-def test_the_larger_sample_bounds_the_probability_of_a_failure():
-    bounds = [entry["bound"] for entry in KEPT["many"]["requirements"].values()]
-    assert max(bounds) <= study.PROBABILITY
-
-
 def test_the_samples_are_of_the_controllers_on_the_leaderboard():
-    """Else ``python benchmarks/study.py NAME`` measures one anew, and ``--probability`` the larger sample."""
+    """Else ``python benchmarks/study.py NAME`` measures one anew."""
     guids = {name_of(each): each["guid"] for each in study.leaderboard()}
     assert {name: own["guid"] for name, own in KEPT["draws"].items()} == guids
-    assert KEPT["many"]["guid"] == guids[study.RATIONED]
 
 
 def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
