@@ -130,14 +130,14 @@ def draw(kept: Figures) -> None:
         name, found = name_of(each), each["robustness"]
         bounds = [entry["bound"] for entry in kept["draws"][name]["requirements"].values()]
         radius = found["radius"]["stability"]
-        (mark,) = by_bound.plot(max(bounds), found["cost"], "o", ms=6, label=name)
+        (mark,) = by_bound.plot(100.0 * max(bounds), found["cost"], "o", ms=6, label=name)
         reach = found["radius"]["limit"] if radius is None else radius
         by_radius.plot(reach, found["cost"], "o" if radius is not None else ">", ms=6, color=mark.get_color())
     for panel in (by_bound, by_radius):
         panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
     by_radius.axvline(1.0, color="0.6", lw=0.8, ls="--")
-    by_bound.set_xscale("log")
-    by_bound.set_xlabel("probability that a draw fails,\nupper bound (99 %)", fontsize=8)
+    by_bound.set_xlim(left=0.0)
+    by_bound.set_xlabel("probability that a draw fails [%],\nupper bound at 99 % confidence", fontsize=8)
     by_radius.set_xlabel("factor on Table 1 at which A1, A2 or A3\nfails (arrow: not found)", fontsize=8)
     by_bound.set_ylabel("V found", fontsize=8)
     by_bound.set_ylim(bottom=0.0)
