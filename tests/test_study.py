@@ -1,31 +1,365 @@
-"""The study says what was measured, and the order of the leaderboard holds on draws that no tuning has seen."""
+"""Studies are played without simulating anything: a function answers what they ask for."""
 
-import json
+import logging
+import math
+import random
+from fractions import Fraction
 
-from benchmarks import study
-from benchmarks.leaderboard_tables import PAGES, name_of, standing
-from benchmarks.marked_tables import with_table
+import pytest
+from support.refusals import refusal
+from test_search import TINY
+from test_tuning import FEW
 
-KEPT = json.loads(study.DATA.read_text(encoding="utf-8"))
+from orchestrator import Benchmark, Controller
+from orchestrator.asking import answered
+from orchestrator.benchmark.draws import Entropy, fresh
+from orchestrator.benchmark.metrics import expected
+from orchestrator.benchmark.results import Judgement, Measurements
+from orchestrator.codec import unpack
+from orchestrator.errors import Crash, EnvironmentFault
+from orchestrator.execution import store
+from orchestrator.execution.job import Done
+from orchestrator.execution.supervision import OUTSIDE
+from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.work import CaseTask
+from orchestrator.study import batch
+from orchestrator.study.dry_run import on_target
+from orchestrator.study.engine import Engine
+from orchestrator.study.evaluate import evaluate, spread
+from orchestrator.study.rehearsal import Rehearsal
+from orchestrator.study.reliability import reliability
+from orchestrator.study.requests import (
+    Batch,
+    Entry,
+    Instant,
+    Now,
+    Record,
+    Rehearse,
+    Save,
+    SeedDone,
+    StageDone,
+    Tell,
+    TimeSteps,
+    TrialDone,
+)
+from orchestrator.study.sweep import sweep
+from orchestrator.study.tune import tune
+from orchestrator.study.verify import verify
+from orchestrator.study.worst_case import answer_of, worst_case
 
 
-def test_the_table_shows_the_figures_that_are_kept():
-    text = study.PAGE.read_text(encoding="utf-8")
-    assert with_table(text, study.table(KEPT), study.MAKER) == text, "python benchmarks/study.py --table mends it"
+class Player:
+    """Answers requests with runs whose criteria are ``share(entry)`` of their targets, and keeps the requests."""
+
+    def __init__(self, share=lambda entry: 0.0, rehearsal=None, status=Status.DONE):
+        self.share, self.status = share, status
+        self.rehearsal, self.asked, self.clock = rehearsal or Rehearsal(), [], 0.0
+
+    def __call__(self, request):
+        self.asked.append(request)
+        match request:
+            case Batch(entries):
+                return [[on_target(e.protocol, case, self.status, self.share(e)) for case in e.cases] for e in entries]
+            case Rehearse():
+                return self.rehearsal
+            case Record():
+                return ()
+            case Now():
+                self.clock += 1.0
+                return Instant("2026-01-01", self.clock, 2)
+        return None
+
+    def of(self, kind):
+        """The requests of one kind."""
+        return [request for request in self.asked if isinstance(request, kind)]
+
+    def events(self, kind):
+        """The events of one kind that were told."""
+        return [request.event for request in self.of(Tell) if isinstance(request.event, kind)]
 
 
-def test_every_controller_of_the_leaderboard_has_the_same_draws():
-    assert KEPT["draws"].keys() == PAGES.keys()
-    assert {own["draws"] for own in KEPT["draws"].values()} == {study.DRAWS}
+@pytest.fixture
+def quick():
+    return Benchmark("quick")
 
 
-def test_the_samples_are_of_the_controllers_on_the_leaderboard():
-    """Else ``python benchmarks/study.py NAME`` measures one anew."""
-    guids = {name_of(each): each["guid"] for each in study.leaderboard()}
-    assert {name: own["guid"] for name, own in KEPT["draws"].items()} == guids
+def test_an_evaluation_saves_its_results_before_it_records(quick):
+    player = Player()
+    found = answered(evaluate(quick, Controller()), player)
+    assert found.complete and found.cost == 0.0 and len(found.cases) == quick.rules.case_count
+    kinds = [type(request) for request in player.asked]
+    assert kinds.index(Save) < kinds.index(Record) < len(kinds) - 1 and kinds[-1] is Save
+    assert found.results.timing.wall_time == 1.0
 
 
-def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
-    medians = [KEPT["draws"][name]["median"]["V"] for name in study.ordered()]
-    holding = [each for each in study.leaderboard() if not standing(each)[0]]
-    assert medians[: len(holding)] == sorted(medians[: len(holding)])
+def test_a_spread_is_an_evaluation_for_each_seed_in_its_folder(quick):
+    player = Player()
+    found = answered(spread(quick, Controller(), [3, 5, 3], recordings=False), player)
+    assert [score.seed for score in found.seeds] == [3, 5] == [event.seed for event in player.events(SeedDone)]
+    assert [save.inside for save in player.of(Save)] == ["seed-3", "", "seed-5", ""]
+
+
+@pytest.mark.parametrize(
+    ("status", "completeness"),
+    [(Status.DONE, "complete"), (Status.CRASHED, "incomplete"), (Status.LOST, "not judged")],
+)
+def test_a_spread_says_how_its_cases_ended(quick, status, completeness):
+    """Also where no requirement counts them; what was not asked for is no failure."""
+    study = spread(quick, Controller(), [3, 5], only="c00.compliant.noise", recordings=False)
+    assert answered(study, Player(status=status)).completeness == completeness
+
+
+def test_a_sweep_has_the_values_that_its_figures_depend_on(quick):
+    player = Player(lambda entry: entry.pairing.setup.parameters["K_p[1]"])
+    found = answered(sweep(quick, Controller(), {"K_p[1]": (30.0, 10.0, 20.0)}), player)
+    assert found.best is not None and found.best.values == {"K_p[1]": 10.0}
+    assert [event.done for event in player.events(TrialDone)] == [1, 2, 3]
+    assert all(entry.patience == 1 for request in player.of(Batch) for entry in request.entries)
+
+
+@pytest.mark.needs("optuna", "cmaes")
+def test_a_tuning_evaluates_its_best_candidate(quick):
+    player = Player(lambda entry: abs(entry.pairing.setup.parameters["K_p[1]"] - 50.0))
+    study = tune(quick, Controller(), {"K_p[1]": (20.0, 80.0)}, "quick", "quick", 30, 0, "random", 1, None)
+    found = answered(study, player)
+    assert found.best is not None and abs(found.parameters["K_p[1]"] - 50.0) < 5.0
+    saved = {save.inside for save in player.of(Save)}
+    assert {"", "strict", "seeds", f"trial-{found.best.trial.number}"} <= saved
+
+
+def test_a_search_stops_when_its_time_is_over(quick):
+    player = Player()
+    found, shown = answered(worst_case(quick, Controller(), 2000, minutes=0.01), player)
+    assert not found.complete and not found.margins and found.radius is None
+    assert found.simulations < 1000 and found.cost == 0.0 and shown
+    assert [event.stage for event in player.events(StageDone)][:2] == ["list", "other noise"]
+
+
+def test_a_verification_draws_for_the_controller_and_its_references(quick):
+    player = Player()
+    found = answered(verify(quick, Controller(), fresh(), 2, False, ("TunedPID",), False), player)
+    assert [draw.seed for draw in found.draws] == [draw.seed for draw in found.references["TunedPID"].draws]
+    own, reference = player.of(Batch)
+    assert own.entries[0].pairing.isolated and not reference.entries[0].pairing.isolated
+    assert (reference.before, reference.total) == (len(own.entries[0].cases), 2 * len(own.entries[0].cases))
+
+
+def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, caplog):
+    player, disturbed = Player(), []
+
+    def answer(request):
+        if isinstance(request, Batch) and len(disturbed) < 2:
+            disturbed.append(request)
+            raise EnvironmentFault("killed", OUTSIDE)
+        return player(request)
+
+    with caplog.at_level(logging.WARNING, "orchestrator"):
+        found = answered(verify(quick, Controller(), fresh(), 2, False, (), False), answer)
+    tried = [each.entries[0].cases for each in (*disturbed, *player.of(Batch))]
+    assert found.repetitions == 2 and len({cases[0].scenario.sensor.noise.seed for cases in tried}) == 3
+    assert caplog.text.count("begins again") == 2
+    other = EnvironmentFault("no disk")
+    for problem in (other, EnvironmentFault("killed", OUTSIDE)):
+        with pytest.raises(EnvironmentFault):
+            answered(verify(quick, Controller(), fresh(), 2, False, (), False), raising(problem, Player()))
+
+
+def raising(problem, player):
+    def answer(request):
+        if isinstance(request, Batch):
+            raise problem
+        return player(request)
+
+    return answer
+
+
+def test_a_study_ends_with_a_controller_that_does_not_survive_its_first_sample(quick):
+    failure = on_target(quick.rules, quick.cases[0], Status.CRASHED)
+    player = Player(rehearsal=Rehearsal(failure=failure))
+    assert refusal(answered, sweep(quick, Controller(), {"K_p[1]": (1.0,)}), player, kind=Crash)
+    assert not player.of(Batch)
+
+
+def test_entries_side_by_side_stop_each_for_itself(own):
+    """The second of three candidates fails in its first case: its other cases are skipped, those of the others run."""
+    protocol = Benchmark("quick").rules
+    cases = Benchmark("quick").cases[:3]
+    entries = tuple(Entry(protocol, own, cases, patience=1) for _ in range(3))
+    jobs = []
+
+    def execute(given):
+        jobs.extend(given)
+        for index in range(3):
+            for number in range(3):
+                failed = number == 1
+                if failed and index:
+                    continue  # a job that gives up
+                status = Status.ERROR if failed else Status.DONE
+                yield number, Done(index, on_target(protocol, cases[index], status).result, 1.0)
+
+    with store.opened(None) as known:
+        runs = batch.run(Batch(entries), execute, known)
+    assert [len(job.tasks) for job in jobs] == [3, 3, 3] and all(job.give_up for job in jobs)
+    assert all(job.time_limits[0] > float(Fraction(5)) for job in jobs)
+    statuses = [[run.result.status for run in each] for each in runs]
+    done = [Status.DONE] * 3
+    assert statuses == [done, [Status.ERROR, Status.SKIPPED, Status.SKIPPED], done]
+
+
+# Interrupted, and started again
+
+
+class Rehearsed(Engine):
+    """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
+    still: what is left of the time is that of the cases, which is stored with them."""
+
+    def _answer(self, request, known, spent):
+        match request:
+            case Rehearse():
+                return Rehearsal()
+            case TimeSteps():
+                return None
+            case Record():
+                return ()
+            case Now():
+                return Instant("2026-01-01", 0.0, self.processes, **vars(spent))
+        return super()._answer(request, known, spent)
+
+
+def simulated(task):
+    """A judgement that follows from the scenario and the parameters of a task, and from nothing else.
+
+    A controller whose first parameter is above 60 is refused by its FMU; one with at most 50 holds A1 to A3; others
+    hold them by chance.
+    """
+    wanted = unpack(task, CaseTask)
+    parameters, protocol = sorted(wanted.setup.parameters.items()), wanted.protocol
+    first = parameters[0][1] if parameters else 55.0
+    if first > 60.0:
+        return Judgement(status=Status.ERROR, time=0.0, message="it is refused")
+    chance = random.Random(repr((wanted.case.scenario, parameters)))
+    if first > 50.0 and not wanted.case.test.criteria and chance.random() < 0.05:
+        return Judgement(status=Status.UNSTABLE, time=0.1)
+    limits, largest = protocol.stability, 0.9 if first <= 50.0 else 1.1
+    scale = {name: entry.target for name, entry in protocol.criteria.items()}
+    scale |= dict.fromkeys(("limit_cycle_x", "limit_cycle_z"), largest * limits.limit_cycle)
+    scale["rest_error"] = limits.rest_error
+    names = sorted(expected(protocol, wanted.case))
+    figures = {name: True if name == "settled" else chance.random() * scale.get(name, 1.0) for name in names}
+    return Judgement(status=Status.DONE, time=0.1, measurements=Measurements(**figures))
+
+
+def on_its_target(task):
+    """A judgement that holds all that is asked for."""
+    wanted = unpack(task, CaseTask)
+    found = on_target(wanted.protocol, wanted.case).result
+    return Judgement(status=found.status, time=found.time, measurements=found.measurements)
+
+
+class Workers:
+    """Runs jobs side by side in an order that ``seed`` tells, the cases of each in theirs, until ``stop`` are done in
+    all; ``judged`` gives the judgement of a task, ``done`` counts."""
+
+    def __init__(self, seed, stop=math.inf, judged=simulated):
+        self.chance, self.stop, self.judged, self.done = random.Random(seed), stop, judged, 0
+
+    def __call__(self, jobs):
+        waiting = {number: list(enumerate(job.tasks)) for number, job in enumerate(jobs)}
+        while waiting:
+            number = self.chance.choice(sorted(waiting))
+            if self.done == self.stop:
+                raise KeyboardInterrupt
+            (index, task), *rest = waiting.pop(number)
+            self.done += 1
+            found = self.judged(task)
+            if rest and not (jobs[number].give_up and found.status is Status.ERROR):
+                waiting[number] = rest
+            yield number, Done(index, found, float(len(task)))
+
+
+def studies(folder):
+    """Studies, each as a function that begins it in a folder, or for a plan in None."""
+    files = {"tiny": TINY, "whole": FEW.format(name="whole", system="nominal")}
+    files["short"] = FEW.format(name="short", system="compliant")
+    tiny, whole, short = (folder / f"{name}.toml" for name in files)
+    for file, text in zip((tiny, whole, short), files.values(), strict=True):
+        file.write_text(text, encoding="utf-8")
+    bench, pid = Benchmark(whole, workers=2), Controller()
+    vary, values = {"K_p[1]": (20.0, 80.0), "z_p[2]": (0.6, 0.99)}, {"K_p[1]": (30.0, 60.0, 90.0), "z_p[2]": (0.8, 0.9)}
+    short_bench = Benchmark(short, workers=2)
+    return {
+        "evaluation": lambda own: evaluate(bench, pid),
+        "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
+        "search": lambda own: answer_of(worst_case(bench, pid, 150, protocol=tiny, recordings=True)),
+        "sweep": lambda own: sweep(short_bench, pid, values),
+        "sample": lambda own: reliability(short_bench, pid, 70, 0.01, 0.99, "box"),
+        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own and own / "study.log"),
+        "verification": lambda own: verify(bench, pid, Entropy("0" * 64), 2, False, ("TunedPID",), False),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "document"),
+    [
+        ("evaluation", "results.json"),
+        ("spread", "spread.json"),
+        ("search", "robustness.json"),
+        ("sweep", "sweep.json"),
+        ("sample", "reliability.json"),
+        pytest.param("tuning", "tuning.json", marks=pytest.mark.needs("optuna", "cmaes")),
+    ],
+)
+def test_a_study_that_was_interrupted_writes_the_bytes_of_one_that_was_not(name, document, tmp_path):
+    """All its files, those of the evaluations that are part of it as well; and no simulation is run twice."""
+    begin = studies(tmp_path)[name]
+
+    def played(workers, folder):
+        Rehearsed(workers, 2, folder).run(begin(folder))
+
+    def files(folder):
+        texts = (file for file in folder.rglob("*") if file.suffix in (".json", ".csv", ".toml"))
+        return {str(file.relative_to(folder)): file.read_bytes() for file in texts}
+
+    whole, resumed = tmp_path / "whole", tmp_path / "resumed"
+    undisturbed, last = Workers(0), Workers(9)
+    played(undisturbed, whole)
+    stops = [1, undisturbed.done // 3, undisturbed.done // 4]
+    for seed, stop in enumerate(stops, start=1):
+        with pytest.raises(KeyboardInterrupt):
+            played(Workers(seed, stop), resumed)
+    played(last, resumed)
+    assert document in files(whole) and files(resumed) == files(whole)
+    assert last.done == undisturbed.done - sum(stops)
+
+
+# Planned
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("evaluation", "spread", "search", "sweep", "sample", "verification"),
+        pytest.param("tuning", marks=pytest.mark.needs("optuna", "cmaes")),
+    ],
+)
+def test_a_plan_counts_what_the_study_asks_for_and_what_is_stored(name, tmp_path):
+    """One case is simulated to measure the time, and nothing is written."""
+    begin, folder = studies(tmp_path)[name], tmp_path / "own"
+
+    def contents():
+        return {str(file.relative_to(tmp_path)): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+    def planned():
+        workers, before = Workers(0, judged=on_its_target), contents()
+        found = Rehearsed(workers, 2, folder).plan(begin(None))
+        assert contents() == before and found.seconds == found.seconds_per_case * (found.cases - found.stored) / 2
+        return found.cases, found.stored, workers.done
+
+    cases, *rest = planned()
+    assert rest == [0, 1] and not folder.exists()
+    with pytest.raises(KeyboardInterrupt):
+        Rehearsed(Workers(1, 2, on_its_target), 2, folder).run(begin(folder))
+    assert planned() == (cases, 2, 0)
+    workers = Workers(2, judged=on_its_target)
+    Rehearsed(workers, 2, folder).run(begin(folder))
+    assert workers.done + 2 == cases and planned() == (cases, cases, 0)

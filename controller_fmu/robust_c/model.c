@@ -9,7 +9,7 @@
 #include "design.h"
 #include "switching.h"
 
-enum { QUIET, EVENT, PEAK, LAWS };
+enum { AT_REST, AFTER_EVENT, IN_PEAK, LAWS };
 
 typedef struct {
     Variables of;
@@ -85,12 +85,12 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         apply(&lqg->laws[law], lqg->vectors[law], next[law]);
     }
     for (int i = 0; i < AXES; i++)
-        if (!check_torque(i, next[QUIET][U + i] + next[EVENT][U + i] + next[PEAK][U + i], t, message)) return false;
-    const Shares share = shares(&lqg->watch, &lqg->switching, next[EVENT] + E, next[PEAK] + E, lqg->T_s);
+        if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
+    const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
     const double shake = share.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++) {
-        const double later = (1.0 - share.event) * next[QUIET][U + i] + share.event * next[EVENT][U + i];
-        const double feedback = (1.0 - share.peak) * later + share.peak * next[PEAK][U + i];
+        const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
+        const double feedback = (1.0 - share.peak) * later + share.peak * next[IN_PEAK][U + i];
         of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
         for (int law = 0; law < LAWS; law++)
             next[law][U + i] = of->u_m[i] - lqg->u_0[i]; /* all filters know the torque that acts */

@@ -1,0 +1,31 @@
+"""The study says what was measured, and the order of the leaderboard holds on draws that no tuning has seen."""
+
+import json
+
+from benchmarks import study
+from benchmarks.leaderboard_tables import PAGES, name_of, standing
+from benchmarks.marked_tables import with_table
+
+KEPT = json.loads(study.DATA.read_text(encoding="utf-8"))
+
+
+def test_the_table_shows_the_figures_that_are_kept():
+    text = study.PAGE.read_text(encoding="utf-8")
+    assert with_table(text, study.table(KEPT), study.MAKER) == text, "python benchmarks/study.py --table mends it"
+
+
+def test_every_controller_of_the_leaderboard_has_the_same_draws():
+    assert KEPT["draws"].keys() == PAGES.keys()
+    assert {own["draws"] for own in KEPT["draws"].values()} == {study.DRAWS}
+
+
+def test_the_samples_are_of_the_controllers_on_the_leaderboard():
+    """Else ``python benchmarks/study.py NAME`` measures one anew."""
+    guids = {name_of(each): each["guid"] for each in study.leaderboard()}
+    assert {name: own["guid"] for name, own in KEPT["draws"].items()} == guids
+
+
+def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
+    medians = [KEPT["draws"][name]["median"]["V"] for name in study.ordered()]
+    holding = [each for each in study.leaderboard() if not standing(each)[0]]
+    assert medians[: len(holding)] == sorted(medians[: len(holding)])
