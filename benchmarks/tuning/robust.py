@@ -97,10 +97,10 @@ class Judged:
         return self.cost + self.penalty
 
 
-def attacked(parameters: Mapping[str, float], budget: int, folder: Path, restarts: int = 1) -> Robustness:
+def attacked(parameters: Mapping[str, float], budget: int, folder: Path) -> Robustness:
     """The worst case of a candidate, as far as the search finds it."""
     controller = Controller.built_in("RobustLQG").with_parameters(parameters)
-    return STRICT.robustness(controller, budget=budget, restarts=restarts, folder=folder)
+    return STRICT.robustness(controller, budget=budget, folder=folder)
 
 
 def arms_of(found: Robustness) -> list[Arm]:
