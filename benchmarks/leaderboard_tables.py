@@ -15,8 +15,8 @@ from benchmarks.marked_tables import with_table  # noqa: E402
 from benchmarks.submissions import BASELINE, HELD, SUBMISSIONS, VERIFIED, submissions, verified_table  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
 
-README, BOARD = ROOT / "README.md", ROOT / "docs" / "leaderboard.md"
-"""Where the short table stands, and the whole one."""
+README, BOARD, SEARCHES = ROOT / "README.md", ROOT / "docs" / "leaderboard.md", ROOT / "docs" / "robustness.md"
+"""Where the short table stands, the whole one, and that of the starts of the searches."""
 
 PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
 
@@ -65,8 +65,8 @@ def name_of(figures: Figures) -> str:
 
 def row(figures: Figures, name: str) -> str:
     """A line of a table of criteria."""
-    values = " | ".join(_shown(entry) for entry in figures["criteria"].values())
-    return f"| {name} | **{figures['cost']:.1f}** | {_verdicts(figures['stability'])} | {values} |\n"
+    values = " | ".join(shown(entry) for entry in figures["criteria"].values())
+    return f"| {name} | **{figures['cost']:.1f}** | {verdicts(figures['stability'])} | {values} |\n"
 
 
 def worst_row(figures: Figures, name: str, *more: str) -> str:
@@ -81,8 +81,8 @@ def worst_row(figures: Figures, name: str, *more: str) -> str:
         f"{figures['cost']:.1f}",
         f"{strict['cost']:.1f}",
         f"**{found['cost']:.1f}**",
-        *map(_verdicts, (figures["stability"], strict["stability"], found["requirements"])),
-        *(_shown(found["worst_case"][key]) for key in ("B5", "B6")),
+        *map(verdicts, (figures["stability"], strict["stability"], found["requirements"])),
+        *(shown(found["worst_case"][key]) for key in ("B5", "B6")),
         gains,
         delays,
         " and ".join(number(radius[key]) if radius[key] is not None else f"> {radius['limit']:g}" for key in REACHES),
@@ -91,11 +91,13 @@ def worst_row(figures: Figures, name: str, *more: str) -> str:
     return f"| {name} | {' | '.join(cells)} |\n"
 
 
-def _shown(entry: Mapping[str, Any]) -> str:
+def shown(entry: Mapping[str, Any]) -> str:
+    """A value with its ``unit`` as the tables show it."""
     return number(entry["value"] * SHOWN[entry["unit"]].factor)
 
 
-def _verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
+def verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
+    """Whether each of the requirements holds, in words."""
     return " ".join(HELD[entry["passed"]] for entry in requirements.values())
 
 
@@ -131,6 +133,21 @@ def leaderboard(kept: Sequence[Figures]) -> str:
         moving = f"[GIF](pictures/{animation(name_of(each)).name})"
         lines.append(worst_row(each, f"[{name_of(each)}]({page})", moving, f"[commands]({page}#scorecard)"))
     return WORST_HEAD.replace("| radius |", "| radius | motion | repeat |").rstrip() + "---|---|\n" + "".join(lines)
+
+
+def starts(kept: Sequence[Figures]) -> str:
+    """How far V found depends on the start of the search."""
+    lines = []
+    for each in sorted(kept, key=standing):
+        found = each["robustness"]
+        smallest, largest = min(found["starts"]), max(found["starts"])
+        costs = ", ".join(f"{cost:.1f}" for cost in found["starts"])
+        lines.append(
+            f"| `{name_of(each)}` | {found['budget']:,} | {found['simulations']:,} | {found['cost']:.1f} | {costs} "
+            f"| {100.0 * (largest - smallest) / largest:.1f} % |\n"
+        )
+    head = "| controller | budget, whole cases | simulations | V found | V of each start | spread |\n"
+    return head + 6 * "|---" + "|\n" + "".join(lines)
 
 
 def scorecard(kept: Sequence[Figures], name: str) -> str:
@@ -179,7 +196,7 @@ def broken(found: Mapping[str, Any]) -> str:
 def largest(found: Mapping[str, Any]) -> str:
     """The worst cases found, and those that the margins are of, with their commands."""
     lines = [
-        f"# {name} {_shown(entry)} {SHOWN[entry['unit']].shown}\n{entry['command']}"
+        f"# {name} {shown(entry)} {SHOWN[entry['unit']].shown}\n{entry['command']}"
         for name, entry in found["worst_case"].items()
     ]
     for name, entry in found["margins"].items():
@@ -223,6 +240,7 @@ def pages(kept: Sequence[Figures]) -> dict[Path, str]:
     tables = {
         README: brief(kept),
         BOARD: leaderboard(kept),
+        SEARCHES: starts(kept),
         VERIFIED: verified_table(submissions(SUBMISSIONS)),
     }
     known = {name_of(each) for each in kept}

@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.leaderboard import FIGURES as LEADERBOARD  # noqa: E402
 from benchmarks.leaderboard import built, searched_as  # noqa: E402
-from benchmarks.leaderboard_tables import PAGES, name_of, standing  # noqa: E402
+from benchmarks.leaderboard_tables import PAGES, name_of, shown, standing, verdicts  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator import Benchmark, Reliability  # noqa: E402
 from orchestrator.benchmark.reliability import draws_needed  # noqa: E402
@@ -34,7 +34,7 @@ from orchestrator.benchmark.reliability import draws_needed  # noqa: E402
 DATA, PAGE = ROOT / "docs" / "study.json", ROOT / "docs" / "study.md"
 PARETO, EXCEEDED = (ROOT / "docs" / "pictures" / f"study-{name}.png" for name in ("pareto", "draws"))
 RUNS = ROOT / "runs" / "study"
-MAKER = "benchmarks/study.py"
+MAKER, FOUND_MAKER = "benchmarks/study.py", "benchmarks/study.py from the leaderboard"
 
 SEED = 20261125
 """Of the draws: neither the protocols', the tunings' nor the searches'."""
@@ -63,12 +63,11 @@ def _kept(found: Reliability) -> dict[str, Any]:
         name: {"failures": len({each.draw for each in entry.failures}), "bound": entry.bound}
         for name, entry in found.requirements.items()
     }
-    values = {"V": found.cost, **{name: found.criteria[name] for name in CRITERIA}}
-    sample = {name: [float(f"{value:.5g}") for value in each.values] for name, each in values.items()}
+    medians = {name: found.criteria[name].median for name in CRITERIA}
     return {
         "requirements": requirements,
-        "median": {name: each.median for name, each in values.items()},
-        "values": sample,
+        "median": {"V": found.cost.median, **medians},
+        "V": [float(f"{value:.5g}") for value in found.cost.values],
     }
 
 
@@ -89,8 +88,7 @@ def table(kept: Figures) -> str:
     """What the draws of each controller come to, in the order of the leaderboard."""
     head = "| controller | draws | A1 A2 A3 fail | at most | V, median | largest | B5 mm | B6 s | B7 mm |\n"
     lines = []
-    for name in ordered():
-        own = kept["draws"][name]
+    for name, own in (*((name, kept["draws"][name]) for name in ordered()), (f"{RATIONED}, more draws", kept["many"])):
         failures = " ".join(str(entry["failures"]) for entry in own["requirements"].values())
         bound = max(entry["bound"] for entry in own["requirements"].values())
         medians = " | ".join(f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
@@ -100,10 +98,32 @@ def table(kept: Figures) -> str:
             failures,
             f"{100 * bound:.2g} %",
             f"{own['median']['V']:.1f}",
-            f"{max(own['values']['V']):.1f}",
+            f"{max(own['V']):.1f}",
         )
         lines.append(f"| {' | '.join(map(str, cells))} | {medians} |\n")
     return head + 9 * "|---" + "|\n" + "".join(lines)
+
+
+def found_table() -> str:
+    """What :data:`RATIONED` has on ``paper``, on ``strict`` and in the search, from the figures of the leaderboard."""
+    (own,) = (each for each in leaderboard() if name_of(each) == RATIONED)
+    found, strict = own["robustness"], own["strict"]
+    rows = (
+        ("sample of the protocol `paper`", own, own["stability"]),
+        ("list `strict`", strict, strict["stability"]),
+        (f"found by the search, {found['simulations']:,} simulations", found, found["requirements"]),
+    )
+    head = f"| `{RATIONED}` | V | A1 A2 A3 | B5 mm | B6 s | B7 mm |\n" + 6 * "|---" + "|\n"
+    return head + "".join(
+        f"| {words} | {scores['cost']:.1f} | {verdicts(requirements)} "
+        f"| {' | '.join(shown(scores['criteria'][key]) for key in CRITERIA)} |\n"
+        for words, scores, requirements in rows
+    )
+
+
+def page(text: str, kept: Figures) -> str:
+    """The page of the study, ``text``, with its tables as the figures are."""
+    return with_table(with_table(text, table(kept), MAKER), found_table(), FOUND_MAKER)
 
 
 def ordered() -> list[str]:
@@ -146,10 +166,9 @@ def draw(kept: Figures) -> None:
 
     figure, panel = plt.subplots(figsize=(6.3, 3.4), layout="constrained")
     for name in ordered():
-        values = np.sort(kept["draws"][name]["values"]["V"])
-        panel.step(
-            values, 1.0 - np.arange(len(values)) / kept["draws"][name]["draws"], where="post", lw=1.2, label=name
-        )
+        own = kept["many"] if name == RATIONED else kept["draws"][name]
+        values, label = np.sort(own["V"]), f"{name}, {own['draws']} draws"
+        panel.step(values, 1.0 - np.arange(len(values)) / own["draws"], where="post", lw=1.2, label=label)
     panel.axvline(100.0, color="0.6", lw=0.8, ls="--")
     panel.set_yscale("log")
     panel.set_xlabel("V of a draw", fontsize=8)
@@ -176,7 +195,7 @@ def main() -> None:
         if RATIONED in (options.names or PAGES):
             kept["time"] = without_limit()
     DATA.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), table(kept), MAKER), encoding="utf-8")
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), kept), encoding="utf-8")
     draw(kept)
 
 

@@ -54,14 +54,21 @@ def test_the_model_based_controllers_meet_the_papers_target_in_its_sample(name):
     assert all(requirement["passed"] for requirement in figures["stability"].values())
 
 
-def test_one_controller_holds_its_requirements_against_the_search():
-    """A search by default breaks none of its requirements."""
+def test_one_controller_meets_target_and_requirements_against_the_search():
     (figures,) = (figures for figures in KEPT if tables.name_of(figures) == "RobustLQG")
     found = figures["robustness"]
-    assert figures["strict"]["cost"] <= 85.0 and found["cost"] <= 110.0
+    assert figures["strict"]["cost"] <= 85.0 and found["cost"] <= 100.0
     assert all(entry["passed"] for entry in (*figures["stability"].values(), *found["requirements"].values()))
     assert min(found["margins"][f"gain_{axis}"]["value"] or 20.0 for axis in (1, 2)) >= 2.5
     assert min(found["margins"][f"delay_{axis}"]["value"] for axis in (1, 2)) >= 1.5e-3
+
+
+def test_what_meets_the_target_was_searched_with_the_last_budget():
+    """Else a claim about all systems would rest on the shorter of the searches."""
+    budgets = {tables.name_of(each): each["robustness"]["budget"] for each in KEPT}
+    held = [each for each in KEPT if all(entry["passed"] for entry in each["robustness"]["requirements"].values())]
+    meeting = {tables.name_of(each) for each in held if (each["robustness"]["radius"]["cost"] or 2.0) > 1.0}
+    assert meeting == {"RobustLQG"} == {name for name, budget in budgets.items() if budget == leaderboard.BUDGETS[-1]}
 
 
 @pytest.mark.parametrize("figures", KEPT, ids=tables.name_of)

@@ -4,14 +4,13 @@ import json
 
 from benchmarks import study
 from benchmarks.leaderboard_tables import PAGES, name_of, standing
-from benchmarks.marked_tables import with_table
 
 KEPT = json.loads(study.DATA.read_text(encoding="utf-8"))
 
 
-def test_the_table_shows_the_figures_that_are_kept():
+def test_the_tables_show_the_figures_that_are_kept():
     text = study.PAGE.read_text(encoding="utf-8")
-    assert with_table(text, study.table(KEPT), study.MAKER) == text, "python benchmarks/study.py --table mends it"
+    assert study.page(text, KEPT) == text, "python benchmarks/study.py --table mends it"
 
 
 def test_every_controller_of_the_leaderboard_has_the_same_draws():
@@ -31,3 +30,11 @@ def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
     holding = sum(not standing(each)[0] for each in study.leaderboard())
     for group in (medians[:holding], medians[holding:]):
         assert len(group) > 1 and group == sorted(group)
+
+
+def test_no_draw_of_the_larger_sample_fails_and_it_bounds_the_probability_that_the_study_states():
+    """0.1 % at 99 % confidence; else ``python benchmarks/study.py --probability`` measures it anew."""
+    many = KEPT["many"]
+    assert many["guid"] == KEPT["draws"][study.RATIONED]["guid"] and len(many["V"]) == many["draws"]
+    assert [entry["failures"] for entry in many["requirements"].values()] == [0, 0, 0]
+    assert max(entry["bound"] for entry in many["requirements"].values()) <= study.PROBABILITY
