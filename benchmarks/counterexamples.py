@@ -19,15 +19,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import chain, islice
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
-from orchestrator.benchmark.results import rules  # noqa: E402
+from orchestrator.benchmark.results import CaseResult, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.execution import store  # noqa: E402
 from orchestrator.search.member import Member, case_of, names  # noqa: E402
@@ -43,24 +45,34 @@ def main() -> None:
     """Simulate the arms."""
     parser = argparse.ArgumentParser(description="V of lists of arms that the searches of others have found.")
     parser.add_argument("name", nargs="?", default="RobustLQG", metavar="NAME", help="one of the project's controllers")
-    name = parser.parse_args().name
-    bench = Benchmark("strict")
+    controller, bench = Controller.built_in(parser.parse_args().name), Benchmark("strict")
+    lists = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(LISTS.glob("*.json"))}
+    arms = [arm for each in lists.values() for found in each.values() for arm in found]
+    strict, results = simulated(bench, controller, arms)
+    own = iter(results)
+    for words, each in lists.items():
+        by_criterion = {criterion: list(islice(own, len(found))) for criterion, found in each.items()}
+        for criterion, found in each.items():
+            value = mean(getattr(result.measurements, criterion) for result in by_criterion[criterion])
+            attacked = mean(arm["value"] for arm in found)
+            print(f"{words}: {criterion}: mean {value:.4g}, of the controller attacked {attacked:.4g}")
+        cost = score(rules(bench.rules), [*strict, *chain(*by_criterion.values())]).cost
+        print(f"{words}: V of these and the list: {cost:.2f}")
+
+
+def simulated(
+    bench: Benchmark, controller: Controller, arms: Sequence[Mapping[str, Any]], listed: bool = True
+) -> tuple[Sequence[CaseResult], Sequence[CaseResult]]:
+    """Results of the list of cases of the protocol, unless it is not wanted, and of the ``arms``, in whole cases."""
     protocol = bench.rules
-    _, pairing, _, listed = bench.prepared(Controller.built_in(name))
+    _, pairing, _, cases = bench.prepared(controller)
+    before = cases if listed else ()
     test = next(target.test for target in targets(protocol) if target.criterion)
-    for file in sorted(LISTS.glob("*.json")):
-        arms = json.loads(file.read_text(encoding="utf-8"))
-        members = [member(each, test, protocol) for found in arms.values() for each in found]
-        cases = [case_of(each, protocol, bench.nominal) for each in members]
-        entry = Entry(protocol, pairing, (*listed, *cases))
-        with store.opened(None) as known:
-            results = [run.result for run in batch.run(Batch((entry,)), here(bench), known)[0]]
-        own = iter(results[len(listed) :])
-        for criterion, found in arms.items():
-            values = [getattr(next(own).measurements, criterion) for _ in found]
-            attacked = sum(each["value"] for each in found) / len(found)
-            print(f"{file.stem}: {criterion}: mean {sum(values) / len(values):.4g}, when attacked {attacked:.4g}")
-        print(f"{file.stem}: V of these and the list: {score(rules(protocol), results).cost:.2f}")
+    own = [case_of(member(arm, test, protocol), protocol, bench.nominal) for arm in arms]
+    entry = Entry(protocol, pairing, (*before, *own))
+    with store.opened(None) as known:
+        results = [run.result for run in batch.run(Batch((entry,)), here(bench), known)[0]]
+    return results[: len(before)], results[len(before) :]
 
 
 def member(arm: Mapping[str, Any], test: str, protocol: Protocol) -> Member:

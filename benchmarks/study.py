@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="only from the figures that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
-    kept = json.loads(DATA.read_text(encoding="utf-8")) if DATA.is_file() else {"draws": {}}
+    kept = json.loads(DATA.read_text(encoding="utf-8"))
     if options.probability:
         kept["many"] = drawn(RATIONED, draws_needed(PROBABILITY, CONFIDENCE))
     elif not options.table:

@@ -65,10 +65,15 @@ def test_one_controller_meets_target_and_requirements_against_the_search():
 
 def test_what_meets_the_target_was_searched_with_the_last_budget():
     """Else a claim about all systems would rest on the shorter of the searches."""
-    budgets = {tables.name_of(each): each["robustness"]["budget"] for each in KEPT}
-    held = [each for each in KEPT if all(entry["passed"] for entry in each["robustness"]["requirements"].values())]
-    meeting = {tables.name_of(each) for each in held if (each["robustness"]["radius"]["cost"] or 2.0) > 1.0}
-    assert meeting == {"RobustLQG"} == {name for name, budget in budgets.items() if budget == leaderboard.BUDGETS[-1]}
+    found = {tables.name_of(each): each["robustness"] for each in KEPT}
+    meeting = {name for name, each in found.items() if leaderboard.meets(each)}
+    assert (
+        meeting == {"RobustLQG"} == {name for name, each in found.items() if each["budget"] == leaderboard.BUDGETS[-1]}
+    )
+    known = found["RobustLQG"]
+    assert not leaderboard.meets({**known, "radius": {**known["radius"], "cost": 0.0}})
+    assert not leaderboard.meets({**known, "requirements": {"A1": {"passed": False}}})
+    assert leaderboard.meets({**known, "radius": {**known["radius"], "cost": None}})
 
 
 @pytest.mark.parametrize("figures", KEPT, ids=tables.name_of)
