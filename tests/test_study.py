@@ -213,7 +213,7 @@ class Rehearsed(Engine):
     """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
     still: what is left of the time is that of the cases, which is stored with them."""
 
-    def _answer(self, request, known, spent):
+    def _answer(self, request, known, spent, processes):
         match request:
             case Rehearse():
                 return Rehearsal()
@@ -223,7 +223,7 @@ class Rehearsed(Engine):
                 return ()
             case Now():
                 return Instant("2026-01-01", 0.0, self.processes, **vars(spent))
-        return super()._answer(request, known, spent)
+        return super()._answer(request, known, spent, processes)
 
 
 def simulated(task):

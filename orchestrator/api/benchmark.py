@@ -116,7 +116,7 @@ class Benchmark(Testbed, Shown):
         """The findings of :meth:`check` as they come."""
         from . import checking
 
-        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0].scenario)
+        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0])
 
     def evaluate(
         self,

@@ -9,6 +9,7 @@ from typing import Literal
 
 from ..benchmark.results import Rules
 from ..codec import Finite, Natural, NonNegative, Struct
+from ..loop.carry_over import CarryOver
 from ..loop.computing import ComputingTime
 
 
@@ -82,7 +83,10 @@ class Head(Struct, kw_only=True):
     """What a document was made with.
 
     ``protocol_file`` is the path of a protocol that does not come with the benchmark; ``seed`` is None for several.
-    ``environment`` holds versions and platform, ``command`` the command line, if there was one.
+    ``carry_over`` tells whether state of the FMUs passed from one simulation to the next in the same process, and then
+    each simulation had a process of its own: because the controller declares that a process can instantiate it only
+    once, because a repeated simulation gave other numbers after others than in a fresh process (``"found"``), or other
+    numbers each time. ``environment`` holds versions and platform, ``command`` the command line, if there was one.
     """
 
     benchmark: str
@@ -93,6 +97,7 @@ class Head(Struct, kw_only=True):
     plant: PlantRecord
     sample_time: SampleTimeRecord
     rules: Rules
+    carry_over: CarryOver = CarryOver.NOT_TESTED
     environment: dict[str, str]
     command: str = ""
     timing: Timing

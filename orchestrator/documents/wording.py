@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
+from ..loop.carry_over import WORDS, CarryOver
 from ..views.units import number
 from .head import ControllerRecord, Head
 from .results import LoopDelay, Results
@@ -144,9 +145,19 @@ def assignments(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value:g}" for name, value in values.items())
 
 
+def carry_over(head: Head) -> list[str]:
+    """What a reader must know of how the simulations were kept apart."""
+    if not head.carry_over.separates:
+        return []
+    known = f"{head.controller.file}: {WORDS[head.carry_over]}"
+    if head.carry_over is CarryOver.RANDOM:
+        return [f"{known}. These results cannot be repeated."]
+    return [f"{known}. Each simulation had a process of its own."]
+
+
 def remarks(results: Results) -> list[str]:
     """What a reader must know before comparing the figures with others."""
-    found = []
+    found = carry_over(results.head)
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"

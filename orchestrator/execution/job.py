@@ -26,7 +26,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Job:
-    """A plant, a controller, and tasks for the two; one worker process runs the tasks in order.
+    """A plant, a controller, and tasks for the two; one worker process runs the tasks in order, or one each.
 
     Parameters
     ----------
@@ -49,6 +49,9 @@ class Job:
         The processor for both, -1 for any.
     give_up : bool
         Whether tasks after one that fails are left out.
+    separate : bool
+        Whether each task has a worker process of its own; those of an FMU that a process can instantiate only once have
+        one in any case, so that such a task may instantiate each FMU once.
     """
 
     plant: Archive
@@ -63,13 +66,15 @@ class Job:
     isolated: bool = False
     core: int = -1
     give_up: bool = False
+    separate: bool = False
 
     def rest(self, first: int) -> Job:
-        """The same job from task ``first`` on."""
+        """What one process runs of the job, from task ``first`` on."""
+        end = first + 1 if self.separate or is_once(self.plant, self.controller, self.isolated) else len(self.tasks)
         return replace(
             self,
-            tasks=self.tasks[first:],
-            time_limits=self.time_limits[first:],
+            tasks=self.tasks[first:end],
+            time_limits=self.time_limits[first:end],
             decode=lambda index, value: self.decode(first + index, value),
         )
 
@@ -80,6 +85,11 @@ class Job:
             for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
         )
         return Order(plant, controller, self.work, self.tasks, isolated, self.core)
+
+
+def is_once(plant: Archive, controller: Archive, isolated: bool = False) -> bool:
+    """Whether a process of these two FMUs may run one task only; an ``isolated`` controller is in none of them."""
+    return plant.once_per_process or (controller.once_per_process and not isolated)
 
 
 class Done(msgspec.Struct, frozen=True):

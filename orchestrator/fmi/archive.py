@@ -82,6 +82,11 @@ class Archive:
         """What the description says of the kind that is used."""
         return self.description.coSimulation if self.kind == "CoSimulation" else self.description.modelExchange
 
+    @property
+    def once_per_process(self) -> bool:
+        """Whether it declares that a process can instantiate it only once."""
+        return str(self.interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1")
+
     @functools.cached_property
     def platforms(self) -> tuple[str, ...]:
         """Names of the platforms that the file has libraries for. A folder without one does not count."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
 
-from ..errors import Crash
+from ..errors import Crash, FmuError
 from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
 from ..fmi.lookup import find_parameters
@@ -90,6 +90,22 @@ def prepared(
         slave.initialize(before, within)
         with slave.own_modules():
             yield _port(slave, binding, steady)
+
+
+@contextmanager
+def probed(
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    stop_time: float,
+    first: Pair | None = None,
+) -> Iterator[Port]:
+    """As :func:`prepared`, and terminated as after a case: some FMUs clear their static memory only there."""
+    with prepared(slave, setup, steady, sample_time, stop_time, first) as port:
+        yield port
+        with suppress(FmuError):  # the check says so
+            slave.terminate()
 
 
 def start_values(

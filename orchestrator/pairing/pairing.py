@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..benchmark.case import Case
@@ -13,7 +13,7 @@ from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
 from ..errors import Crash
-from ..execution.job import Died, Done, Job, Limits
+from ..execution.job import Died, Done, Job, Limits, is_once
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
 from ..fmi.archive import Archive
@@ -42,7 +42,8 @@ class Pairing:
     """The two FMUs, and the limits they run under.
 
     ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``isolated``, the process of
-    plant and judge never loads the controller.
+    plant and judge never loads the controller. If ``separate``, each task has a process of its own, as where an FMU
+    declares that a process can instantiate it only once.
     """
 
     plant: Archive
@@ -52,6 +53,7 @@ class Pairing:
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
     isolated: bool = False
+    separate: bool = False
 
     def job(
         self,
@@ -78,7 +80,13 @@ class Pairing:
         """A job of this pairing with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
         own = (self.limits, self.sandbox, self.isolated)
-        return Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
+        job = Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
+        return replace(job, separate=self.separate)
+
+    @property
+    def is_separate(self) -> bool:
+        """Whether each task has a process of its own."""
+        return self.separate or is_once(self.plant, self.controller, self.isolated)
 
     @property
     def restrictions(self) -> str:
@@ -100,7 +108,7 @@ def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
         FIRST_START_TIME,
         work.largest_trajectory(scenario),
     )
-    found: Trajectory = _only(job, scenario)
+    found: Trajectory = only(job, scenario)
     return found
 
 
@@ -109,12 +117,15 @@ def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simu
 
     Raises what :func:`simulate` does.
     """
-    found: work.Simulated = _only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
+    found: work.Simulated = only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
     return found
 
 
-def _only(job: Job, scenario: Scenario) -> Any:
-    """The value of the only task of ``job``, which simulates ``scenario``."""
+def only(job: Job, scenario: Scenario) -> Any:
+    """The value of the only task of ``job``, which simulates ``scenario``.
+
+    Raises what :func:`simulate` does.
+    """
     (outcome,) = run_isolated(job)
     if isinstance(outcome, Died):
         raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")

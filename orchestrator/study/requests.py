@@ -7,7 +7,7 @@ it can be tried with any function that answers, and one study can be part of ano
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 from typing import Protocol as Interface
@@ -17,6 +17,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from ..documents.recording import Recording
 from ..errors import Crash
+from ..loop.carry_over import CarryOver
 from ..loop.trajectory import Trajectory
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
@@ -126,7 +127,8 @@ class Tell:
 @dataclass(frozen=True)
 class Instant:
     """A time as text and on a steady clock [s], how many processes there are at a time, and the number of simulations
-    that were answered until then with the sums of their simulated time and of what they took [s]."""
+    that were answered until then with the sums of their simulated time and of what they took [s]; and what is known of
+    controllers by the SHA-256 of their bytes."""
 
     start: str
     seconds: float
@@ -134,6 +136,7 @@ class Instant:
     simulations: int = 0
     simulated_time: float = 0.0
     simulation_time: float = 0.0
+    carry_over: Mapping[str, CarryOver] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
