@@ -186,7 +186,11 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         from .fmi.slaves import load
         from .loop.stepwise import Stepwise
 
-        self._plant = self._plant or load(self._bench.manipulator.archive)
+        plant = self._bench.manipulator.archive
+        if plant.once_per_process:
+            message = f"{plant.name} declares that a process can instantiate it only once: it has no second episode."
+            raise InputError(message, "once-per-process", plant.name)
+        self._plant = self._plant or load(plant)
         return Stepwise(self._plant, self._case.scenario, OBSERVED if self.render_mode else ())
 
     def _observe(self, q_m: tuple[float, float]) -> None:

@@ -26,6 +26,7 @@ from orchestrator.study import batch
 from orchestrator.study.dry_run import on_target
 from orchestrator.study.engine import Engine
 from orchestrator.study.evaluate import evaluate, spread
+from orchestrator.study.processes import Processes
 from orchestrator.study.rehearsal import Rehearsal
 from orchestrator.study.reliability import reliability
 from orchestrator.study.requests import (
@@ -209,9 +210,16 @@ def test_entries_side_by_side_stop_each_for_itself(own):
 # Interrupted, and started again
 
 
+class Once(Processes):
+    """Nothing is repeated."""
+
+    def is_due(self, batch):
+        return False
+
+
 class Rehearsed(Engine):
-    """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
-    still: what is left of the time is that of the cases, which is stored with them."""
+    """The engine with its store and its files, but without a first sample, repetitions and recordings, and with a clock
+    that stands still: what is left of the time is that of the cases, which is stored with them."""
 
     def _answer(self, request, known, spent, processes):
         match request:
@@ -223,7 +231,7 @@ class Rehearsed(Engine):
                 return ()
             case Now():
                 return Instant("2026-01-01", 0.0, self.processes, **vars(spent))
-        return super()._answer(request, known, spent, processes)
+        return super()._answer(request, known, spent, Once())
 
 
 def simulated(task):

@@ -139,7 +139,7 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
 
 @dataclass
 class _Repetition:
-    """The last case of a group, ``number`` of ``own``, a second time: its ``job``, and the figures of both."""
+    """A case that comes after others, ``number`` of ``own``, a second time: its ``job``, and the figures of both."""
 
     own: _Open
     number: int
@@ -218,9 +218,12 @@ def _simulated(opened: Sequence[_Open], execute: Execute, repeat: bool = False) 
 
 
 def _repetition(jobs: Sequence[Job], places: Sequence[tuple[_Open, list[int], set[int]]]) -> _Repetition | None:
-    """Of the first group that has several cases in one process, its last case, which comes after all others."""
+    """Of the first group that has several cases in one process, the shortest that comes after another one, the last of
+    these: an evaluation has hundreds of times as much to simulate."""
     for job, (own, numbers, _) in zip(jobs, places, strict=True):
         pairing = own.entry.pairing
         if len(numbers) > 1 and not pairing.is_separate and not pairing.isolated:
-            return _Repetition(own, numbers[-1], job.rest(len(numbers) - 1))
+            cases = own.entry.cases
+            index = min(range(1, len(numbers)), key=lambda index: (cases[numbers[index]].scenario.duration, -index))
+            return _Repetition(own, numbers[index], replace(job, separate=True).rest(index))
     return None
