@@ -3,15 +3,29 @@
 import logging
 
 import pytest
+from exporters.description_edits import edited
+from support.refusals import refusal
 from support.static_states import static_state_fmu
 
 from orchestrator import Benchmark, Controller
+from orchestrator.cli.guard import remedy
+from orchestrator.execution import store
 from orchestrator.loop.carry_over import CarryOver, carry_over
+from orchestrator.pairing.work import TimingRecord
+from orchestrator.study.processes import EVERY, Processes
+from orchestrator.study.requests import Batch, Entry
 
 pytestmark = pytest.mark.needs("linux", "compiler")
 
 ONLY = ("c0[01].compliant.*", "c00.slippery.gain_1")
 DECLARED = {"canBeInstantiatedOnlyOncePerProcess": "true"}
+
+
+def declare_once(root):
+    for interface in root.iterfind("CoSimulation"):
+        interface.attrib.update(DECLARED)
+
+
 PASSING = ("SINCE_LOADING", "SINCE_INSTANTIATION")
 
 
@@ -92,6 +106,7 @@ def test_a_reset_that_leaves_static_memory_is_seen(kept, equal, tmp_path):
     assert (found["reset"].severity.value == "ok") == equal
 
 
+@pytest.mark.slow
 def test_a_sample_has_a_process_for_each_simulation(tmp_path):
     file = static_state_fmu(tmp_path, "SINCE_LOADING")
     own, law = Controller(file), Controller(static_state_fmu(tmp_path, "IN_THE_INSTANCE"))
@@ -123,3 +138,36 @@ def test_what_was_found_is_known_to_a_run_that_continues(tmp_path, caplog):
 )
 def test_what_passes_is_told_from_what_is_random(after, again, found):
     assert carry_over(after, b"1", lambda: again) is found
+
+
+def test_what_is_found_after_results_have_been_used_is_an_error_and_stays_known(quick_pid_file):
+    bench = Benchmark("quick")
+    pairing = bench.pairing(Controller(quick_pid_file))
+    batch, processes = Batch((Entry(bench.rules, pairing, tuple(bench.cases)),)), Processes()
+    with store.opened(None) as known:
+        due = []
+        while sum(due) < 2:
+            due.append(processes.is_due(batch))
+            processes.count(batch, due[-1])
+        assert due[0] and (len(due) - 1) * len(bench.cases) >= EVERY > (len(due) - 2) * len(bench.cases)
+        problem = refusal(processes.take, pairing, CarryOver.FOUND, known)
+        assert problem.what == "state-passes" and "again" in remedy(problem)
+        assert Processes().of(pairing, known).is_separate and not processes.of(pairing, known).isolated
+
+
+@pytest.mark.needs("gymnasium")
+def test_an_environment_has_no_plant_of_one_instance(native_plant_file, tmp_path):
+    import gymnasium
+
+    import orchestrator.gym
+
+    file = edited(native_plant_file, tmp_path / "Once.fmu", declare_once)
+    env = gymnasium.make(orchestrator.gym.ID, plant=str(file), duration=0.01, disable_env_checker=True)
+    assert refusal(env.reset, seed=0).what == "once-per-process"
+
+
+def test_a_plant_of_one_instance_has_a_process_for_each_case(native_plant_file, pid_c_file, tmp_path):
+    file = edited(native_plant_file, tmp_path / "Once.fmu", declare_once)
+    pairing = Benchmark("quick", plant=file).pairing(Controller(pid_c_file))
+    job = pairing.raw_job("module:name", [TimingRecord()] * 3, (1.0,) * 3, lambda _, value: value)
+    assert pairing.is_separate and [len(job.rest(first).tasks) for first in range(3)] == [1, 1, 1]

@@ -37,6 +37,7 @@ REMEDIES = {
     "no-case": "List them with: python -m orchestrator.evaluate --list.",
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
+    "state-passes": "Do the same again: what is stored is not used, and each simulation has a process of its own.",
     "small-budget": "Give a larger one (--budget, or --robust of tune), or --no-list.",
     "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
