@@ -26,7 +26,7 @@ from orchestrator.cli.guard import REMEDIES, remedy
 from orchestrator.fmi import controller_files
 from orchestrator.fmi.archive import Archive, open_archive
 from orchestrator.fmi.connectors import bind_controller
-from orchestrator.fmi.lookup import find_outputs, find_parameters
+from orchestrator.fmi.lookup import find_outputs, find_values
 from orchestrator.fmi.units import conversion
 from orchestrator.loop import plan, sampling, setup
 from orchestrator.loop.scenario import NO_DELAY, Scenario
@@ -92,7 +92,6 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         read(folder, "names.toml", "[map]\nq_m = 1"),
         read(folder, "names.ssm", "<open>"),
         read(folder, "gains.toml", "K_p = 1"),
-        read(folder, "gains.toml", "[parameters]\nK_p = 'much'"),
         bound(usual(*pair(["In1", "In2"]), without="q_m")),
         bound(usual(*pair(["a.q_m_1", "a.q_m_2", "b.q_m_1", "b.q_m_2"]), without="q_m")),
         bound(usual(variable("q_m_ref[1]"))),
@@ -104,9 +103,13 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         unit("furlong"),
         unit("x", Unit("x", BaseUnit(rad=1, factor=-1.0))),
         unit("x", Unit("x", BaseUnit(rad=1, offset=1.0))),
-        lambda: find_parameters(NAMED, {"K_p": 1.0}, WHERE),
-        lambda: find_parameters(NAMED, {"K": 1.0}, WHERE),
-        lambda: find_parameters(NAMED, {"n": 1.0}, WHERE),
+        lambda: find_values(NAMED, {"K_p": 1.0}, WHERE),
+        lambda: find_values(NAMED, {"K": 1.0}, WHERE),
+        lambda: find_values(NAMED, {"n": 1.5}, WHERE),
+        lambda: find_values(NAMED, {"K[1]": "much"}, WHERE),
+        lambda: find_values(NAMED, {"K[1]": "inf"}, WHERE),
+        lambda: find_values(NAMED, {"y": 1.0}, WHERE),
+        lambda: sampling.controller_sample_time(archive(fixed="0.0005"), T_S, T_S),
         lambda: find_outputs(NAMED, ["x"], WHERE),
         lambda: plan.make_plan(T_S, (Fraction(1, 10**15 + 1), T_S), NO_DELAY),
         lambda: plan.make_plan(T_S, NO_DELAY, (T_S / 2, T_S), None, T_S * 3 / 4),

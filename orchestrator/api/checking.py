@@ -24,9 +24,9 @@ def findings(
 ) -> Iterator[Finding]:
     """The findings on ``controller`` as they come; ``pairing`` opens it, its steps are timed in ``scenario``."""
     try:
+        yield from archive_findings(controller.archive)
         opened = pairing()
         archive, setup = opened.controller, opened.setup
-        yield from archive_findings(archive)
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
         sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
         yield from sampling_findings(sample_time, protocol.sample_time)
@@ -59,7 +59,8 @@ def _dynamic(pairing: Pairing, scenario: Scenario, protocol: Protocol) -> Iterat
                 continue
             known = outcome.error.message
             remedy = check.loss or "Mend what the FMU says itself, and export it again."
-            yield Finding(check.failure, check.subject, known, remedy)
+            error = outcome.error
+            yield Finding(check.failure, check.subject, known, remedy, error.what, error.value, error.nearest)
         elif isinstance(outcome, Died):
             text = "\n".join((outcome.message, *outcome.output))
             remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
