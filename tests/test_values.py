@@ -70,7 +70,6 @@ def test_a_value_gets_the_type_of_its_variable(one, given, value):
         (of_type("Real"), "much", "not-a-number", "'much'"),
         (of_type("Real"), "nan", "not-finite", "finite"),
         (of_type("Float32"), 1e39, "not-finite", "Float32"),
-        (of_type("Real", limits=(0.0, 1.0)), 1.5, "bad-value", "from 0 to 1"),
         (of_type("Int8"), 128, "bad-value", "from -128 to 127"),
         (of_type("UInt16"), -1, "bad-value", "from 0 to 65535"),
         (of_type("Integer"), 2.5, "bad-value", "whole"),
@@ -126,6 +125,9 @@ def test_inputs_that_nothing_drives_are_known_with_the_values_they_keep():
     assert variables(SHOWN)["name"].start == ("a b",)
     found = find_values(SHOWN, {"gain[2]": "7", "enable": "true", "name": "x"}, WHAT)
     assert {one.name: values for one, values in found.items()} == {"gain": [1, 7, 3], "enable": [True], "name": ["x"]}
+    limited = description([variable("K", "parameter", start="1", min="0", max="2")])
+    error = refusal(find_values, limited, {"K": 2.5}, WHAT)
+    assert error.what == "bad-value" and "from 0 to 2" in str(error)
     assert refusal(controller_binding, shown, Setup({"q_m[1]": 1.0})).what == "connector-parameter"
 
 

@@ -8,7 +8,7 @@ from fmpy.model_description import ModelDescription
 
 from ..codec import Scalar
 from ..errors import InputError, unknown
-from .values import typed
+from .values import check_limits, typed
 from .variables import REAL_TYPES, Variable, variables
 
 
@@ -16,13 +16,15 @@ def find_values(description: ModelDescription, given: Mapping[str, Scalar], what
     """Values of parameters and inputs given by name, scalars or single elements ``K_p[1]`` of arrays, as their types
     take them. Elements of an array that are not given keep their start values.
 
-    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, and as :func:`.typed`.
+    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, and as :func:`.typed` and
+    :func:`.check_limits`.
     """
     found: dict[Variable, list[Scalar]] = {}
     for name, value in given.items():
         variable, element = place(description, name, what)
         elements = found.setdefault(variable, list(variable.start) or [_zero(variable)] * variable.size)
         elements[element] = typed(variable, value, what)
+        check_limits(variable, elements[element], what)
     return found
 
 

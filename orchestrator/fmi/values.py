@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
 
 from ..codec import Scalar
 from ..errors import InputError, unknown
@@ -27,23 +26,29 @@ def typed(variable: Variable, given: Scalar, what: str) -> Scalar:
     a bool, a text; of a Binary the hexadecimal digits.
 
     ``what`` ("The controller x.fmu") begins messages. Raises :class:`InputError` for a value of another type, or one
-    that is outside the type's range, the variable's limits, or an enumeration.
+    that is outside the type's range or an enumeration.
     """
     if variable.type in REAL_TYPES:
-        value: Any = _real(variable, given, what)
-    elif variable.type == "Enumeration":
+        return _real(variable, given, what)
+    if variable.type == "Enumeration":
         return _item(variable, given, what)
-    elif variable.type in INTEGERS:
-        value = _integer(variable, given, what)
-    elif variable.type == "Boolean":
+    if variable.type in INTEGERS:
+        return _integer(variable, given, what)
+    if variable.type == "Boolean":
         return _boolean(variable, given, what)
-    else:
-        return _text(variable, given, what)
+    return _text(variable, given, what)
+
+
+def check_limits(variable: Variable, value: Scalar, what: str) -> None:
+    """Raise :class:`InputError` if ``value`` is outside the limits that the FMU declares for ``variable``.
+
+    That is looked at where a simulation begins, not where a controller is described: a tuning may try values that the
+    FMU does not take.
+    """
     low, high = variable.limits
-    if not low <= value <= high:
+    if isinstance(value, int | float) and not low <= value <= high:
         message = f"{what}: {variable.name} = {value!r} is not from {low:g} to {high:g}, as the FMU declares it."
         raise InputError(message, "bad-value", what, variable.name)
-    return value  # type: ignore[no-any-return]
 
 
 def _real(variable: Variable, given: Scalar, what: str) -> float:
