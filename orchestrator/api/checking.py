@@ -35,9 +35,9 @@ def findings(
 ) -> Iterator[Finding]:
     """The findings on ``controller`` as they come; ``pairing`` opens it, ``case`` is what is simulated of it."""
     try:
+        yield from archive_findings(controller.archive)
         opened = pairing()
         archive, setup = opened.controller, opened.setup
-        yield from archive_findings(archive)
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
         sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
         yield from sampling_findings(sample_time, protocol.sample_time)
@@ -56,15 +56,18 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
     def failed(check: dynamic.Check, outcome: Outcome) -> Iterator[Finding]:
         """What it means that a look at the subject of ``check`` came to this ``outcome``."""
         if isinstance(outcome, Refused):
-            text, remedy = outcome.error.message, check.loss or "Mend what the FMU says itself, and export it again."
+            error = outcome.error
+            text, remedy = error.message, check.loss or "Mend what the FMU says itself, and export it again."
+            cause = error.what, error.value, error.nearest
         elif isinstance(outcome, Died):
             text = "\n".join((outcome.message, *outcome.output))
             remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
+            cause = "", "", ()
         else:
             return
         if text not in told:  # it fails before any look begins: once is enough
             told.add(text)
-            yield Finding(check.failure, check.subject, text, remedy)
+            yield Finding(check.failure, check.subject, text, remedy, *cause)
 
     def run(own: Pairing, function: Callable[..., bytes], tasks: Sequence[Struct], decode: Decode) -> list[Outcome]:
         name = f"{function.__module__}:{function.__name__}"

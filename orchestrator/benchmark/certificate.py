@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from ..codec import Natural, NonNegative, Struct, to_json
+from ..codec import Natural, NonNegative, Scalar, Struct, to_json
 from ..loop.trajectory import Status
 from .results import CaseResult, Kind, Requirement, Rules, Scorecard
 from .scorecard import score
@@ -124,7 +124,7 @@ class Reference(Tried, kw_only=True):
     file: str
 
 
-def identity(sha256: str, parameters: Mapping[str, float], mapping: Mapping[str, str], sample_time: float) -> str:
+def identity(sha256: str, parameters: Mapping[str, Scalar], mapping: Mapping[str, str], sample_time: float) -> str:
     """SHA-256 of a controller with all that makes it behave as it does."""
     used = [sha256, sorted(parameters.items()), sorted(mapping.items()), sample_time]
     return hashlib.sha256(to_json(used, indent=None).encode()).hexdigest()

@@ -12,7 +12,7 @@ import numpy as np
 from ..codec import Finite, Struct, pack, unpack
 from ..errors import FmuError
 from ..fmi.connectors import PLANT, bind
-from ..fmi.lookup import find_parameters
+from ..fmi.lookup import find_values
 from ..fmi.port import exchange
 from ..fmi.slaves import Slave, load
 from ..fmi.trace import CONTROLLER
@@ -218,7 +218,7 @@ def find_rest(plant: Slave, controller: Slave, task: bytes) -> bytes:
 def _steady(plant: Slave) -> Steady:
     """The steady state of the nominal plant in a bent pose, so that no torque is zero by chance."""
     description = plant.archive.description
-    pose = find_parameters(description, {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}, "The plant")
+    pose = find_values(description, {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}, "The plant")
     with plant.instantiated(1.0):
         plant.initialize(pose, {})
         return steady_state(plant, bind(description, PLANT, "The plant"))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from fmpy.model_description import ModelDescription
 
-from ..errors import InputError
-from .lookup import unknown
+from ..codec import Scalar
+from ..errors import InputError, unknown
 from .names import ARRAY, canonical, spelling
 from .units import conversion
 from .variables import Variable, variables
@@ -74,9 +74,9 @@ class Bound:
         """Whether it is set before initialization rather than during it."""
         return self.variables[0].causality == "parameter"
 
-    def values(self, pair: Iterable[float]) -> dict[Variable, list[float]]:
+    def values(self, pair: Iterable[float]) -> dict[Variable, list[Scalar]]:
         """A pair in the connector's unit as values of the FMU's variables."""
-        elements = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
+        elements: list[Scalar] = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
         if len(self.variables) == 1:
             return {self.variables[0]: elements}
         return {variable: [element] for variable, element in zip(self.variables, elements, strict=True)}

@@ -12,6 +12,7 @@ from fmpy.model_description import ModelDescription
 from lxml import etree
 
 from ..errors import InputError
+from .capabilities import Capability, declared, refuse_unsupported
 from .entries import DESCRIPTION, DESCRIPTIONS, files_of
 
 COMBINATIONS: Mapping[str, tuple[str, ...]] = {
@@ -36,14 +37,8 @@ def read_description(file: Path) -> ModelDescription:
     descriptions have harmless flaws. A check lists them.
     """
     documents = _documents(file)
-    if DESCRIPTION not in documents:
-        message = f"{file.name} is not an FMU: the archive has no {DESCRIPTION}."
-        raise InputError(message, "not-an-fmu", file.name)
-    try:
-        root = etree.fromstring(documents[DESCRIPTION])
-    except etree.XMLSyntaxError as problem:
-        message = f"The {DESCRIPTION} of {file.name} is not well-formed XML ({problem}). Export the FMU again."
-        raise InputError(message, "bad-description", file.name) from None
+    root = _root(file, documents)
+    refuse_unsupported(root, file.name)
     _put_right(root)
     try:
         if root.get("fmiVersion") is None:
@@ -56,6 +51,11 @@ def read_description(file: Path) -> ModelDescription:
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
         message += "Check it with: python -m fmpy validate."
         raise InputError(message, "bad-description", file.name) from problem
+
+
+def declared_capabilities(file: Path) -> list[tuple[Capability, str]]:
+    """The flags that an FMU's description sets for the kind that is used, with their values."""
+    return list(declared(_root(file, _documents(file))))
 
 
 def illegal_combinations(description: ModelDescription) -> list[str]:
@@ -72,13 +72,26 @@ def illegal_combinations(description: ModelDescription) -> list[str]:
     ]
 
 
-def _put_right(root: etree._Element) -> None:
-    """Remove the namespace of the root from all elements, and tell FMPy what it would look up for ``initial``."""
+def _root(file: Path, documents: Mapping[str, bytes]) -> etree._Element:
+    """The root of a description, without the namespace that some exporters give all elements."""
+    if DESCRIPTION not in documents:
+        message = f"{file.name} is not an FMU: the archive has no {DESCRIPTION}."
+        raise InputError(message, "not-an-fmu", file.name)
+    try:
+        root = etree.fromstring(documents[DESCRIPTION])
+    except etree.XMLSyntaxError as problem:
+        message = f"The {DESCRIPTION} of {file.name} is not well-formed XML ({problem}). Export the FMU again."
+        raise InputError(message, "bad-description", file.name) from None
     namespace = etree.QName(root).namespace
     if namespace is not None:
         for element in root.iter(f"{{{namespace}}}*"):
             element.tag = etree.QName(element).localname
         etree.cleanup_namespaces(root)
+    return root
+
+
+def _put_right(root: etree._Element) -> None:
+    """Tell FMPy what it would look up for ``initial``."""
     version = str(root.get("fmiVersion"))
     if version.startswith("1"):
         return

@@ -10,10 +10,11 @@ from typing import Protocol
 
 import numpy as np
 
+from ..codec import Scalar
 from ..errors import Crash, FmuError
 from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
-from ..fmi.lookup import find_parameters
+from ..fmi.lookup import find_values
 from ..fmi.port import Port
 from ..fmi.slaves import Slave
 from ..fmi.units import conversion
@@ -115,11 +116,13 @@ def start_values(
     steady: Steady,
     sample_time: Fraction,
     first: Pair | None = None,
-) -> tuple[dict[Variable, list[float]], dict[Variable, list[float]]]:
-    """What a controller is given before initialization, parameters, and within it, inputs; ``first`` as in
-    :func:`prepared`."""
+) -> tuple[dict[Variable, list[Scalar]], dict[Variable, list[Scalar]]]:
+    """What a controller is given before initialization, parameters, and within it, inputs, of which those that nothing
+    drives keep their values; ``first`` as in :func:`prepared`."""
     what = f"The controller {controller.name}"
-    before = find_parameters(controller.description, setup.parameters, what)
+    given = find_values(controller.description, setup.parameters, what)
+    before = {variable: values for variable, values in given.items() if variable.causality == "parameter"}
+    within = {variable: values for variable, values in given.items() if variable.causality == "input"}
     T_s = sample_time_parameter(controller, setup)
     if T_s is not None:
         unit = conversion(controller.description, T_s.unit, "s", f"{what}: {T_s.name}")
@@ -132,7 +135,6 @@ def start_values(
         "u_m0": steady.u_m0,
         "q_a_ref": steady.q_a_ref,
     }
-    within: dict[Variable, list[float]] = {}
     for name, pair in known.items():
         if name in binding:
             (before if binding[name].is_parameter else within).update(binding[name].values(pair))

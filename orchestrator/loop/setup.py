@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ..codec import Scalar
 from ..errors import InputError
 from ..fmi.archive import Archive
 from ..fmi.connectors import SAMPLE_TIME, Binding, bind_controller
@@ -14,10 +15,10 @@ from ..fmi.variables import Variable, variables
 
 @dataclass(frozen=True)
 class Setup:
-    """How a controller is used: ``parameters`` by name (in the FMU's units), ``mapping`` from connectors to its
-    variables."""
+    """How a controller is used: ``parameters`` by name (in the FMU's units), among them constants for inputs that
+    nothing drives; ``mapping`` from connectors to its variables."""
 
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
     mapping: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -30,11 +31,26 @@ def controller_binding(controller: Archive, setup: Setup) -> Binding:
     connected = {variable.name: name for name, bound in binding.items() for variable in bound.variables}
     for name in setup.parameters:
         connector = connected.get(name) or connected.get(name.partition("[")[0])
-        if connector is not None and binding[connector].is_parameter:
+        if connector is not None:
             message = f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark "
             message += "gives its value in every case."
             raise InputError(message, "connector-parameter", controller.name, name)
     return binding
+
+
+def held_inputs(controller: Archive, setup: Setup, binding: Binding) -> dict[str, Scalar | None]:
+    """The controller's inputs that nothing drives, those of arrays by element, with the values that they keep for the
+    whole simulation: as ``setup`` gives them, else their start values, None for one without."""
+    driven = {variable for bound in binding.values() for variable in bound.variables}
+    held: dict[str, Scalar | None] = {}
+    for variable in variables(controller.description).values():
+        if variable.causality == "input" and variable not in driven:
+            starts: Sequence[Scalar | None] = variable.start or (None,) * variable.size
+            names = (
+                [variable.name] if variable.size == 1 else [f"{variable.name}[{i + 1}]" for i in range(variable.size)]
+            )
+            held.update((name, setup.parameters.get(name, start)) for name, start in zip(names, starts, strict=True))
+    return held
 
 
 def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:

@@ -12,15 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from ...codec import Scalar
 from ...errors import Crash, FmuError
 from .. import trace
 from ..archive import Archive
 from ..port import Port, unconnected
 from ..variables import Variable
 from . import log
+from .loading import refusal
 from .modules import PrivateModules
 
-Values = Mapping[Variable, Sequence[float]]
+Values = Mapping[Variable, Sequence[Scalar]]
 """Values of variables, all elements of each."""
 
 
@@ -42,7 +44,7 @@ class Slave(ABC):
     """FMI names of the functions behind "set", "step" and "get"."""
 
     def __init__(self, archive: Archive, side: int = trace.NOBODY) -> None:
-        """Load the FMU's library; raises :class:`FmuError` if the platform's loader refuses it."""
+        """Load the FMU's library; raises what :func:`.refusal` gives if the platform's loader refuses it."""
         self.archive, self.side = archive, side
         self._modules = PrivateModules(archive.folder / "resources")
         trace.current.note(side, "loading its library")
@@ -53,7 +55,7 @@ class Slave(ABC):
         except (Crash, FmuError):
             raise
         except Exception as problem:
-            raise FmuError(f"{archive.name} cannot be loaded: {problem}", "load") from problem
+            raise refusal(archive, problem) from problem
         finally:
             os.chdir(folder)  # FMPy leaves a failed load inside the FMU's folder
 
@@ -84,9 +86,18 @@ class Slave(ABC):
 
     def set(self, values: Values) -> None:
         """Set variables."""
-        if values:
-            references = [variable.reference for variable in values]
-            self._do(self._fmu.setReal, references, [element for own in values.values() for element in own])
+        reals = {variable: elements for variable, elements in values.items() if variable.is_real}
+        if reals:
+            references = [variable.reference for variable in reals]
+            self._do(self._fmu.setReal, references, [element for own in reals.values() for element in own])
+        for variable, elements in values.items():
+            if not variable.is_real:
+                self._set_other(variable, elements)
+
+    def _set_other(self, variable: Variable, elements: Sequence[Scalar]) -> None:
+        """Set a variable of a type that is not real."""
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], list(elements))
 
     def get(self, variables: Sequence[Variable]) -> list[float]:
         """Values of variables, the elements of arrays one after the other."""

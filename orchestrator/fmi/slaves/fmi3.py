@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from fmpy.fmi3 import FMU3Slave
 
@@ -37,9 +38,12 @@ class Fmi3(Slave):
         self._do(self._fmu.exitInitializationMode)
 
     def set(self, values: Values) -> None:
-        for variable, own in values.items():
-            setter = self._fmu.setFloat32 if variable.type == "Float32" else self._fmu.setFloat64
-            self._do(setter, [variable.reference], list(own))
+        for variable, elements in values.items():
+            kind = "Int64" if variable.type == "Enumeration" else variable.type
+            given: list[Any] = list(elements)
+            if kind == "Binary":
+                given = [bytes.fromhex(element) for element in given]
+            self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], given)
 
     def get(self, variables: Sequence[Variable]) -> list[float]:
         found: list[float] = []

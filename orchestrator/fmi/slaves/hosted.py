@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import Crash
+from ...errors import Crash, InputError
 from .. import port as ports
 from ..host.remote import CONNECT, Function, Library
 from ..port import Port
 from ..variables import Variable
 from . import log
-from .base import Slave
+from .base import Slave, Values
 from .called_back import callback
 
 
@@ -33,6 +33,14 @@ class Hosted(Slave):
         fmu.dll, fmu._functions = self._library, {}
         fmu._loadFunctions()
         return fmu
+
+    def set(self, values: Values) -> None:
+        """Set variables; raises :class:`~orchestrator.errors.InputError` for texts, which the host is not sent."""
+        for variable in values:
+            if variable.type in ("String", "Binary"):
+                message = f"{self.archive.name}: {variable.name} is a {variable.type}, which cannot be set under Wine."
+                raise InputError(message, "not-settable", self.archive.name, variable.name)
+        super().set(values)
 
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last, also in the loop; raises :class:`~orchestrator.errors.Crash` if the host is
