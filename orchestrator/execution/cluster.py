@@ -60,6 +60,7 @@ class RemoteJob(Struct, frozen=True):
     client: Identity
     order: Order
     time_limits: tuple[NonNegative, ...]
+    longest_call: float
     limits: Limits
     largest: int
     sandbox: bool
@@ -212,7 +213,18 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(identity(), job.order(), job.time_limits, job.limits, job.largest, job.sandbox, job.isolated))
+    return pack(
+        RemoteJob(
+            identity(),
+            job.order(),
+            job.time_limits,
+            job.longest_call,
+            job.limits,
+            job.largest,
+            job.sandbox,
+            job.isolated,
+        )
+    )
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
@@ -231,6 +243,7 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.limits,
             remote.sandbox,
             remote.isolated,
+            longest_call=remote.longest_call,
         )
         sent = (
             Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found

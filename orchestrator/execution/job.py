@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,7 @@ from ..codec import NonNegative, Struct
 from ..fmi.archive import Archive
 from ..fmi.trace import Place
 from .messages import Failed, FmuFiles, Order
+from .standstill import Standstill
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class Job:
         The processor for both, -1 for any.
     give_up : bool
         Whether tasks after one that fails are left out.
+    longest_call : float
+        The same [s] of what a simulation spends at one place, in one sample of the loop or in one call before it.
+    on_standstill : callable
+        ``on_standstill(index, standstill)`` is called once while the simulation of a task stands still, from the thread
+        that looks after its process; on a cluster it is not.
     """
 
     plant: Archive
@@ -63,6 +70,8 @@ class Job:
     isolated: bool = False
     core: int = -1
     give_up: bool = False
+    longest_call: float = math.inf
+    on_standstill: Callable[[int, Standstill], None] = lambda index, standstill: None
 
     def rest(self, first: int) -> Job:
         """The same job from task ``first`` on."""
@@ -71,6 +80,7 @@ class Job:
             tasks=self.tasks[first:],
             time_limits=self.time_limits[first:],
             decode=lambda index, value: self.decode(first + index, value),
+            on_standstill=lambda index, standstill: self.on_standstill(first + index, standstill),
         )
 
     def order(self, isolated: tuple[str, ...] = ()) -> Order:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from ..codec import Natural, NonNegative, Struct
 
+MANY = 2000
+"""The most steps that are timed."""
+
 
 class ComputingTime(Struct):
     """Wall time [s] of one step of a controller, its inputs set and its outputs read: median, 99th percentile and the

@@ -12,14 +12,14 @@ from ..fmi.connectors import PLANT, bind
 from ..fmi.port import GET, WARNING, Port, exchange
 from ..fmi.slaves import Slave
 from ..jit import call_status, compiled
-from .computing import ComputingTime
+from .computing import MANY, ComputingTime
 from .controller import Steady, prepared
 from .master import exchange_failure, simulate
 from .scenario import Scenario
 from .setup import Setup
 
-FEW, MANY = 20, 2000
-"""Steps that tell how many are worth their time, and the most that are timed."""
+FEW = 20
+"""Steps that tell how many are worth their time."""
 
 ENOUGH = 0.1
 """Time [s] that the timed steps may take together; a few are timed in any case."""
