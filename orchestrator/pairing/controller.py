@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -10,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ..documents.document import Shown
+from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
@@ -54,6 +56,7 @@ class Controller(Shown):
     library: Way | None = None
 
     def __post_init__(self) -> None:
+        enter_fields(self)
         if self.library is not None and self.library not in WAYS:
             message = f"The library of a controller is one of {', '.join(WAYS)}, not {self.library!r}."
             raise InputError(message, "no-library", "", self.library, WAYS)
@@ -62,11 +65,6 @@ class Controller(Shown):
             raise InputError(message, "contradiction", "", self.library)
         if isinstance(self.parameters, Mapping):
             _check_finite(self.parameters)
-        if self.sample_time is not None:
-            try:
-                seconds(self.sample_time)
-            except ValueError as problem:
-                raise InputError(f"The sample time is not a time: {problem}", "bad-time") from None
 
     @classmethod
     def of(cls, given: Given) -> Controller:
@@ -74,7 +72,7 @@ class Controller(Shown):
 
         Raises :class:`InputError` for anything else.
         """
-        if given is None or isinstance(given, str | Path):
+        if given is None or isinstance(given, str | os.PathLike):
             return cls(given)
         if not isinstance(given, cls):
             message = f"A controller is a Controller or the path of an FMU, not a {type(given).__name__}."
@@ -86,6 +84,7 @@ class Controller(Shown):
         """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
         return cls(built_in(name))
 
+    @entered
     def with_parameters(self, values: Mapping[str, float]) -> Controller:
         """The same controller with ``values`` set on top of its own."""
         return replace(self, parameters={**self.setup.parameters, **values})
@@ -155,7 +154,7 @@ Given = Controller | str | Path | None
 
 def _check_finite(parameters: Mapping[str, float]) -> None:
     for name, value in parameters.items():
-        if not math.isfinite(value):
+        if not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError(
                 f"The value of the parameter {name}, {value}, is not a finite number.", "not-finite", name, value
             )
