@@ -147,7 +147,7 @@ class Benchmark(Testbed, Shown):
         recordings : bool
             Whether the cases that a report shows are simulated once more and recorded.
         keep_going : bool
-            Whether to run on after three failures of one kind, and to run again what failed in an earlier run.
+            Whether to run on after three failures or two timeouts of one kind, and to run again what failed before.
         force : bool
             Whether to run again what an earlier run has finished.
         on_result : callable, optional
