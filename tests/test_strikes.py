@@ -62,6 +62,16 @@ def test_failures_that_differ_in_what_was_measured_are_of_one_kind(how, harmless
     assert statuses(runs)[3] is SKIPPED and runs[0].kind in runs[3].result.message
 
 
+def test_two_timeouts_are_enough(harmless):
+    """Each costs a whole time limit."""
+    hangs = [Died(n, True, "it waited", "the limit of waiting", 1.0, Place(n, CONTROLLER, "step")) for n in range(4)]
+    runs = ran(harmless, *hangs)
+    assert statuses(runs) == [TIMEOUT, TIMEOUT, SKIPPED, SKIPPED]
+    assert runs[3].result.message == "skipped after 2 failures of one kind (timeout: the limit of waiting)"
+    others = (Done(n, Judgement(status=DONE, time=float(STRUCK)), 1.0) for n in range(1, 4))
+    assert statuses(ran(harmless, hangs[0], *others)) == [TIMEOUT, DONE, DONE, DONE]
+
+
 def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
     lost = ran(harmless, *(cluster._lost(index, "a worker") for index in range(4)))
     assert statuses(lost) == [LOST] * 4 and not any(run.result.judged for run in lost)

@@ -13,7 +13,7 @@ from test_tuning import FEW
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
 from orchestrator.benchmark.draws import Entropy, fresh
-from orchestrator.benchmark.metrics import expected
+from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
 from orchestrator.errors import Crash, EnvironmentFault
@@ -21,6 +21,7 @@ from orchestrator.execution import store
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import OUTSIDE
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.runs import CaseRun
 from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
 from orchestrator.study.dry_run import on_target
@@ -205,6 +206,22 @@ def test_entries_side_by_side_stop_each_for_itself(own):
     statuses = [[run.result.status for run in each] for each in runs]
     done = [Status.DONE] * 3
     assert statuses == [done, [Status.ERROR, Status.SKIPPED, Status.SKIPPED], done]
+
+
+@pytest.mark.parametrize(("time", "asked"), [(0.3, False), (0.5, True)])
+def test_a_controller_that_hangs_early_is_not_timed(time, asked):
+    """The timed steps would hang as well, and cost another time limit."""
+
+    class Hanging(Player):
+        def __call__(self, request):
+            answer, hung = super().__call__(request), Judgement(status=Status.TIMEOUT, time=time)
+            if not isinstance(request, Batch):
+                return answer
+            return [[CaseRun(case, named(case, hung)) for case in entry.cases] for entry in request.entries]
+
+    player = Hanging()
+    answered(evaluate(Benchmark("quick"), Controller(), recordings=False), player)
+    assert bool(player.of(TimeSteps)) is asked
 
 
 # Interrupted, and started again

@@ -257,7 +257,14 @@ def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place
     Trace(trace.buffer).words[:3] = place.sample, place.side, 0
     process = SimpleNamespace(tree=DIES, exit_code=lambda patience: code, kill=lambda: None)
     given = SimpleNamespace(
-        largest=100, tasks=(b"",) * tasks, time_limits=(60.0,) * tasks, sandbox=False, limits=Limits(), decode=decode
+        largest=100,
+        tasks=(b"",) * tasks,
+        time_limits=(60.0,) * tasks,
+        sandbox=False,
+        limits=Limits(),
+        decode=decode,
+        longest_call=60.0,
+        on_standstill=lambda *_: None,
     )
     with near, far:
         far.sendall((frame(Loaded()) if loaded else b"") + b"".join(messages))

@@ -47,6 +47,7 @@ REMEDIES = {
     "no-pyarrow": "It is needed for --parquet only.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
     "unstable-system": "Or take it as it is: --unstable.",
+    "standstill": "--timeout shortens this.",
     "stored": "--force runs them again, --keep-going those that failed.",
     "replaced": "--output-dir keeps both.",
 }

@@ -13,6 +13,7 @@ from ..benchmark.case import CRITERIA
 from ..benchmark.results import Rules
 from ..benchmark.tally import Tally
 from ..codec import Malformed, Struct, from_json, to_json
+from ..entry import entered
 from ..errors import InputError
 from ..loop.trajectory import Status
 from ..views.table import Cell, Column, Page, Panel, Summary
@@ -61,6 +62,7 @@ class Shown:
         own = self.summary()
         return Page(own.title, own.kicker, (Panel("summary", "Summary", own.parts),))
 
+    @entered
     def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
         """Write the report, one HTML page that needs no network; returns ``file``. ``folder`` is where recordings of a
         search are; the report of all else has what it shows."""

@@ -60,6 +60,7 @@ class RemoteJob(Struct, frozen=True):
     client: Identity
     order: Order
     time_limits: tuple[NonNegative, ...]
+    longest_call: float
     limits: Limits
     largest: int
     sandbox: bool
@@ -213,7 +214,7 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    limits = job.time_limits, job.limits, job.largest
+    limits = job.time_limits, job.longest_call, job.limits, job.largest
     return pack(RemoteJob(identity(), job.order(), *limits, job.sandbox, job.isolated, job.separate))
 
 
@@ -234,6 +235,7 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.sandbox,
             remote.isolated,
             separate=remote.separate,
+            longest_call=remote.longest_call,
         )
         sent = (
             Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found

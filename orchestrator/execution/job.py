@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,7 @@ from ..codec import NonNegative, Struct
 from ..fmi.archive import Archive
 from ..fmi.trace import Place
 from .messages import Failed, FmuFiles, Order
+from .standstill import Standstill
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class Job:
     separate : bool
         Whether each task has a worker process of its own; those of an FMU that a process can instantiate only once have
         one in any case, so that such a task may instantiate each FMU once.
+    longest_call : float
+        The same [s] of what a simulation spends at one place, in one sample of the loop or in one call before it.
+    on_standstill : callable
+        ``on_standstill(index, standstill)`` is called once while the simulation of a task stands still, from the thread
+        that looks after its process; on a cluster it is not.
     """
 
     plant: Archive
@@ -67,6 +74,8 @@ class Job:
     core: int = -1
     give_up: bool = False
     separate: bool = False
+    longest_call: float = math.inf
+    on_standstill: Callable[[int, Standstill], None] = lambda index, standstill: None
 
     def rest(self, first: int) -> Job:
         """What one process runs of the job, from task ``first`` on."""
@@ -76,6 +85,7 @@ class Job:
             tasks=self.tasks[first:end],
             time_limits=self.time_limits[first:end],
             decode=lambda index, value: self.decode(first + index, value),
+            on_standstill=lambda index, standstill: self.on_standstill(first + index, standstill),
         )
 
     def order(self, isolated: tuple[str, ...] = ()) -> Order:

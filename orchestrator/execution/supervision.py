@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -18,6 +20,7 @@ from .job import Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
+from .standstill import Lookout
 from .time_limit import Stopwatch, end_within
 
 OUTSIDE = "outside"
@@ -105,7 +108,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     reports such a fault itself.
     """
     index, tail, printed, loaded = 0, b"", 0, False
-    watch = Stopwatch(child.process.tree)
+    watch, lookout = Stopwatch(child.process.tree), Lookout()
     inbox = Inbox(child.channel, job.largest)
     sources = [child.channel, child.output]
     start = FRESH_START if job.sandbox and not job.isolated else START
@@ -138,7 +141,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if isinstance(message, Loaded):
                         if loaded:
                             raise Garbage("it has loaded the FMUs twice")
-                        loaded = True
+                        loaded, lookout = True, Lookout()
                         watch.begin()
                         continue
                     if message.index != index or (isinstance(message, Finished) and not loaded):
@@ -173,7 +176,14 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if used.processes > job.limits.processes:
                 yield died(f"it started more than {job.limits.processes} processes")
                 return
-            told, kind = watch.spent.excess(job.time_limits[index] + (0.0 if loaded else start))
+            limit, longest = job.time_limits[index], job.longest_call
+            if not loaded:
+                limit, longest = limit + start, math.inf
+            now = time.monotonic()
+            lookout = lookout.after(index, child.trace.read(), now, watch.spent)
+            told, kind = watch.spent.excess(limit)
+            if not told:
+                told, kind = lookout.here(watch.spent).excess(longest)
             if told:
                 yield died(told, timeout=True, kind=kind)
                 return
@@ -182,6 +192,10 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                 words, outside = _cause(code, job.sandbox)
                 yield died(words, outside=outside)
                 return
+            standstill = lookout.standstill(now, watch.spent, limit, longest)
+            if standstill is not None:
+                job.on_standstill(index, standstill)
+                lookout = lookout.silent()
 
 
 def _rest(output: int, most: int) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from ..codec import Scalar
 from ..documents.document import Shown
+from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
@@ -59,6 +61,7 @@ class Controller(Shown):
     library: Way | None = None
 
     def __post_init__(self) -> None:
+        enter_fields(self)
         if self.library is not None and self.library not in WAYS:
             message = f"The library of a controller is one of {', '.join(WAYS)}, not {self.library!r}."
             raise InputError(message, "no-library", "", self.library, WAYS)
@@ -67,11 +70,6 @@ class Controller(Shown):
             raise InputError(message, "contradiction", "", self.library)
         if isinstance(self.parameters, Mapping):
             _check_finite(elements(self.parameters))
-        if self.sample_time is not None:
-            try:
-                seconds(self.sample_time)
-            except ValueError as problem:
-                raise InputError(f"The sample time is not a time: {problem}", "bad-time") from None
 
     @classmethod
     def of(cls, given: Given) -> Controller:
@@ -79,7 +77,7 @@ class Controller(Shown):
 
         Raises :class:`InputError` for anything else.
         """
-        if given is None or isinstance(given, str | Path):
+        if given is None or isinstance(given, str | os.PathLike):
             return cls(given)
         if not isinstance(given, cls):
             message = f"A controller is a Controller or the path of an FMU, not a {type(given).__name__}."
@@ -91,6 +89,7 @@ class Controller(Shown):
         """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
         return cls(built_in(name))
 
+    @entered
     def with_parameters(self, values: Mapping[str, Scalar]) -> Controller:
         """The same controller with ``values`` set on top of its own."""
         return replace(self, parameters={**self.setup.parameters, **values})

@@ -15,13 +15,14 @@ from ..documents.recording import OBSERVED
 from ..errors import Crash
 from ..execution.job import Died, Done, Job, Limits, is_once
 from ..execution.messages import error_of
+from ..execution.standstill import Standstill
 from ..execution.supervision import run_isolated
 from ..fmi.archive import Archive
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Trajectory
 from . import work
-from .runs import account
+from .runs import account, tell_standstill
 
 GROUP_SIZE = 9
 """Cases a worker runs before it is replaced: enough that its start does not count, few enough that leaks of FMPy and
@@ -67,7 +68,15 @@ class Pairing:
         """A job of this pairing: ``function`` of :mod:`.work` with one scenario per task for the time limits, on top of
         ``start`` [s]."""
         limits = tuple(start + self.timeout * float(scenario.duration) / FULL_LENGTH for scenario in scenarios)
-        return self.raw_job(f"{work.__name__}:{function}", tasks, limits, decode, largest)
+        job = self.raw_job(f"{work.__name__}:{function}", tasks, limits, decode, largest)
+
+        def tell(index: int, standstill: Standstill) -> None:
+            task = tasks[index]
+            name = task.case.id if isinstance(task, work.CaseTask | work.RecordTask) else "A simulation"
+            tell_standstill(standstill, name, scenarios[index])
+
+        # A case that may go on until 60 s in doubt has a longer limit, for its many samples: not for one that hangs.
+        return replace(job, longest_call=start + self.timeout, on_standstill=tell)
 
     def raw_job(
         self,
@@ -80,8 +89,18 @@ class Pairing:
         """A job of this pairing with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
         own = (self.limits, self.sandbox, self.isolated)
-        job = Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
-        return replace(job, separate=self.separate)
+        return Job(
+            self.plant,
+            self.controller,
+            function,
+            packed,
+            time_limits,
+            decode,
+            largest,
+            *own,
+            separate=self.separate,
+            on_standstill=lambda index, standstill: tell_standstill(standstill, "The controller's process"),
+        )
 
     @property
     def is_separate(self) -> bool:

@@ -21,7 +21,7 @@ from ..pairing.pairing import GROUP_SIZE, Pairing, judging, recording
 from ..pairing.runs import CaseRun, case_run
 from ..pairing.work import Simulated
 from . import stored
-from .requests import Batch, Entry
+from .requests import TIMEOUTS, Batch, Entry
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ class _Open:
         if at_once is not None:
             return f"skipped after a failure in the first sample ({at_once.result.status.value}: {at_once.kind})"
         for (status, kind), count in self.strikes.items():
-            if kind and count >= patience:
+            if kind and count >= (min(patience, TIMEOUTS) if status is Status.TIMEOUT else patience):
                 failures = "a failure" if count == 1 else f"{count} failures of one kind"
                 return f"skipped after {failures} ({status.value}: {kind})"
         return ""

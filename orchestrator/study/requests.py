@@ -30,6 +30,9 @@ T = TypeVar("T")
 STRIKES = 3
 """Failures of one kind after which a controller's remaining cases are skipped."""
 
+TIMEOUTS = 2
+"""The same of timeouts, each of which costs a whole time limit: together, at most twice the limit of waiting."""
+
 
 class Saved(Interface):
     """What can be saved in a folder."""
@@ -42,9 +45,10 @@ class Saved(Interface):
 class Entry:
     """Cases of one pairing, judged by a protocol.
 
-    After ``patience`` failures of one kind the remaining cases are skipped. If it is None none is skipped, and what
-    failed in an earlier run is run again; with ``force`` everything is. A failure ``at_once``, which the rehearsal has
-    found, is enough alone. ``witness`` is given each simulated case with its result and its trajectory as it comes.
+    After ``patience`` failures of one kind, or TIMEOUTS if these are fewer, the remaining cases are skipped. If it is
+    None none is skipped, and what failed in an earlier run is run again; with ``force`` everything is. A failure
+    ``at_once``, which the rehearsal has found, is enough alone. ``witness`` is given each simulated case with its
+    result and its trajectory as it comes.
     """
 
     protocol: Protocol

@@ -53,6 +53,8 @@ def verify(
     What comes from outside, such as a process that somebody else ends, ends a verification without a result: the
     controller may have seen its draws. It is begun again with others, and the certificate counts that.
     """
+    if count < 1:
+        raise InputError(f"The number of draws must be positive, not {count}.", "bad-number", "count", count)
     drawn = entropy or fresh()
     for repetition in range(ATTEMPTS):
         try:
