@@ -60,6 +60,16 @@ static void *spin_beside(void *unused)
     return unused;
 }
 
+/* Messages from a thread, beside those of two others. */
+static void *log_beside(void *controller)
+{
+    for (int i = 0; i < 5; i++) {
+        Controller *own = controller;
+        own->logger(own->environment, "hostile", fmi2Warning, "log", "beside %s: %d of %g", "others", i, own->time);
+    }
+    return NULL;
+}
+
 static void *crash_beside(void *unused)
 {
     usleep(20000);
@@ -182,6 +192,11 @@ static fmi2Status strike(Controller *own)
         pthread_create(&thread, NULL, spin_beside, NULL);
         own->what[0] = 0;
     }
+    if (equal(what, "thread-log")) { /* in each step, which waits for them */
+        pthread_t threads[3];
+        for (int i = 0; i < 3; i++) pthread_create(&threads[i], NULL, log_beside, own);
+        for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);
+    }
     if (equal(what, "thread-crash")) {
         pthread_t thread;
         pthread_create(&thread, NULL, crash_beside, NULL);
@@ -194,6 +209,8 @@ static fmi2Status strike(Controller *own)
             if (block) memset(block, 1, size);
             usleep(20000);
         }
+    if (strncmp(what, "log-step:", 9) == 0)
+        for (int i = 0; i < 2000; i++) say(own, (fmi2Status)atoi(what + 9), "this happens in every step");
     if (strncmp(what, "log:", 4) == 0)
         for (;;) say(own, (fmi2Status)atoi(what + 4), "still here, and talking");
     if (equal(what, "print"))
