@@ -18,6 +18,10 @@ from ..loop.setup import controller_binding
 from ..pairing.controller import Controller
 from ..pairing.pairing import FULL_LENGTH, Pairing
 
+LONGEST_LOOK = 10.0
+"""Processor time [s] that a look at the running controller may take; waiting is limited as well, see
+:mod:`~orchestrator.execution.time_limit`."""
+
 
 def findings(
     controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, scenario: Scenario
@@ -48,7 +52,7 @@ def _dynamic(pairing: Pairing, scenario: Scenario, protocol: Protocol) -> Iterat
     job = pairing.raw_job(
         f"{dynamic.__name__}:{dynamic.run_check.__name__}",
         tasks,
-        (pairing.timeout,) * len(tasks),
+        (min(pairing.timeout, LONGEST_LOOK),) * len(tasks),
         lambda _, value: unpack(value, tuple[Finding, ...]),
     )
     known = ""
@@ -64,5 +68,9 @@ def _dynamic(pairing: Pairing, scenario: Scenario, protocol: Protocol) -> Iterat
             text = "\n".join((outcome.message, *outcome.output))
             remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
             yield Finding(check.failure, check.subject, text, remedy)
+            if outcome.timeout and (left := dynamic.CHECKS[outcome.index + 1 :]):  # it would hang in the others as well
+                text = f"left out after that: {', '.join(other.subject for other in left)}"
+                yield Finding(Severity.NOTE, "check", text, "Mend what hangs, and check again.")
+                return
         else:
             yield from outcome.value
