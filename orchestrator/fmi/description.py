@@ -13,7 +13,7 @@ from fmpy.model_description import ModelDescription
 from lxml import etree
 
 from ..errors import InputError
-from .entries import DESCRIPTION, DESCRIPTIONS, files_of
+from .entries import DESCRIPTION, DESCRIPTIONS, Damaged, files_of, unpacked
 
 COMBINATIONS: Mapping[str, tuple[str, ...]] = {
     "parameter": ("fixed", "tunable"),
@@ -100,8 +100,12 @@ def _documents(file: Path) -> dict[str, bytes]:
     """The files of an FMU that are parsed, by name."""
     if file.is_dir():
         return {name: (file / name).read_bytes() for name in DESCRIPTIONS if (file / name).is_file()}
-    with zipfile.ZipFile(file) as archive:
-        return {name: archive.read(entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {name: unpacked(archive, entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    except Damaged as problem:
+        message = f"{file.name} cannot be read: {problem}. Export the FMU again."
+        raise InputError(message, "cannot-extract", file.name) from problem
 
 
 def _archive(documents: Mapping[str, bytes]) -> io.BytesIO:
