@@ -93,13 +93,13 @@ CORPUS = [
     expected(ERROR, "status:3", "fmi2GetReal returned error", where="get"),
     expected(ERROR, "status:3", "enterInitializationMode failed", where="initialize", time=0.0),
     *(expected(ERROR, f"value:{value}", where="get") for value in ("nan", "-inf", "1e300")),
-    *(expected(DONE, f"log-step:{status}", time=0.05, output=1000) for status in (0, 1)),
+    *(expected(DONE, f"chat:{chat}", time=0.05, output=1000) for chat in ("0:2000:0", "0:2000:1", "3:5:0", "3:5:1")),
     expected(ERROR, "utf8", "caf�"),
     expected(ERROR, "percent", "100 %s of %n and %d%%"),
     expected(ERROR, "null-message"),
     expected(ERROR, "huge-message", "xxxxxxxx"),
     expected(ERROR, "round", "changed how this process computes: rounding upward"),
-    *(expected(DONE, what, time=0.05) for what in ("trap", "chdir", "umask", "close-output", "thread", "thread-log")),
+    *(expected(DONE, what, time=0.05) for what in ("trap", "chdir", "umask", "close-output", "thread")),
 ]
 
 
