@@ -12,7 +12,7 @@ from support.python_controllers import python_controller
 from orchestrator import Benchmark, Controller
 from orchestrator.cli import check as command
 from orchestrator.cli.guard import guarded, remedy
-from orchestrator.fmi.slaves import log
+from orchestrator.fmi import log
 
 LEVELS = ("ok", "note", "warning", "error")
 
@@ -192,8 +192,7 @@ def test_the_table_shows_names_as_they_are_and_steers_no_terminal(tmp_path, caps
 
 
 def test_what_an_fmu_logs_does_not_steer_the_terminal():
-    log.clear()
-    log.note(b"pid\x1b[2J", 3, b"first\x07\nsecond \xff")
-    (line,) = log.lines()
-    log.clear()
+    written = log.Log()
+    written.keep(b"first\x07\nsecond \xff", b"pid\x1b[2J")
+    (line,) = written.lines()
     assert line == "pid\ufffd[2J: first\ufffd; second \ufffd"

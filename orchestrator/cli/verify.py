@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..api.benchmark import Benchmark
 from ..benchmark.draws import from_beacon
+from ..bounded import read
 from ..documents.files import prepare_folder, write_bytes
 from ..documents.standard import USUAL
 from ..documents.verification import Verification, differences
@@ -105,9 +106,10 @@ def _round(draws: str) -> str:
     """The text of a round: that of a file if there is one."""
     file = Path(draws)
     try:
-        return file.read_bytes()[:LARGEST].decode(errors="replace") if file.is_file() else draws
+        given = file.is_file()
     except OSError as problem:
         raise InputError(f"{draws} cannot be read: {problem.strerror}.", "no-beacon", draws) from None
+    return read(file, LARGEST, "no-beacon").decode(errors="replace") if given else draws
 
 
 class VerifyCommand(StudyCommand):

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
-
-from fmpy.validation import validate_fmu
 
 from ..fmi.archive import Archive
 from ..fmi.choice import NATIVE, SOURCE, has_sources
@@ -19,6 +16,7 @@ from ..loop.sampling import FIXED, SampleTime
 from ..loop.setup import Setup, held_inputs, sample_time_parameter
 from ..text import shortened
 from .finding import Finding, Severity
+from .validation import summed_up, validation_problems
 
 MOST_NAMED = 5
 """Largest number of variables that a finding names."""
@@ -48,7 +46,7 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
         text = f"the standard has no such variables: {_some(illegal)}; their values are used"
         remedy = "Correct their causality or variability: other tools may refuse the FMU."
         yield Finding(Severity.WARNING, "variables", text, remedy)
-    yield from _validation(archive.file)
+    yield from _validation(archive)
 
 
 def _platform(archive: Archive) -> str:
@@ -148,15 +146,12 @@ def sampling_findings(sample_time: SampleTime, benchmark: Fraction) -> Iterator[
         yield Finding(Severity.WARNING, "sample time", text, remedy, what=what, value=f"{float(benchmark):g}")
 
 
-def _validation(file: Path) -> Iterator[Finding]:
-    try:
-        problems = validate_fmu(str(file))
-    except Exception as failure:  # FMPy's validation itself trips over some descriptions
-        problems = [str(failure)]
+def _validation(archive: Archive) -> Iterator[Finding]:
+    problems = validation_problems(archive.file, archive.description)
     if not problems:
         yield Finding(Severity.OK, "description", "valid")
-    for problem in problems:
-        yield Finding(Severity.NOTE, "description", " ".join(problem.split()), "Report it to the exporter's maker.")
+    for text in summed_up(problems):
+        yield Finding(Severity.NOTE, "description", text, "Report it to the exporter's maker.")
 
 
 def _described(variable: Variable) -> str:

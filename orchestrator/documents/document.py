@@ -12,6 +12,7 @@ import msgspec
 from ..benchmark.case import CRITERIA
 from ..benchmark.results import Rules
 from ..benchmark.tally import Tally
+from ..bounded import LARGEST_RESULTS, read
 from ..codec import Malformed, Struct, from_json, to_json
 from ..entry import entered
 from ..errors import InputError
@@ -227,10 +228,7 @@ def file_of(path: Path, name: str) -> Path:
 
 def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
-    try:
-        text = file.read_bytes()
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", kind.MISSING, file) from problem
+    text = read(file, LARGEST_RESULTS, kind.MISSING)
     try:
         form = from_json(text, _Schema).schema
         if form == kind.SCHEMA:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import resource
 import signal
@@ -13,7 +14,7 @@ from .sandboxed import fill_cache
 # Imports inside functions: the process binds itself to its parent before it loads anything.
 
 LARGEST_FILE = 16 * 1024**2
-"""Bytes that a file may have which the controller writes, and what it prints."""
+"""Bytes that a file may have which the controller writes, and what it prints and logs."""
 
 
 def main() -> None:
@@ -23,11 +24,11 @@ def main() -> None:
         import numpy as np
 
         from ..errors import BenchmarkError, Crash
+        from ..fmi import log, trace
         from ..fmi import port as ports
-        from ..fmi import trace
         from ..fmi.archive import reopen
         from ..fmi.choice import WINE
-        from ..fmi.slaves import load, log
+        from ..fmi.slaves import load, said
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
         from .isolation import Begin, Over, Ready
@@ -45,7 +46,8 @@ def main() -> None:
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)  # what an FMU prints is no answer
-    log.echo_to(2)
+    # Standard error is a file that begins with room for the log, which outlives this process there.
+    log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
         refuse_marks(no_locks=begin.controller.way == WINE)
@@ -59,7 +61,7 @@ def main() -> None:
                 ended = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
                 if ended == ports.LOST:
                     raise slave.lost()
-                write_all(answers, frame(Over(log.lines())))
+                write_all(answers, frame(Over(said.lines())))
         except Crash as crash:  # of the process that holds its library: this one ends as well, and its owner sees that
             os.write(2, f"{crash}\n".encode())
             os._exit(1)

@@ -102,12 +102,18 @@ def is_once(plant: Archive, controller: Archive, isolated: bool = False) -> bool
     return plant.once_per_process or (controller.once_per_process and not isolated)
 
 
+MANY_LOGGED = 1_000_000
+"""Messages in one simulation that take a noticeable time: ten in each of its samples."""
+
+
 class Done(msgspec.Struct, frozen=True):
-    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took. It is never sent."""
+    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took, ``logged`` the number of
+    messages that the FMUs logged in its last simulation. It is never sent."""
 
     index: int
     value: Any
     wall_time: NonNegative
+    logged: int = 0
 
 
 Refused = Failed
@@ -118,9 +124,9 @@ class Died(Struct, frozen=True, tag=True):
     """The process ended in task ``index`` at ``place`` in its simulation.
 
     ``timeout`` tells whether at a time limit, ``message`` how, ``kind`` the same without what was measured, so that
-    equal failures have equal ones, and ``output`` holds the last lines that the process printed, the FMUs' own messages
-    among them. ``outside`` tells whether somebody else may have ended the process, such as a system that is out of
-    memory.
+    equal failures have equal ones, and ``output`` holds the last lines that the process printed, and behind them the
+    FMUs' own messages. ``outside`` tells whether somebody else may have ended the process, such as a system that is out
+    of memory.
     """
 
     index: int

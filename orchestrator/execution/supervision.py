@@ -16,7 +16,7 @@ from ..errors import EnvironmentFault
 from ..fmi.archive import restore
 from ..fmi.trace import CONTROLLER
 from ..text import printable
-from .job import Died, Done, Job, Outcome
+from .job import MANY_LOGGED, Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
@@ -30,6 +30,8 @@ TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
 
 LINES = 10
+"""Lines that are shown of what a dead worker had printed, and of what the FMUs had logged there."""
+
 LOOK = 0.2
 """Seconds between two looks at the stop signal and at what the worker uses."""
 
@@ -115,8 +117,11 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
 
     def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
-        words = _lines(tail + _rest(child.output, job.limits.output))
+        count, logged = child.trace.logged()
+        words = (*_lines(tail + _rest(child.output, job.limits.output)), *logged[-LINES:])
         place = child.trace.read()
+        if timeout and count > MANY_LOGGED:
+            message += f"; it had logged {count} messages, which takes time"
         if not loaded and place.side != CONTROLLER:
             told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
             raise EnvironmentFault(told, "worker-lost")
@@ -154,7 +159,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                         else:
                             yield message
                         return
-                    yield Done(index, job.decode(index, message.value), message.wall_time)
+                    yield Done(index, job.decode(index, message.value), message.wall_time, child.trace.logged()[0])
                     index, printed = index + 1, 0
                     watch.begin()
                     if index == len(job.tasks):

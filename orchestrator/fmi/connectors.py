@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelDescription
@@ -101,11 +102,12 @@ def bind(
     """
     known = variables(description)
     mapping = _checked(mapping or {}, connectors, known, what)
-    free = {name: variable for name, variable in known.items() if name not in mapping.values()}
+    taken = frozenset(mapping.values())
+    free = {name: variable for name, variable in known.items() if name not in taken} if taken else known
     binding: dict[str, Bound] = {}
     for connector in connectors:
         mapped = _mapped(connector, known, mapping, what)
-        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, what)
+        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, _spelled(description), what)
         if found:
             binding[connector.name] = _bound(description, connector, found, spelled, what)
         elif connector.required:
@@ -158,7 +160,24 @@ def _mapped(
     return mapped
 
 
-def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
+Spelled = Mapping[str, Sequence[tuple[int, Variable]]]
+"""Variables that may be components, with their indices, by the base of their names."""
+
+
+@functools.lru_cache(maxsize=16)
+def _spelled(description: ModelDescription) -> Spelled:
+    """The variables of an FMU by their spelling: it is bound for each simulation, and may have 100,000."""
+    found: dict[str, list[tuple[int, Variable]]] = {}
+    for variable in variables(description).values():
+        name = spelling(variable.name, variable.size > 1)
+        if name is not None:
+            found.setdefault(name.base, []).append((name.index, variable))
+    return found
+
+
+def _find(
+    connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str
+) -> tuple[list[Variable], str]:
     own = known.get(connector.name)
     arrays = [own] if own is not None and own.size > 1 else []
     every = [f"{connector.name}[{index}]" for index in range(10)]
@@ -168,16 +187,14 @@ def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tup
             if arrays:
                 raise _ambiguous(connector, arrays, scalars, what)
             return scalars, "exact"
-    return (arrays, "exact") if arrays else (_by_spelling(connector, known, what), "by spelling")
+    return (arrays, "exact") if arrays else (_by_spelling(connector, known, spelled, what), "by spelling")
 
 
-def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
-    wanted = canonical(connector.name)
+def _by_spelling(connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str) -> list[Variable]:
     candidates: dict[int, list[Variable]] = {}
-    for variable in known.values():
-        found = spelling(variable.name, variable.size > 1)
-        if found is not None and found.base == wanted and variable.causality in connector.causalities:
-            candidates.setdefault(found.index, []).append(variable)
+    for index, variable in spelled.get(canonical(connector.name), ()):
+        if variable.name in known and variable.causality in connector.causalities:
+            candidates.setdefault(index, []).append(variable)
     arrays = candidates.pop(ARRAY, [])
     scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
     if len(arrays) + max(map(len, candidates.values()), default=0) > 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,18 +9,13 @@ from typing import Any
 from fmpy.model_description import BaseUnit, Unit
 from lxml import etree
 
+from ..bounded import read, read_toml
 from ..codec import Scalar
 from ..errors import InputError
 from .archive import Archive
 from .lookup import elements, place
 from .units import EXPONENTS, factor_to_own
 from .variables import REAL_TYPES, SET_TYPES
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 
 SSV_TYPES = {*SET_TYPES}
 """Elements with a value in SSP 1.0 and 2.0."""
@@ -41,7 +35,7 @@ def read_mapping(file: Path) -> dict[str, str]:
                 message += "Units are converted by the FMU's own unit definitions."
                 raise InputError(message, "bad-mapping", file, target)
         return {entry.get("target", ""): entry.get("source", "") for entry in entries}
-    table = _toml(file).get("map")
+    table = read_toml(file).get("map")
     if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
         raise InputError(f'{file} has no table [map] of lines like "q_m[1]" = "In1".', "bad-mapping", file)
     return dict(table)
@@ -50,7 +44,7 @@ def read_mapping(file: Path) -> dict[str, str]:
 def read_mapped_parameters(file: Path) -> dict[str, Scalar]:
     """The values that a mapping in TOML gives beside its table ``[map]``; an SSM has none. See
     :func:`read_parameters`."""
-    table = None if file.suffix == ".ssm" else _toml(file).get("parameters")
+    table = None if file.suffix == ".ssm" else read_toml(file).get("parameters")
     return {} if table is None else _table(file, table)
 
 
@@ -60,7 +54,7 @@ def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
     TOML: a table ``[parameters]`` of numbers, Booleans, texts or lists (``K_p = [45, 15]`` sets ``K_p[1]`` and
     ``K_p[2]``). SSV: ``Parameter`` elements, whose units, if they have any, are converted.
     """
-    return _ssv_values(file, controller) if file.suffix == ".ssv" else _table(file, _toml(file).get("parameters"))
+    return _ssv_values(file, controller) if file.suffix == ".ssv" else _table(file, read_toml(file).get("parameters"))
 
 
 def _table(file: Path, table: Any) -> dict[str, Scalar]:
@@ -115,19 +109,8 @@ def _number(file: Path, name: str, value: Any) -> float:
         raise InputError(message, "not-a-number", file, value) from None
 
 
-def _toml(file: Path) -> dict[str, Any]:
-    try:
-        return dict(tomllib.loads(file.read_text(encoding="utf-8")))
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from None
-    except ValueError as problem:  # TOMLDecodeError, text that is not UTF-8, a number of thousands of digits
-        raise InputError(f"{file} is not a TOML file: {problem}.", "bad-file", file) from None
-
-
 def _root(file: Path) -> etree._Element:
     try:
-        return etree.parse(str(file), etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem}.", "no-file", file) from None
+        return etree.fromstring(read(file), etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as problem:
         raise InputError(f"{file} is not a well-formed XML file: {problem}.", "bad-file", file) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import zipfile
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from lxml import etree
 
 from ..errors import InputError
 from .capabilities import Capability, declared, refuse_unsupported
-from .entries import DESCRIPTION, DESCRIPTIONS, files_of
+from .entries import DESCRIPTION, DESCRIPTIONS, Damaged, files_of, unpacked
 
 COMBINATIONS: Mapping[str, tuple[str, ...]] = {
     "parameter": ("fixed", "tunable"),
@@ -40,6 +41,8 @@ def read_description(file: Path) -> ModelDescription:
     root = _root(file, documents)
     refuse_unsupported(root, file.name)
     _put_right(root)
+    collecting = gc.isenabled()
+    gc.disable()  # of 100,000 variables all stay, and looking for garbage among them takes as long as reading them
     try:
         if root.get("fmiVersion") is None:
             raise ValueError("it has no fmiVersion")
@@ -51,6 +54,9 @@ def read_description(file: Path) -> ModelDescription:
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
         message += "Check it with: python -m fmpy validate."
         raise InputError(message, "bad-description", file.name) from problem
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def declared_capabilities(file: Path) -> list[tuple[Capability, str]]:
@@ -107,8 +113,12 @@ def _documents(file: Path) -> dict[str, bytes]:
     """The files of an FMU that are parsed, by name."""
     if file.is_dir():
         return {name: (file / name).read_bytes() for name in DESCRIPTIONS if (file / name).is_file()}
-    with zipfile.ZipFile(file) as archive:
-        return {name: archive.read(entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {name: unpacked(archive, entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    except Damaged as problem:
+        message = f"{file.name} cannot be read: {problem}. Export the FMU again."
+        raise InputError(message, "cannot-extract", file.name) from problem
 
 
 def _archive(documents: Mapping[str, bytes]) -> io.BytesIO:

@@ -13,7 +13,7 @@ from msgspec import structs
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
 from ..codec import pack
-from ..execution.job import Done, Job, Outcome
+from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
 from ..loop.carry_over import CarryOver, carry_over
 from ..loop.trajectory import Status
@@ -110,7 +110,7 @@ def run(
             if number not in each.found:
                 _keep(each, number, failure, known)
                 tell(failure)
-    for each, number, found in _simulated(opened, execute, repeat):
+    for each, number, found in _simulated(opened, execute, _Chatter(first), repeat):
         _keep(each, number, found, known)
         tell(found)
     for each in opened:
@@ -178,7 +178,22 @@ def _figures(outcome: Outcome) -> bytes | None:
     return pack(structs.replace(judgement, message=""))
 
 
-def _simulated(opened: Sequence[_Open], execute: Execute, repeat: bool = False) -> Iterator[tuple[_Open, int, CaseRun]]:
+@dataclass
+class _Chatter:
+    """Says once of a batch that its FMUs log so much that it takes time, if it is ``wanted``."""
+
+    wanted: bool
+
+    def listen(self, outcome: Outcome, pairing: Pairing) -> None:
+        if self.wanted and isinstance(outcome, Done) and outcome.logged > MANY_LOGGED:
+            self.wanted = False
+            message = "%s logged %.1f million messages in a simulation, which takes time: switch its logging off."
+            logger.warning(message, pairing.controller.name, outcome.logged / 1e6)
+
+
+def _simulated(
+    opened: Sequence[_Open], execute: Execute, chatter: _Chatter, repeat: bool = False
+) -> Iterator[tuple[_Open, int, CaseRun]]:
     """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
     places: list[tuple[_Open, list[int], set[int]]] = []
@@ -208,6 +223,7 @@ def _simulated(opened: Sequence[_Open], execute: Execute, repeat: bool = False) 
             if number not in left or own.reason:
                 continue  # a cluster may run a job twice
             left.remove(number)
+            chatter.listen(outcome, own.entry.pairing)
             run = case_run(own.entry.cases[number], outcome)
             if own.entry.witness is not None and isinstance(outcome, Done) and isinstance(outcome.value, Simulated):
                 own.entry.witness(run.case, run.result, outcome.value.trajectory)

@@ -14,11 +14,11 @@ import numpy as np
 
 from ...codec import Scalar
 from ...errors import Crash, FmuError
-from .. import trace
+from .. import log, trace
 from ..archive import Archive
 from ..port import Port, unconnected
 from ..variables import Variable
-from . import log
+from . import said
 from .loading import refusal
 from .modules import PrivateModules
 
@@ -48,7 +48,7 @@ class Slave(ABC):
         self.archive, self.side = archive, side
         self._modules = PrivateModules(archive.folder / "resources")
         trace.current.note(side, "loading its library")
-        log.watch_files()
+        said.watch_files()
         folder = os.getcwd()
         try:
             self._fmu = self._load()
@@ -105,7 +105,7 @@ class Slave(ABC):
 
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last."""
-        return log.lines()
+        return said.lines()
 
     def lost(self) -> Crash:
         """What became of the process that holds the library, if it is another one and gives no answer."""
@@ -131,7 +131,7 @@ class Slave(ABC):
     @contextmanager
     def instantiated(self, stop_time: float) -> Iterator[Slave]:
         """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
-        log.clear()
+        log.current.clear()
         with self._modules.in_place(), self._reported("instantiation"):
             try:
                 self._instantiate(stop_time)
@@ -235,7 +235,7 @@ class Slave(ABC):
         except (Crash, FmuError):
             raise
         except Exception as problem:
-            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.lines()) from None
+            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, said.lines()) from None
 
     def _do(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call a method of the FMPy object."""

@@ -9,7 +9,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from .. import port
 from ..variables import Variable
-from . import log
+from . import logger
 from .base import Slave, Values
 
 
@@ -19,12 +19,9 @@ class Fmi3(Slave):
     with_sizes = True
     calls = {"set": "fmi3SetFloat64", "step": "fmi3DoStep", "get": "fmi3GetFloat64"}
 
-    def _on_message(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
-        log.note(self.archive.file.stem.encode(), status, message)
-
     def _instantiate(self, stop_time: float) -> None:
         self._stop_time = stop_time
-        self._fmu.instantiate(loggingOn=True, logMessage=self._on_message)
+        self._fmu.instantiate(loggingOn=True, logMessage=logger.logger_3(self.side, self.archive.file.stem))
 
     def _reset(self, stop_time: float) -> None:
         self._fmu.reset()
