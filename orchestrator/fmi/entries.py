@@ -104,8 +104,12 @@ def _file_and_folder(names: Iterable[str]) -> str:
 
 
 def extract(archive: zipfile.ZipFile, folder: Path) -> None:
-    """Write the files of a checked archive below ``folder``; raises what zipfile and the system raise."""
+    """Write the files of a checked archive below ``folder``; raises what zipfile and the system raise.
+
+    There is a folder of resources even if the archive has none: an FMU is told its location, and may look for it.
+    """
     folder.mkdir()
+    (folder / "resources").mkdir()
     for name, member in files_of(archive).items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from fmpy.model_description import ModelDescription
 
 from ..errors import InputError
-from .variables import Variable, variables
+from .variables import Variable, repeated_names, variables
 
 
 def find_parameters(
@@ -23,6 +23,9 @@ def find_parameters(
     found: dict[Variable, list[float]] = {}
     for name, value in given.items():
         base, _, index = name.rstrip("]").partition("[")
+        if twofold := {name, base} & repeated_names(description):
+            message = f"{what} has more than one variable {min(twofold)}, so none of them is set."
+            raise InputError(f"{message} Export the FMU again.", "not-settable", what, name)
         if name in settable and settable[name].size == 1:
             found[settable[name]] = [value]
         elif base in settable and index.isdigit() and 1 <= int(index) <= settable[base].size:
