@@ -1,15 +1,18 @@
 """FMUs with the properties of public bug reports: each has the score of its law, or is refused in a sentence.
 
-``docs/bug-reports.md`` lists them; ``REFRESH=reports python -m pytest tests/test_bug_reports.py`` writes the table anew.
+``docs/bug-reports.md`` lists them; ``REFRESH=reports python -m pytest tests/test_bug_reports.py`` writes its table.
 """
 
 import os
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from bug_reports.reports import REPORTS, Report
+from bug_reports.reports import REPORTS, Report, variable
 from bug_reports.specimens import Specimen
+from support.closed_loops import quiet, simulate_all
 from support.pid_fmus import built
+from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller, Evaluation
 from orchestrator.cache import VARIABLE, cache_folder
@@ -126,6 +129,27 @@ def test_no_step_ends_after_the_stop_time(samples):
     told = not_before_the_last_step(samples / 4000, step)
     assert all(k * step + step <= told for k in range(samples))
     assert told - samples / 4000 < 1e-6 * step
+
+
+@pytest.mark.parametrize("samples", [9, 10, 400])
+def test_an_fmu_that_ends_at_its_stop_time_does_its_last_step(samples, quick_plant_file, tmp_path):
+    file = Specimen("ends at the stop time").write(tmp_path / "controller.fmu")
+    (trajectory,) = simulate_all(quick_plant_file, file, [quiet(Fraction(samples, 4000))])
+    assert trajectory.ending.status == "done", trajectory.ending.message
+
+
+def test_a_reset_follows_an_initialization_with_values(benchmark, tmp_path):
+    """The check of it must not try the start values of inputs, which an FMU may refuse."""
+    file = Specimen("divides by an input").write(tmp_path / "controller.fmu")
+    (finding,) = (found for found in benchmark.check(Controller(file)).found if found.subject == "reset")
+    assert finding.severity == "ok", finding.text
+
+
+def test_a_parameter_that_exists_twice_is_not_set(benchmark, tmp_path):
+    twins = variable("K", causality="parameter", start="1.0", variability="fixed")
+    file = Specimen(edits=(twins, twins)).write(tmp_path / "controller.fmu")
+    error = refusal(benchmark.evaluate, Controller(file, parameters={"K": 2.0}))
+    assert error.what == "not-settable" and "more than one variable K" in str(error)
 
 
 def test_each_report_is_listed_once():
