@@ -12,7 +12,7 @@ from ..codec import Scalar
 from ..errors import InputError, unknown
 from .names import ARRAY, canonical, spelling
 from .units import conversion
-from .variables import Variable, variables
+from .variables import Variable, repeated_names, variables
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,7 @@ def bind(
             binding[connector.name] = _bound(description, connector, found, spelled, what)
         elif connector.required:
             raise _missing(connector, known, what)
+    _check_distinct(description, binding, what)
     return binding
 
 
@@ -241,6 +242,28 @@ def _bound(
     ]
     notes = tuple(dict.fromkeys(unit.note for unit in units if unit.note))
     return Bound(connector, tuple(found), (units[0].factor, units[1].factor), spelled, notes)
+
+
+def _check_distinct(description: ModelDescription, binding: Binding, what: str) -> None:
+    """Raise :class:`InputError` if a name or, of variables that are set, a value reference stands for two variables.
+
+    The standards forbid both. Either would be a silent mistake: the wrong one of two variables, or a measurement that
+    overwrites its reference.
+    """
+    bound = [variable for one in binding.values() for variable in one.variables]
+    for variable in bound:
+        if variable.name in repeated_names(description):
+            message = (
+                f"{what} has more than one variable {variable.name}. Rename all but one, and export the FMU again."
+            )
+            raise InputError(message, "connector-ambiguous", what, variable.name, (variable.name,))
+    owners: dict[int, str] = {}
+    for variable in bound:
+        if variable.causality in _SETTABLE and owners.setdefault(variable.reference, variable.name) != variable.name:
+            first = owners[variable.reference]
+            message = f"{what}: {first} and {variable.name} have the same value reference, {variable.reference}, "
+            message += "so they cannot have values of their own. Export the FMU again."
+            raise InputError(message, "bad-description", what, variable.name)
 
 
 def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> InputError:

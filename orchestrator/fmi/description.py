@@ -100,6 +100,10 @@ def _put_right(root: etree._Element) -> None:
     """Tell FMPy what it would look up for ``initial``."""
     version = str(root.get("fmiVersion"))
     if version.startswith("1"):
+        # FMPy drops this word. The variable has the value of another one with the opposite sign: were it bound as it
+        # stands, the loop would run with a wrong sign. As an internal variable it cannot be bound.
+        for variable in root.iterfind("ModelVariables/*[@alias='negatedAlias']"):
+            variable.set("causality", "internal")
         return
     for variable in root.iterfind("ModelVariables/*"):
         causality = variable.get("causality", "local")

@@ -136,8 +136,12 @@ def unpacked(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
 
 
 def extract(archive: zipfile.ZipFile, folder: Path) -> None:
-    """Write the files of a checked archive below ``folder``; raises :class:`Damaged`, and what the system raises."""
+    """Write the files of a checked archive below ``folder``; raises :class:`Damaged`, and what the system raises.
+
+    There is a folder of resources even if the archive has none: an FMU is told its location, and may look for it.
+    """
     folder.mkdir()
+    (folder / "resources").mkdir()
     for name, member in files_of(archive).items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

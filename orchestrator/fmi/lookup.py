@@ -9,7 +9,7 @@ from fmpy.model_description import ModelDescription
 from ..codec import Scalar
 from ..errors import InputError, unknown
 from .values import check_limits, typed
-from .variables import REAL_TYPES, Variable, variables
+from .variables import REAL_TYPES, Variable, repeated_names, variables
 
 
 def find_values(description: ModelDescription, given: Mapping[str, Scalar], what: str) -> dict[Variable, list[Scalar]]:
@@ -36,10 +36,13 @@ def canonical_values(description: ModelDescription, given: Mapping[str, Scalar],
 def place(description: ModelDescription, name: str, what: str) -> tuple[Variable, int]:
     """The variable that can be set by ``name``, and the number of the element that it stands for, from 0."""
     known = variables(description)
+    base, _, index = name.rstrip("]").partition("[")
+    if twofold := {name, base} & repeated_names(description):
+        message = f"{what} has more than one variable {min(twofold)}, so none of them is set."
+        raise InputError(f"{message} Export the FMU again.", "not-settable", what, name)
     variable = known.get(name)
     if variable is not None and variable.can_be_set and variable.size == 1:
         return variable, 0
-    base, _, index = name.rstrip("]").partition("[")
     array = known.get(base)
     if array is not None and array.can_be_set and index.isdecimal() and 1 <= int(index) <= array.size:
         return array, int(index) - 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -79,6 +80,13 @@ class Variable:
 def variables(description: ModelDescription) -> dict[str, Variable]:
     """All variables of an FMU by name; raises :class:`InputError` if a real's start value is not numeric."""
     return {variable.name: _convert(variable) for variable in description.modelVariables}
+
+
+@functools.lru_cache(maxsize=16)
+def repeated_names(description: ModelDescription) -> frozenset[str]:
+    """Names that more than one variable has; :func:`variables` gives the last of them."""
+    count = Counter(variable.name for variable in description.modelVariables)
+    return frozenset(name for name, number in count.items() if number > 1)
 
 
 def _convert(variable: ModelVariable) -> Variable:

@@ -87,10 +87,17 @@ def prepared(
         return
     binding = controller_binding(slave.archive, setup)
     before, within = start_values(slave.archive, binding, setup, steady, sample_time, first)
-    with slave.instantiated(stop_time):
+    with slave.instantiated(not_before_the_last_step(stop_time, float(sample_time))):
         slave.initialize(before, within)
         with slave.own_modules():
             yield _port(slave, binding, steady)
+
+
+def not_before_the_last_step(stop_time: float, step: float) -> float:
+    """The stop time [s] that a controller is told. The end of its last step, the sum of two numbers, may be rounded to
+    one beyond the stop time, and some FMUs refuse a step that goes beyond it by however little."""
+    last = (round(stop_time / step) - 1) * step + step
+    return last if 0.0 < last - stop_time < 1e-6 * step else stop_time
 
 
 @contextmanager

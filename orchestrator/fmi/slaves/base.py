@@ -40,6 +40,7 @@ class Slave(ABC):
 
     with_sizes = False
     _reset_first = False
+    _stop_time = 0.0
     calls: Mapping[str, str]
     """FMI names of the functions behind "set", "step" and "get"."""
 
@@ -139,12 +140,8 @@ class Slave(ABC):
                 raise
             except Exception as problem:
                 raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
+        self._stop_time = stop_time
         try:
-            if self._reset_first:
-                with self._modules.in_place():
-                    self._initialize({})
-                    with self._reported("reset"):
-                        self._reset(stop_time)
             yield self
         except Crash:  # the process ends, and its trace stays where that was
             raise
@@ -170,6 +167,12 @@ class Slave(ABC):
 
     def initialize(self, before: Values, within: Values) -> None:
         """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""
+        if self._reset_first:  # after the same initialization: an FMU may refuse one without values
+            self.set(before)
+            with self._modules.in_place():
+                self._initialize(within)
+                with self._reported("reset"):
+                    self._reset(self._stop_time)
         self.set(before)
         # pythonfmu drops a reference too many where a slave raises in exitInitializationMode; a later collection of
         # garbage may end the process, so one that has met a refusal does without.
