@@ -32,7 +32,7 @@ from orchestrator import Benchmark, Controller
 from orchestrator.benchmark import certificate as certificates
 from orchestrator.benchmark import draws
 from orchestrator.benchmark import protocol as protocols
-from orchestrator.benchmark.certificate import Figure, Score, identity, overall, seeds
+from orchestrator.benchmark.certificate import Figure, Score, overall, seeds
 from orchestrator.benchmark.draws import QUICKNET, Beacon, Entropy
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
@@ -296,12 +296,31 @@ def test_a_repetition_takes_everything_from_its_certificate(further):
     assert refusal(command.main, ["--repeat", "verification.json", further]).what == "contradiction"
 
 
-def test_draws_follow_from_the_controller_and_what_was_published():
-    pid = ("0" * 64, {}, {}, 0.25e-3)
-    changes = enumerate(("1" * 64, {"K_p[1]": 46.0}, {"q_m": "In"}, 1e-3))
-    others = [(*pid[:place], other, *pid[place + 1 :]) for place, other in changes]
-    drawn = {seeds(text, identity(*each), 2) for text in ("a", "b") for each in (pid, *others)}
-    assert len(drawn) == 10 and all(0 <= seed < 2**48 for pair in drawn for seed in pair)
+def test_draws_follow_from_the_fmu_and_what_was_published():
+    drawn = {seeds(text, sha256, 2, repetition) for text in "ab" for sha256 in "cd" for repetition in (0, 1)}
+    assert len(drawn) == 8 and all(0 <= seed < 2**48 for pair in drawn for seed in pair)
+    assert len({seed for pair in drawn for seed in pair}) == 16
+
+
+SAME = {"K_p[1]": 45.0}, {"K_p[1]": 45, "K_p[2]": 15.0}, {"K_p[2]": 15.0, "K_p[1]": 45.0}
+"""Spellings of the paper's PID as it is."""
+
+
+@pytest.mark.parametrize("parameters", [*SAME, {"K_p[1]": 46.0}, {"K_p[1]": 46.0, "K_i[1]": 31.0}])
+def test_nobody_chooses_among_draws_by_parameters_or_mapping(parameters, certificate, bench):
+    """One FMU and one round have one set of draws; what does not act is not told to the FMU, nor recorded."""
+    mapping = {"u_m[1]": "u_m[1]", "u_m[2]": "u_m[2]"}
+    found = verified(bench, Controller(None, parameters, mapping), draws=FIXED, count=2)
+    assert [draw.seed for draw in found.draws] == [draw.seed for draw in certificate.draws]
+    assert found.controller.mapping == {}
+    set_apart = {words for words in found.deviations if words.startswith("parameters of the controller are set")}
+    if parameters in SAME:
+        assert found.controller.parameters == {} and not set_apart
+        assert found.draws == certificate.draws
+    else:
+        assert found.controller.parameters == parameters and list(found.controller.parameters) == sorted(parameters)
+        assert set_apart == {f"parameters of the controller are set: {', '.join(sorted(parameters))}"}
+        assert found.draws != certificate.draws
 
 
 def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from ..codec import Natural, NonNegative, Struct, to_json
 from ..loop.trajectory import Status
@@ -124,16 +124,13 @@ class Reference(Tried, kw_only=True):
     file: str
 
 
-def identity(sha256: str, parameters: Mapping[str, float], mapping: Mapping[str, str], sample_time: float) -> str:
-    """SHA-256 of a controller with all that makes it behave as it does."""
-    used = [sha256, sorted(parameters.items()), sorted(mapping.items()), sample_time]
-    return hashlib.sha256(to_json(used, indent=None).encode()).hexdigest()
+def seeds(entropy: str, sha256: str, count: int, repetition: int = 0) -> tuple[int, ...]:
+    """The seeds of ``count`` draws of the FMU with this ``sha256``; a ``repetition`` has others.
 
-
-def seeds(entropy: str, controller: str, count: int, repetition: int = 0) -> tuple[int, ...]:
-    """The seeds of ``count`` draws: whoever changes the controller, which a hash identifies, changes its draws. A
-    ``repetition`` has others."""
-    words = (f"{entropy}\n{controller}\n{repetition * count + number}" for number in range(count))
+    They follow from nothing else: with one FMU and one round of the beacon, nobody can choose among draws. Without the
+    FMU, one could be made for the draws of a round that is known already.
+    """
+    words = (f"{entropy}\n{sha256}\n{repetition * count + number}" for number in range(count))
     return tuple(int(hashlib.sha256(word.encode()).hexdigest()[:12], 16) for word in words)
 
 
