@@ -124,51 +124,6 @@ def test_a_controller_alone_sees_none_of_the_users_files(tmp_path):
     assert seen == {False: [False, True, True, True], True: [False, False, "tests" in str(sys.path), True]}
 
 
-CALLS = """
-import ctypes, fcntl, mmap, os, platform, socket, sys
-from orchestrator.execution.seccomp import refuse_marks
-libc = ctypes.CDLL(None)
-file = open(sys.executable, "rb")
-keyctl = {"x86_64": 250, "aarch64": 219}[platform.machine()]
-flag = getattr(os, "RWF_NOWAIT", 8)
-refused = [
-    lambda: fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
-    lambda: fcntl.lockf(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
-    lambda: fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK),
-    lambda: fcntl.fcntl(file, fcntl.F_NOTIFY, fcntl.DN_ACCESS),
-    lambda: os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED),
-    lambda: os.preadv(file.fileno(), [bytearray(1)], 0, flag),
-    lambda: mmap.mmap(-1, 4096).madvise(21),
-    lambda: socket.socket(40, socket.SOCK_STREAM),
-    lambda: libc.inotify_init() >= 0 or 1 / 0,
-    lambda: libc.syscall(keyctl, 0, -3, 0) >= 0 or 1 / 0,
-]
-allowed = [
-    lambda: fcntl.fcntl(file, fcntl.F_GETFL),
-    lambda: os.preadv(file.fileno(), [bytearray(1)], 0),
-    lambda: mmap.mmap(-1, 4096).madvise(mmap.MADV_DONTNEED),
-    lambda: [socket.socket(family) for family in (socket.AF_UNIX, socket.AF_INET, socket.AF_INET6)],
-]
-
-def works(call):
-    try:
-        call()
-    except (OSError, ZeroDivisionError):
-        return False
-    return True
-
-assert refuse_marks()
-print([works(call) for call in refused], [works(call) for call in allowed])
-"""
-
-
-@pytest.mark.needs("linux")
-def test_calls_that_leave_or_find_a_trace_are_refused(tmp_path):
-    """Locks, watched files, pages in memory, keyrings, sockets of virtual machines: they are the whole machine's."""
-    done = finished([*program(CALLS)], folder=tmp_path)
-    assert done.stdout.split("] ") == [str(10 * [False])[:-1], str(4 * [True]) + "\n"], done.stderr
-
-
 SCRIPT = """
 import sys
 from importlib.machinery import PathFinder

@@ -9,12 +9,14 @@ import hashlib
 import math
 from collections.abc import Iterable, Sequence
 
+from msgspec import structs
+
 from ..codec import Natural, NonNegative, Struct, to_json
 from ..loop.trajectory import Status
 from .results import CaseResult, Kind, Requirement, Rules, Scorecard
 from .scorecard import score
 from .spread import statistic
-from .tally import Tally, merged, reason
+from .tally import Tally, merged, reason, with_given_up
 
 
 class Figure(Struct):
@@ -44,8 +46,9 @@ class RequirementFound(Struct):
     """A requirement over the draws.
 
     ``passed`` is False if it is not met in a draw (there are ``failed_draws`` of them), else None if it is not judged
-    in one, else True. ``tally`` counts the cases of all draws. ``worst_case`` is that of the worst draw, or the first
-    case that was skipped or lost; it has no value then.
+    in one, else True. A case that was skipped counts as failed: only failures of the controller in others cause that.
+    ``tally`` counts the cases of all draws. ``worst_case`` is that of the worst draw, or the first
+    case that was lost; it has no value then.
     """
 
     passed: bool | None
@@ -172,7 +175,7 @@ def _criterion(name: str, cards: Sequence[tuple[int, Scorecard]]) -> CriterionFo
 
 
 def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> RequirementFound:
-    found = [(seed, card.stability[name]) for seed, card in cards]
+    found = [(seed, _failing(card.stability[name])) for seed, card in cards]
 
     def badness(draw: tuple[int, Requirement]) -> tuple[bool, bool, bool, float]:
         own = draw[1]
@@ -189,3 +192,9 @@ def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> Requireme
         worst_case=None if id is None else WorstDraw(id, seed, value),
         tally=over,
     )
+
+
+def _failing(found: Requirement) -> Requirement:
+    """The same requirement where a case that was skipped has failed."""
+    own = with_given_up(found.tally)
+    return structs.replace(found, tally=own, passed=own.passed)

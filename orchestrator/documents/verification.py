@@ -90,6 +90,12 @@ class Verification(Document, Comparable, kw_only=True):
         return completeness([case for score in own for case in score.cases], tallies)
 
     @property
+    def finished(self) -> bool:
+        """Whether all cases of the controller were run to an end of their own: none was skipped or lost."""
+        cases = (*self.cases, *(self.strict.cases if self.strict else ()))
+        return not any(case.status in (Status.SKIPPED, Status.LOST) for case in cases)
+
+    @property
     def deviations(self) -> tuple[str, ...]:
         """By what it was not made under the standard conditions, in words; nothing if it was."""
         found = list(deviations(self.head, len(self.draws), self.cases, self.strict, self.references))
