@@ -21,6 +21,7 @@ from orchestrator import Benchmark
 from orchestrator.execution import sandbox, sandbox_probe
 from orchestrator.execution.interpreter import program
 from orchestrator.execution.job import Done
+from orchestrator.execution.seccomp import TALK
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import pairing
@@ -222,8 +223,48 @@ def test_a_probe_finds_what_a_sandbox_leaves_open(monkeypatch):
     monkeypatch.setattr(sandbox, "OPTIONS", open_network)
     monkeypatch.setattr(sandbox, "NO_USER_NAMESPACES", ())
     monkeypatch.setattr(sandbox, "HIDDEN", ())
+    monkeypatch.setattr(sandbox, "ALONE", ())
+    monkeypatch.setattr(sandbox, "NO_PROC", sandbox.SYSTEM)
     found = sandbox_probe.leaks()
     assert {"the network", "the processes of others"} <= set(found)
+
+
+@sandboxed
+def test_a_probe_finds_what_the_kernel_shows_and_counts(monkeypatch):
+    monkeypatch.setattr(sandbox, "ALONE", ())
+    monkeypatch.setattr(sandbox, "NO_PROC", sandbox.SYSTEM)
+    assert set(sandbox_probe.leaks()) == {"what the kernel shows in /proc", "terminals, which the machine counts"}
+
+
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize("name", TALK)
+def test_a_probe_sees_that_a_call_is_not_refused(name):
+    """Here, where there is no filter."""
+    sandbox_probe._works(name)
+
+
+LOOK = """
+import os
+
+def shown(path):
+    # Of /proc, files of processes are those of the sandbox; what is hidden is a device without contents.
+    words = path.split("/")
+    return words[1] != "proc" or not (words[2].isdecimal() or os.path.islink(path) or os.stat(path).st_rdev == NULL)
+
+NULL = os.stat("/dev/null").st_rdev
+found = {folder: sorted(os.path.relpath(os.path.join(place, name), folder) for place, _, names in os.walk(folder)
+    for name in names if shown(os.path.join(place, name))) for folder in ("/proc", "/sys", "/dev")}
+print(found)
+"""
+
+
+@sandboxed
+@pytest.mark.parametrize("talking", [False, True])
+def test_a_controller_alone_sees_nothing_that_the_kernel_says_of_the_machine(talking, tmp_path):
+    """Files of /proc and /sys show counters that another controller moves, in the same second or long before."""
+    words = [*sandbox.command((), alone=True, talking=talking), *program(LOOK)]
+    done = finished(words, folder=tmp_path, environment=sandbox.environment(os.environ))
+    assert literal_eval(done.stdout) == {"/proc": [], "/sys": [], "/dev": sorted(sandbox.DEVICES)}, done.stderr
 
 
 @sandboxed

@@ -85,10 +85,9 @@ def with_given_up(found: Tally) -> Tally:
     In a verification nothing but failures of the controller itself makes that other cases are skipped; which ones
     follows from the order of the cases, which says nothing about a requirement.
     """
-    failed: dict[Any, int] = dict(found.failed)
-    if skipped := found.not_judged.get("skipped"):
-        failed["given up"] = skipped
-    return _of(found.cases, {**found.not_judged, **failed, "skipped": 0}, found.first)
+    counts: dict[str, int] = {name: count for each in (found.failed, found.not_judged) for name, count in each.items()}
+    skipped = counts.pop("skipped", 0)
+    return _of(found.cases, {**counts, "given up": counts.get("given up", 0) + skipped}, found.first)
 
 
 def _of(cases: int, counts: Mapping[str, int], first: str) -> Tally:

@@ -35,13 +35,15 @@ SYSTEM = ("--dev", "/dev", *SHARED_MEMORY, "--proc", "/proc", "--remount-ro", "/
 
 DEVICES = ("null", "zero", "full", "random", "urandom")
 
-NOTHING_OF_THE_SYSTEM = (
+ALONE = (
     *("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", f"/dev/{name}", f"/dev/{name}"))),
     *SHARED_MEMORY,
-    *("--tmpfs", "/proc", "--remount-ro", "/proc"),
 )
-"""For a controller alone, no terminals, of which the machine has a number, and no /proc: files there show counters of
-the whole machine, which a controller can move, and each that is looked up moves another counter."""
+"""A controller alone has no terminals, of which the machine has a number."""
+
+NO_PROC = ("--tmpfs", "/proc", "--remount-ro", "/proc")
+"""Nor has it /proc: files there show counters of the whole machine, which a controller can move, and each that is
+looked up moves another counter."""
 
 NO_USER_NAMESPACES = ("--unshare-user", "--disable-userns")
 """Inside, nobody becomes root in a namespace of its own, from which much of the kernel can be reached. Bubblewrap has
@@ -67,9 +69,10 @@ GIVEN = ".given"
 sandbox, however that or its owner ends."""
 
 
-def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
+def command(fmus: Iterable[Path], alone: bool = False, talking: bool = False) -> list[str]:
     """The words before a command that let it run in a sandbox with the extracted ``fmus``; one of a controller
-    ``alone`` shows none of the user's files, and nothing in which the kernel says how it is.
+    ``alone`` shows none of the user's files, and nothing in which the kernel says how it is, but the processes inside
+    if some are ``talking`` with each other (:func:`.seccomp.refuse_marks`).
 
     Raises :class:`InputError` where there is no sandbox on this machine.
     """
@@ -77,7 +80,7 @@ def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
     if program is None:
         raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
-    system = NOTHING_OF_THE_SYSTEM if alone else SYSTEM
+    system = (*ALONE, *(_processes_only() if talking else NO_PROC)) if alone else SYSTEM
     rest = (*OPTIONS, *system, *_mounts(cache, alone), "--dir", WORK, "--chdir", WORK)
     try:
         start = (program, *NO_USER_NAMESPACES, *rest)
@@ -86,6 +89,14 @@ def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
         start = (program, *rest)
         _check(start)
     return [*start, *_given(fmus, cache), "--"]
+
+
+def _processes_only() -> tuple[str, ...]:
+    """Options that show of /proc what belongs to processes alone, and the links to that."""
+    with os.scandir("/proc") as entries:
+        others = [each for each in entries if not each.name.isdecimal() and not each.is_symlink()]
+    empty = {each.path: ("--tmpfs",) if each.is_dir() else ("--ro-bind", os.devnull) for each in others}
+    return "--proc", "/proc", *(word for path in sorted(empty) for word in (*empty[path], path)), *NO_PROC[2:]
 
 
 def environment(outside: Mapping[str, str]) -> dict[str, str]:
