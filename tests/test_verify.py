@@ -45,6 +45,7 @@ from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.built_in import built_in
 from orchestrator.study import verify as verification
+from orchestrator.version import __version__
 from orchestrator.views.table import VERDICTS
 
 pytestmark = [
@@ -336,6 +337,14 @@ def test_a_certificate_that_contradicts_itself_is_refused(certificate, tmp_path)
     first, *others = certificate.cases
     file.write_text(to_json(structs.replace(certificate, cases=(structs.replace(first, seed=7), *others))))
     assert "a case is of no draw" in str(refusal(Verification.load, file))
+
+
+def test_a_certificate_of_an_older_form_names_the_version_that_repeats_it(certificate, tmp_path):
+    file = tmp_path / "verification.json"
+    file.write_text(to_json(certificate).replace(Verification.SCHEMA, "flexible-manipulator-verification/5"))
+    problem = refusal(Verification.load, file)
+    assert problem.what == "other-schema"
+    assert f"or read it with version {__version__}, which made it." in str(problem)
 
 
 def test_an_invented_cost_is_refused(certificate, tmp_path):
