@@ -230,7 +230,8 @@ def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
     text = read(file, LARGEST_RESULTS, kind.MISSING)
     try:
-        form = from_json(text, _Schema).schema
+        known = from_json(text, _Schema)
+        form = known.schema
         if form == kind.SCHEMA:
             return from_json(text, kind)
         name, _, number = kind.SCHEMA.rpartition("/")
@@ -244,13 +245,20 @@ def _read(file: Path, kind: type[D]) -> D:
         own = form.removeprefix(f"{name}/")
         if own != form and own.isdecimal():
             later = int(own) > int(number)
-            message += " A later version of this package made it." if later else " Make it again with this version."
+            message += " A later version of this package made it." if later else " Make it again with this version"
+            version = known.head.environment.get("flexible_manipulator_benchmark", "")
+            message += "" if later else f", or read it with version {version}, which made it." if version else "."
         raise InputError(message, "other-schema", file, form)
     return found
 
 
+class _Made(msgspec.Struct, frozen=True):
+    environment: dict[str, str] = {}
+
+
 class _Schema(msgspec.Struct):
     schema: str = ""
+    head: _Made = _Made()
 
 
 def older_head(older: Mapping[str, Any], **changes: Any) -> dict[str, Any]:

@@ -16,6 +16,10 @@ from .sandboxed import fill_cache
 LARGEST_FILE = 16 * 1024**2
 """Bytes that a file may have which the controller writes, and what it prints and logs."""
 
+OF_THE_USER = {resource.RLIMIT_SIGPENDING: 256, resource.RLIMIT_MSGQUEUE: 0, resource.RLIMIT_MEMLOCK: 1 << 20}
+"""Limits of what the kernel counts for a user over all sandboxes: a controller reaches its own first, and so learns
+nothing of the others."""
+
 
 def main() -> None:
     """Run the controller that is asked for through standard input, and answer through standard output."""
@@ -42,6 +46,10 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    for kind, limit in OF_THE_USER.items():
+        hard = resource.getrlimit(kind)[1]
+        least = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (least, least))
     requests, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -50,7 +58,7 @@ def main() -> None:
     log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
-        refuse_marks(no_locks=begin.controller.way == WINE)
+        refuse_marks(talking=begin.controller.way == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
