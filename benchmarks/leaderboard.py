@@ -32,7 +32,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import build_fmus  # noqa: E402
-from benchmarks.leaderboard_tables import PAGES, PICTURE, Figures, draw, name_of, pages  # noqa: E402
+from benchmarks.claims import Figures, name_of  # noqa: E402
+from benchmarks.leaderboard_tables import PAGES, PICTURE, draw, pages  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
