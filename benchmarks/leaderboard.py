@@ -13,8 +13,8 @@
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept and from the
                                                     certificates in submissions/ (docs/publishing.md)
 
-The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results;
-nothing in the tables is typed.
+The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results. The
+tables are made from them and from docs/claims.json, which has what others found beyond the searches (claims.py).
 """
 
 from __future__ import annotations
