@@ -1,7 +1,12 @@
-"""V of lists of arms that the searches of others have found: lower bounds of V that anybody can check.
+"""Worse cases than the leaderboard's searches have found: failures and margins, and V of lists of arms.
 
-    python benchmarks/counterexamples.py                    RobustLQG on the lists of counterexamples/
+    python benchmarks/counterexamples.py                    RobustLQG: the claims about it that have a command of their
+                                                            own, and the lists of counterexamples/ (two minutes)
     python benchmarks/counterexamples.py RobustLinearLQG    another controller
+    python benchmarks/counterexamples.py --claims           the claims alone (half a minute)
+
+The claims are those of docs/claims.json (benchmarks/claims.py). Each is simulated by its command, and with eight other
+realizations of the noise.
 
 Each list has one arm for each of B5, B6 and B7 at each pose of ``strict``:
 
@@ -17,9 +22,13 @@ direction of the force [rad], the sweep [Hz], the seed of the noise, and the val
 from __future__ import annotations
 
 import argparse
+import io
 import json
+import shlex
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from itertools import chain, islice
 from pathlib import Path
 from statistics import mean
@@ -27,10 +36,14 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
+import build_fmus  # noqa: E402
+from benchmarks.claims import ROOT, claims  # noqa: E402
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
 from orchestrator.benchmark.results import CaseResult, rules  # noqa: E402
-from orchestrator.benchmark.scorecard import score  # noqa: E402
+from orchestrator.benchmark.scorecard import kind, outcome, score  # noqa: E402
+from orchestrator.cli import simulate  # noqa: E402
+from orchestrator.codec import from_json  # noqa: E402
 from orchestrator.execution import store  # noqa: E402
 from orchestrator.search.member import Member, case_of, names  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
@@ -41,11 +54,62 @@ from orchestrator.study.requests import Batch, Entry  # noqa: E402
 LISTS = Path(__file__).with_suffix("")
 
 
+COMMAND = "python -m orchestrator.simulate "
+"""What the command of a claim begins with that is one case."""
+
+SEEDS = range(1, 9)
+"""Other realizations of the noise that a failure is repeated with."""
+
+
 def main() -> None:
     """Simulate the arms."""
-    parser = argparse.ArgumentParser(description="V of lists of arms that the searches of others have found.")
+    parser = argparse.ArgumentParser(description="Worse cases than the leaderboard's searches have found.")
     parser.add_argument("name", nargs="?", default="RobustLQG", metavar="NAME", help="one of the project's controllers")
-    controller, bench = Controller.built_in(parser.parse_args().name), Benchmark("strict")
+    parser.add_argument("--claims", action="store_true", help="only the claims, not the lists")
+    given = parser.parse_args()
+    controller, bench = Controller.built_in(given.name), Benchmark("strict")
+    file = build_fmus.build(given.name, ROOT / "build" / "fmus")
+    for command in dict.fromkeys(claim.command for claim in claims() if claim.controller == given.name):
+        if command.startswith(COMMAND):
+            named = [claim for claim in claims() if claim.command == command]
+            figures = " and ".join(claim.figure for claim in named)
+            result, *others = (repeated(command, file, seed) for seed in (None, *SEEDS))
+            failing = sum(fails(each, bench.rules) for each in others)
+            print(f"{figures}: {told(result, bench.rules)}; fails with {failing} of {len(others)} other seeds")
+    if not given.claims:
+        on_lists(controller, bench)
+
+
+def repeated(command: str, controller: Path, seed: int | None = None) -> CaseResult:
+    """What the command of a claim gives with the FMU ``controller``, by the command line itself; with another ``seed``
+    of the noise than it says."""
+    words = [str(controller), *shlex.split(command.removeprefix(COMMAND))[1:]]
+    if seed is not None:
+        words += ["--seed", str(seed)]  # of two, the last one counts
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        redirect_stdout(io.StringIO()) as told,
+        redirect_stderr(io.StringIO()),
+    ):
+        simulate.main([*words, "--json", "--output-dir", folder])
+    return from_json(told.getvalue(), CaseResult)
+
+
+def fails(result: CaseResult, protocol: Protocol) -> bool:
+    """Whether a case of a stability test does not hold."""
+    return outcome(result, protocol.stability) != "holds"
+
+
+def told(result: CaseResult, protocol: Protocol) -> str:
+    """How the case ended, in words."""
+    figures = result.measurements
+    cycle = f"{1e6 * (figures.limit_cycle or 0.0):.1f} µm at {figures.limit_cycle_frequency or 0.0:.1f} Hz"
+    away = f"TCP error {1e3 * (figures.rest_error or 0.0):.3f} mm in the last second"
+    return f"{result.test}: {kind(result, protocol.stability)}, {cycle}, {away}"
+
+
+def on_lists(controller: Controller, bench: Benchmark) -> None:
+    """V of each list of arms."""
     lists = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(LISTS.glob("*.json"))}
     arms = [arm for each in lists.values() for found in each.values() for arm in found]
     strict, results = simulated(bench, controller, arms)

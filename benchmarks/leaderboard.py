@@ -13,8 +13,8 @@
     python benchmarks/leaderboard.py --table        write the tables anew from the figures that are kept and from the
                                                     certificates in submissions/ (docs/publishing.md)
 
-The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results;
-nothing in the tables is typed.
+The figures are kept in docs/leaderboard.json, each with the hashes of controller, plant, code and all case results. The
+tables are made from them and from docs/claims.json, which has what others found beyond the searches (claims.py).
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import build_fmus  # noqa: E402
-from benchmarks.leaderboard_tables import PAGES, PICTURE, Figures, draw, name_of, pages  # noqa: E402
+from benchmarks.claims import Figures, name_of  # noqa: E402
+from benchmarks.leaderboard_tables import PAGES, PICTURE, draw, pages  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402

@@ -11,6 +11,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.claims import Claim, Figures, best_known, claims, counting, known, name_of  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
 from benchmarks.submissions import BASELINE, HELD, SUBMISSIONS, VERIFIED, submissions, verified_table  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
@@ -45,22 +46,17 @@ WORST_HEAD = (
 MAKER = "benchmarks/leaderboard.py"
 BRIEF_HEAD = "| controller | V | V found (at least) | requirements |\n" + 4 * "|---" + "|\n"
 
+CRITERIA = {"V": "", "B5": "m", "B6": "s", "B7": "m"}
+"""The SI units of what a claim without arms can be about, beside margins."""
+
 REACHES = ("cost", "stability")
 """Parts of the robustness radius: of V, and of A1-A3."""
-
-Figures = Mapping[str, Any]
-"""What is kept of a ``results.json``, under the same names."""
 
 
 def standing(figures: Figures) -> tuple[bool, float]:
     """What the order goes by: those first for which no system was found that breaks a requirement, then V found."""
     found = figures["robustness"]
     return not all(entry["passed"] for entry in found["requirements"].values()), found["cost"]
-
-
-def name_of(figures: Figures) -> str:
-    """The name of the controller's FMU."""
-    return Path(figures["controller"]["file"]).stem
 
 
 def row(figures: Figures, name: str) -> str:
@@ -70,7 +66,7 @@ def row(figures: Figures, name: str) -> str:
 
 
 def worst_row(figures: Figures, name: str, *more: str) -> str:
-    """A line of the table of worst cases, with ``more`` cells at its end."""
+    """A line of the table of worst cases, of what is :func:`known`, with ``more`` cells at its end."""
     strict, found = figures["strict"], figures["robustness"]
     margins, radius = found["margins"], found["radius"]
     gains, delays = (
@@ -80,12 +76,12 @@ def worst_row(figures: Figures, name: str, *more: str) -> str:
     cells = (
         f"{figures['cost']:.1f}",
         f"{strict['cost']:.1f}",
-        f"**{found['cost']:.1f}**",
+        _worst_cost(found),
         *map(verdicts, (figures["stability"], strict["stability"], found["requirements"])),
         *(shown(found["worst_case"][key]) for key in ("B5", "B6")),
         gains,
         delays,
-        " and ".join(number(radius[key]) if radius[key] is not None else f"> {radius['limit']:g}" for key in REACHES),
+        " and ".join(_reach(radius, key) for key in REACHES),
         *more,
     )
     return f"| {name} | {' | '.join(cells)} |\n"
@@ -103,20 +99,33 @@ def verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _margin(margin: Mapping[str, Any], factor: float) -> str:
     value = margin["value"]
-    return f"> {number(factor * margin['limit'])}" if value is None else number(factor * value)
+    return f"> {number(factor * margin['limit'])}" if value is None else number(value, factor, exact=True)
+
+
+def _reach(radius: Mapping[str, Any], part: str) -> str:
+    value = radius[part]
+    if value is None:
+        return f"> {radius['limit']:g}"
+    return f"≤ {number(value)}" if part in radius["at_most"] else number(value)
+
+
+def _worst_cost(found: Mapping[str, Any], mark: str = "**") -> str:
+    """The largest V known; beside it that of the own search, where others found more."""
+    own = "" if found["cost"] == found["own_cost"] else f" (own search: {found['own_cost']:.1f})"
+    return f"{mark}{found['cost']:.1f}{mark}{own}"
 
 
 def brief(kept: Sequence[Figures]) -> str:
     """The README's table, in the order of what was found."""
     return BRIEF_HEAD + "".join(
         f"| [{name_of(each)}]({PAGES[name_of(each)]}/README.md) | {each['cost']:.1f} "
-        f"| {each['robustness']['cost']:.1f} | {_failing(each)} |\n"
+        f"| {_worst_cost(each['robustness'], '')} | {_failing(each)} |\n"
         for each in sorted(kept, key=standing)
     )
 
 
 def _failing(figures: Figures) -> str:
-    """The requirements that some case fails: of ``paper``, of ``strict``, or found by the search."""
+    """The requirements that some case fails: of ``paper``, of ``strict``, or found by a search."""
     judged = (figures["stability"], figures["strict"]["stability"], figures["robustness"]["requirements"])
     failing = sorted({name for each in judged for name, entry in each.items() if entry["passed"] is False})
     if not failing:
@@ -136,31 +145,52 @@ def leaderboard(kept: Sequence[Figures]) -> str:
 
 
 def starts(kept: Sequence[Figures]) -> str:
-    """How far V found depends on the start of the search."""
+    """How far V of the own searches depends on the start, in the order of what is known."""
     lines = []
     for each in sorted(kept, key=standing):
         found = each["robustness"]
         smallest, largest = min(found["starts"]), max(found["starts"])
         costs = ", ".join(f"{cost:.1f}" for cost in found["starts"])
         lines.append(
-            f"| `{name_of(each)}` | {found['budget']:,} | {found['simulations']:,} | {found['cost']:.1f} | {costs} "
+            f"| `{name_of(each)}` | {found['budget']:,} | {found['simulations']:,} | {found['own_cost']:.1f} | {costs} "
             f"| {100.0 * (largest - smallest) / largest:.1f} % |\n"
         )
-    head = "| controller | budget, whole cases | simulations | V found | V of each start | spread |\n"
+    head = "| controller | budget, whole cases | simulations | V of all starts | V of each start | spread |\n"
     return head + 6 * "|---" + "|\n" + "".join(lines)
 
 
-def scorecard(kept: Sequence[Figures], name: str) -> str:
+def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> str:
     """The tables of a controller's own page: its figures, their shares of V, those on ``strict``, the baseline's; and
     the worst cases found, with the commands that repeat them; the spread over seeds."""
     own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
+    repeatable = known(own, [claim for claim in others if claim.command])["robustness"]
+    reported = [claim for claim in counting(own, others).values() if not claim.command]
     shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
-        f"{WORST_HEAD}{worst_row(own, name)}\n{broken(own['robustness'])}"
-        f"{_seeds(own)}\n{largest(own['robustness'])}"
+        f"{WORST_HEAD}{worst_row(known(own, others), name)}\n{broken(repeatable)}"
+        f"{_seeds(own)}\n{largest(repeatable)}{_reported(reported)}"
     )
+
+
+def _reported(claimed: Sequence[Claim]) -> str:
+    """What others reported without the arms."""
+    if not claimed:
+        return ""
+    words = "; ".join(f"{_words(claim)} ({claim.by}, {claim.date})" for claim in claimed)
+    return f"\nReported, and not repeated here, since the arms were not published: {words}.\n"
+
+
+def _words(claim: Claim) -> str:
+    """What a claim says of its figure."""
+    assert claim.value is not None
+    if claim.figure.startswith("delay"):
+        return f"a failure at `{claim.figure}` of {number(claim.value, 1e3, exact=True)} ms"
+    if claim.figure.startswith("gain"):
+        return f"a failure at `{claim.figure}` of {number(claim.value, exact=True)}"
+    unit = SHOWN[CRITERIA[claim.figure]]
+    return f"{claim.figure} of {number(claim.value * unit.factor)} {unit.shown}".rstrip()
 
 
 def _seeds(figures: Figures) -> str:
@@ -187,10 +217,17 @@ def broken(found: Mapping[str, Any]) -> str:
         return f"No system that breaks A1, A2 or A3 was found in {found['simulations']} simulations.\n"
     return "\n".join(
         f"**{' and '.join(names)} fail{'s' if len(names) == 1 else ''}** for a system within Table 1: {entry['kind']}, "
-        f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz, with "
-        f"{entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n```sh\n{command}\n```\n"
+        f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz"
+        f"{_at_rest(entry)}, with {entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n"
+        f"```sh\n{command}\n```\n"
         for command, (entry, names) in failures.items()
     )
+
+
+def _at_rest(entry: Mapping[str, Any]) -> str:
+    """How far away the TCP stays, where that is kept."""
+    error = entry.get("rest_error")
+    return "" if error is None else f" around a place {number(error, 1e3)} mm away"
 
 
 def largest(found: Mapping[str, Any]) -> str:
@@ -203,12 +240,15 @@ def largest(found: Mapping[str, Any]) -> str:
         if entry["value"] is not None:
             kind, factor, unit = ("delay", 1e3, " ms") if name.startswith("delay") else ("gain", 1.0, " times")
             where = "axis " + name.removeprefix(f"{kind}_").replace("_down", ", downwards")
-            lines.append(f"# {kind} margin of {where}: {number(factor * entry['value'])}{unit}\n{entry['command']}")
+            lines.append(
+                f"# {kind} margin of {where}: {number(entry['value'], factor, exact=True)}{unit}\n{entry['command']}"
+            )
     return "The worst cases found, and what the margins were found with:\n\n```sh\n" + "\n".join(lines) + "\n```\n"
 
 
 def draw(kept: Sequence[Figures], file: Path) -> None:
-    """V on ``strict`` against the factor on all tolerances at which a requirement fails: low and right is good."""
+    """V on ``strict``, and the largest V known, against the factor on all tolerances at which a requirement fails: low
+    and right is good."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -218,7 +258,7 @@ def draw(kept: Sequence[Figures], file: Path) -> None:
     panel.axhline(100.0, color="0.6", lw=0.8, ls="--")
     panel.axvline(1.0, color="0.6", lw=0.8, ls="--")
     panel.annotate("target", (0.0, 100.0), xycoords=("axes fraction", "data"), fontsize=7, color="0.4", va="bottom")
-    for each in kept:
+    for each in best_known(kept):
         cost, radius = each["strict"]["cost"], each["robustness"]["radius"]
         reach = radius["limit"] if radius["stability"] is None else radius["stability"]
         point = ">" if radius["stability"] is None else "o"
@@ -236,17 +276,18 @@ def draw(kept: Sequence[Figures], file: Path) -> None:
 
 
 def pages(kept: Sequence[Figures]) -> dict[Path, str]:
-    """The files that hold a table, with what they should say."""
+    """The files that hold a table, with what they should say, by the figures and the claims that are kept."""
+    others, worst = claims(), best_known(kept)
     tables = {
-        README: brief(kept),
-        BOARD: leaderboard(kept),
-        SEARCHES: starts(kept),
+        README: brief(worst),
+        BOARD: leaderboard(worst),
+        SEARCHES: starts(worst),
         VERIFIED: verified_table(submissions(SUBMISSIONS)),
     }
-    known = {name_of(each) for each in kept}
+    names = {name_of(each) for each in kept}
     tables |= {
-        ROOT / folder / "README.md": scorecard(kept, name)
+        ROOT / folder / "README.md": scorecard(kept, others, name)
         for name, folder in PAGES.items()
-        if {name, BASELINE} <= known
+        if {name, BASELINE} <= names
     }
     return {file: with_table(file.read_text(encoding="utf-8"), table, MAKER) for file, table in tables.items()}

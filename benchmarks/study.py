@@ -24,9 +24,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.claims import best_known, claims, counting, name_of  # noqa: E402
 from benchmarks.leaderboard import FIGURES as LEADERBOARD  # noqa: E402
 from benchmarks.leaderboard import built, searched_as  # noqa: E402
-from benchmarks.leaderboard_tables import PAGES, name_of, shown, standing, verdicts  # noqa: E402
+from benchmarks.leaderboard_tables import PAGES, shown, standing, verdicts  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator import Benchmark, Reliability  # noqa: E402
 from orchestrator.benchmark.reliability import draws_needed  # noqa: E402
@@ -105,19 +106,27 @@ def table(kept: Figures) -> str:
 
 
 def found_table() -> str:
-    """What :data:`RATIONED` has on ``paper``, on ``strict`` and in the search, from the figures of the leaderboard."""
-    (own,) = (each for each in leaderboard() if name_of(each) == RATIONED)
-    found, strict = own["robustness"], own["strict"]
+    """What :data:`RATIONED` has on ``paper``, on ``strict``, in the own search, and what is reported beyond that."""
+    (own,) = (each for each in searched() if name_of(each) == RATIONED)
+    (worst,) = best_known([own])
+    found, strict, reported = own["robustness"], own["strict"], counting(own, claims())["V"]
+    means = {key: {"value": value, "unit": found["criteria"][key]["unit"]} for key, value in reported.means.items()}
     rows = (
-        ("sample of the protocol `paper`", own, own["stability"]),
-        ("list `strict`", strict, strict["stability"]),
-        (f"found by the search, {found['simulations']:,} simulations", found, found["requirements"]),
+        ("sample of the protocol `paper`", own["cost"], own["criteria"], own["stability"]),
+        ("list `strict`", strict["cost"], strict["criteria"], strict["stability"]),
+        (
+            f"own search, {found['simulations']:,} simulations",
+            found["cost"],
+            found["criteria"],
+            found["requirements"],
+        ),
+        (f"reported by {reported.by}", worst["robustness"]["cost"], means, worst["robustness"]["requirements"]),
     )
     head = f"| `{RATIONED}` | V | A1 A2 A3 | B5 mm | B6 s | B7 mm |\n" + 6 * "|---" + "|\n"
     return head + "".join(
-        f"| {words} | {scores['cost']:.1f} | {verdicts(requirements)} "
-        f"| {' | '.join(shown(scores['criteria'][key]) for key in CRITERIA)} |\n"
-        for words, scores, requirements in rows
+        f"| {words} | {cost:.1f} | {verdicts(requirements)} "
+        f"| {' | '.join(shown(criteria[key]) for key in CRITERIA)} |\n"
+        for words, cost, criteria, requirements in rows
     )
 
 
@@ -131,10 +140,21 @@ def ordered() -> list[str]:
     return [name_of(each) for each in sorted(leaderboard(), key=standing)]
 
 
-def leaderboard() -> list[dict[str, Any]]:
-    """The figures of the leaderboard."""
+def leaderboard() -> list[Figures]:
+    """What is known of the controllers of the leaderboard."""
+    return best_known(searched())
+
+
+def searched() -> list[dict[str, Any]]:
+    """The figures of the leaderboard, by the own searches alone."""
     found: list[dict[str, Any]] = json.loads(LEADERBOARD.read_text(encoding="utf-8"))
     return found
+
+
+def sample(kept: Figures, name: str) -> Mapping[str, Any]:
+    """The largest sample of a controller."""
+    largest: Mapping[str, Any] = kept["many"] if name == RATIONED else kept["draws"][name]
+    return largest
 
 
 def draw(kept: Figures) -> None:
@@ -148,7 +168,7 @@ def draw(kept: Figures) -> None:
     figure, (by_bound, by_radius) = plt.subplots(1, 2, figsize=(6.3, 3.4), sharey=True, layout="constrained")
     for each in sorted(leaderboard(), key=standing):
         name, found = name_of(each), each["robustness"]
-        bounds = [entry["bound"] for entry in kept["draws"][name]["requirements"].values()]
+        bounds = [entry["bound"] for entry in sample(kept, name)["requirements"].values()]
         radius = found["radius"]["stability"]
         (mark,) = by_bound.plot(100.0 * max(bounds), found["cost"], "o", ms=6, label=name)
         reach = found["radius"]["limit"] if radius is None else radius
@@ -166,7 +186,7 @@ def draw(kept: Figures) -> None:
 
     figure, panel = plt.subplots(figsize=(6.3, 3.4), layout="constrained")
     for name in ordered():
-        own = kept["many"] if name == RATIONED else kept["draws"][name]
+        own = sample(kept, name)
         values, label = np.sort(own["V"]), f"{name}, {own['draws']} draws"
         panel.step(values, 1.0 - np.arange(len(values)) / own["draws"], where="post", lw=1.2, label=label)
     panel.axvline(100.0, color="0.6", lw=0.8, ls="--")

@@ -16,6 +16,7 @@ from msgspec.structs import replace as changed
 import orchestrator
 from build_fmus import find_compiler
 from orchestrator import Benchmark, Controller, Evaluation, InputError, Simulation, Variation, compare
+from orchestrator.loop.trajectory import Status
 
 ONE = "c00.compliant.noise"
 SHORT = Variation(duration=Fraction(1, 10))
@@ -134,6 +135,14 @@ def test_a_case_of_the_protocol_has_its_figures(pid_file: Path, quick: Evaluatio
     loaded = Simulation.load(simulation.save(tmp_path / "case.sim"))
     assert np.array_equal(loaded.torque, simulation.torque) and loaded.result == simulation.result
     assert "image/png" in loaded._repr_html_() and len(loaded._repr_html_()) < 150_000 and "done at 2 s" in repr(loaded)
+
+
+def test_a_loop_that_does_not_come_to_rest_is_told_as_unstable(pid_file: Path) -> None:
+    """Its simulation comes to its end, and the judgement says what that end is, as in the results of an evaluation."""
+    simulation = Benchmark().simulate(Controller(pid_file), "c00.slippery.delay_2")
+    assert simulation.ending.status is Status.DONE and simulation.result.status is Status.UNSTABLE
+    told = f"unstable at {simulation.ending.time:g} s: {simulation.result.message}"
+    assert simulation.summary().kicker == told and "unstable at" in repr(simulation)
 
 
 def test_a_varied_case_is_judged_as_far_as_it_can_be(pid: Controller) -> None:

@@ -7,7 +7,8 @@ from fractions import Fraction
 import pytest
 
 from benchmarks import leaderboard, sensitivity
-from benchmarks.leaderboard_tables import PAGES, name_of
+from benchmarks.claims import name_of
+from benchmarks.leaderboard_tables import PAGES
 from benchmarks.marked_tables import with_table
 
 KEPT = json.loads(sensitivity.FIGURES.read_text(encoding="utf-8"))

@@ -3,7 +3,8 @@
 import json
 
 from benchmarks import study
-from benchmarks.leaderboard_tables import PAGES, name_of, standing
+from benchmarks.claims import name_of
+from benchmarks.leaderboard_tables import PAGES, standing
 
 KEPT = json.loads(study.DATA.read_text(encoding="utf-8"))
 

@@ -173,8 +173,8 @@ class Simulation(Shown):
 
     @property
     def _ended(self) -> str:
-        message = f": {self.ending.message}" if self.ending.message else ""
-        return f"{self.ending.status.value} at {self.ending.time:g} s{message}"
+        message = f": {self.result.message}" if self.result.message else ""
+        return f"{self.result.status.value} at {self.ending.time:g} s{message}"
 
     def _repr_html_(self) -> str:
         from ..documents.picture import png
@@ -183,7 +183,7 @@ class Simulation(Shown):
         return fragment(self.summary(), png(self.plot()))
 
     def __repr__(self) -> str:
-        return f"Simulation({self.title}: {self.ending.status.value} at {self.ending.time:g} s)"
+        return f"Simulation({self.title}: {self.result.status.value} at {self.ending.time:g} s)"
 
 
 def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] | None = None) -> Page:
@@ -220,7 +220,7 @@ def _summary(simulations: Mapping[str, Simulation], title: str, kicker: str) -> 
     if several:
         rows.append(("verdict", *(each.kind if each.case.test.requirements else "-" for each in simulations.values())))
         rows.append(
-            ("ended", *(f"{each.ending.status.value}, {each.ending.time:g} s" for each in simulations.values()))
+            ("ended", *(f"{each.result.status.value}, {each.ending.time:g} s" for each in simulations.values()))
         )
     parts: list[Part] = [Table("Measured", (Column("quantity"), *map(Column, simulations)), tuple(rows))]
     for name, each in simulations.items():

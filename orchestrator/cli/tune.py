@@ -24,7 +24,8 @@ EXAMPLES = """examples:
   python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --vary z_p[1]=0.8:0.99
   python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --trials 500 --robust 2000
 
-The same command continues an interrupted search, with the same result. Use best.toml with --parameters.
+The same command continues an interrupted search, with the same result. Use best.toml with --parameters. If no candidate
+holds A1 to A3 where it was judged, the exit code is 1, too.
 """
 
 
