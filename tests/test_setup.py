@@ -9,7 +9,7 @@ from support.descriptions import description, pair, usual, variable
 from support.refusals import refusal
 
 from orchestrator.fmi.archive import Archive
-from orchestrator.fmi.lookup import find_parameters
+from orchestrator.fmi.lookup import find_values
 from orchestrator.fmi.variables import variables
 from orchestrator.loop.setup import Setup, controller_binding, effective
 
@@ -39,7 +39,7 @@ CONTROLLER = archive(usual(*parameters()))
 def acting(setup: Setup):
     """What an FMU is told beyond its start values, and to which variables it is connected."""
     shown = CONTROLLER.description
-    told = find_parameters(shown, setup.parameters, "x")
+    told = find_values(shown, setup.parameters, "x")
     values = {each.name: tuple(told.get(each, each.start)) for each in variables(shown).values()}
     bound = {name: each.variables for name, each in controller_binding(CONTROLLER, setup).items()}
     return values, bound
@@ -82,3 +82,16 @@ def test_a_mapping_that_is_needed_names_every_connector_in_one_way():
 def test_what_does_not_fit_is_refused():
     assert refusal(effective, CONTROLLER, Setup({"K_p": 1.0})).what == "no-parameter"
     assert refusal(effective, CONTROLLER, Setup({}, {"q_m[1]": "q_m[1]"})).what == "bad-mapping"
+
+
+def test_values_of_other_types_and_inputs_have_one_form_as_well():
+    shown = usual(
+        variable("on", "parameter", kind="Boolean", start="true"),
+        variable("mode", "parameter", kind="Integer", start="2"),
+        variable("name", "parameter", kind="String", start="a"),
+        variable("idle", "input", start="1.5"),
+    )
+    unchanged = {"on": True, "mode": 2.0, "name": "a", "idle": 1.5}
+    assert effective(archive(shown), Setup(unchanged)) == Setup()
+    changed = {"on": False, "name": "b", "mode": 3, "idle": 0.0}
+    assert effective(archive(shown), Setup({**unchanged, **changed})).parameters == changed
