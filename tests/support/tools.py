@@ -100,6 +100,7 @@ TOOLS: Mapping[str, Tool] = {
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
     "readelf": _program("readelf", "needs readelf (binutils)"),
     "openssl": _program("openssl", "needs OpenSSL (openssl)"),
+    "OMSimulator": _program("OMSimulator", "needs OMSimulator on the path (OMSimulator)"),
     "posix": Tool("needs a POSIX system", lambda: os.name == "posix"),
     "linux": Tool("needs Linux", lambda: sys.platform == "linux"),
     "x86_64-linux": Tool("needs Linux on x86-64", lambda: fmpy.platform_tuple == "x86_64-linux"),

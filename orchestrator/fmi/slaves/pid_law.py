@@ -25,7 +25,7 @@ from .machine_code import ERROR, OK, as_step, read, write
 __all__ = ["memory", "read", "step", "write"]
 
 STEP_TOLERANCE = 1e-9
-"""Of the sample time. The loop's own steps are exact: what the FMU forgives other masters' arithmetic does not occur."""
+"""Of the sample time. The loop's own steps are exact: what the FMU forgives other masters does not occur."""
 
 STATE = sum(len(start) for _, _, start, _ in VARIABLES)
 """Where in the memory the states of the axes begin: behind the FMU's variables."""
