@@ -235,6 +235,7 @@ RULES: dict[str, Enter] = {
     "Case | str": _file_or_other,
     "Distribution": text,
     "Friction": text,
+    "Order": text,
     "Way": text,
     "Unpack[Options]": lambda name, value: {key: OPTIONS.get(key, _as_it_is)(key, item) for key, item in value.items()},
 }

@@ -125,6 +125,7 @@ SPELLED = {
     "Case | str": word,
     "Distribution": word,
     "Friction": word,
+    "Order": word,
     "Way": word,
     "Unpack[Options]": flag.map(lambda pair: tuple({"keep_going": value} for value in pair)),
 }

@@ -7,12 +7,13 @@
 
 #include "identity.h" /* written by the build: MODEL_IDENTIFIER, MODEL_GUID, MODEL_STATES and more */
 
-/* An event counts as due a little early, and a step may begin so much beside the end of the last one, in parts of the
- * sample time or the step: importers compute times in their own way and may miss them by a rounding error. */
-static const double TIME_TOLERANCE = 1e-6, ROUNDING = 1e-12;
+/* Importers compute times in their own way. A time may be so far beside where it should be, in parts of the step: one that
+ * sums up steps of 0.25 ms is a hundredth of a step off after 9,000 s. Then what times are rounded to, in parts of the
+ * time. */
+static const double LEEWAY = 0.01, ROUNDING = 1e-14;
 
-/* Of the step, relative to the sample time and, for rounding, to the time. */
-static const double STEP_TOLERANCE = 1e-9, COARSENESS = 4.5e-16;
+/* In Model Exchange an event counts as due so early, in parts of the sample time. */
+static const double EARLY = 1e-6;
 
 /* Largest time [s]: beyond it doubles are too coarse to count the steps of a controller. */
 static const double LONGEST_TIME = 1e9;
@@ -293,23 +294,14 @@ bool component_initialize(Component *component)
 }
 
 /* How far a time may be from where it should be [s]. */
-static double tolerance(double t, double h) { return TIME_TOLERANCE * h + ROUNDING * fabs(t); }
+static double leeway(double t, double step) { return LEEWAY * step + ROUNDING * fabs(t); }
 
-static bool check_step(Component *component, double t, double h)
+/* What holds for the steps of every model. */
+static bool check_step(Component *component, double t, double h, double allowed)
 {
     const Memory *memory = component->memory;
-    const double allowed = tolerance(t, h);
     char *message = component->message;
     if (!check_time(component, t)) return false;
-    const double T_s = MODEL_HAS_VARIABLE_STEPS ? INFINITY : model_sample_time(memory->model);
-    /* Importers compute the step as a difference of two times, which is as coarse as these. */
-    if (isfinite(T_s) && !(fabs(h - T_s) <= STEP_TOLERANCE * T_s + COARSENESS * fabs(t))) {
-        snprintf(message, MODEL_MESSAGE_SIZE,
-                 "step of %.15g s at t = %.15g s refused: the communication step must equal the sample time "
-                 "T_s = %.15g s",
-                 h, t, T_s);
-        return false;
-    }
     if (!(h >= 0.0 && h <= LONGEST_TIME)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
                  "step of %.15g s at t = %.15g s refused: it must not be negative and not be above 1e9 s", h, t);
@@ -330,11 +322,52 @@ static bool check_step(Component *component, double t, double h)
     return true;
 }
 
+/* What a step is to a model that samples. */
+typedef enum { REFUSED, LEFT_OVER, SAMPLE } StepKind;
+
+/* A step is a sample if it begins at an instant of the grid start time + k * sample time and ends at the next; the last
+ * step may end before. One that ends where it began is left over by an importer's arithmetic, and no sample. Whatever
+ * else an importer does, it is told before samples get another distance than the sample time. */
+static StepKind step_kind(Component *component, double t, double h, double T_s, double allowed)
+{
+    const Memory *memory = component->memory;
+    const double due = component_next_event(component), end = t + h - due;
+    if (!(fabs(t - due) <= allowed)) {
+        snprintf(component->message, MODEL_MESSAGE_SIZE,
+                 "step of %.15g s at t = %.15g s refused: the next sample is due at t = %.15g s, and only the last step "
+                 "may be shorter than the sample time",
+                 h, t, due);
+        return REFUSED;
+    }
+    if (end <= allowed) return LEFT_OVER;
+    /* Not all importers tell the stop time: without it, any step may be the last. */
+    const bool may_be_last = isinf(memory->stop_time) || t + h >= memory->stop_time - allowed;
+    if (fabs(end - T_s) <= allowed || (end < T_s && may_be_last)) return SAMPLE;
+    snprintf(component->message, MODEL_MESSAGE_SIZE,
+             "step of %.15g s at t = %.15g s refused: the communication step must equal the sample time T_s = %.15g s",
+             h, t, T_s);
+    return REFUSED;
+}
+
+/* Takes the sample that the step is, if it is one: the model knows the exact sample time only. */
+static bool take_sample(Component *component, double t, double h, double T_s, double allowed)
+{
+    const StepKind kind = step_kind(component, t, h, T_s, allowed);
+    if (kind != SAMPLE) return kind == LEFT_OVER;
+    if (!model_step(component->memory->model, t, T_s, component->message)) return false;
+    component->memory->samples += 1.0;
+    return true;
+}
+
 bool component_step(Component *component, double t, double h)
 {
     Memory *memory = component->memory;
-    if (!check_step(component, t, h)) return false;
-    if (!model_step(memory->model, t, h, component->message)) return false;
+    const double T_s = MODEL_HAS_VARIABLE_STEPS ? INFINITY : model_sample_time(memory->model);
+    const bool samples = isfinite(T_s);
+    const double allowed = leeway(t, samples ? T_s : h);
+    if (!check_step(component, t, h, allowed)) return false;
+    if (!(samples ? take_sample(component, t, h, T_s, allowed) : model_step(memory->model, t, h, component->message)))
+        return false;
     memory->time = t + h;
     return true;
 }
@@ -346,7 +379,7 @@ bool component_set_time(Component *component, double time)
     Memory *memory = component->memory;
     if (!check_time(component, time)) return false;
     const double h = model_sample_time(memory->model);
-    if (time < memory->latest_event - tolerance(time, isfinite(h) ? h : 1.0)) {
+    if (time < memory->latest_event - EARLY * (isfinite(h) ? h : 1.0) - ROUNDING * fabs(time)) {
         snprintf(component->message, MODEL_MESSAGE_SIZE,
                  "time = %.15g s refused: it must not go back behind the last event at t = %.15g s", time,
                  memory->latest_event);
@@ -367,8 +400,8 @@ bool component_event(Component *component)
 {
     Memory *memory = component->memory;
     const double h = model_sample_time(memory->model), due = component_next_event(component);
-    if (!isfinite(h) || memory->time < due - TIME_TOLERANCE * h) return true;
-    if (memory->time > due + (1.0 - TIME_TOLERANCE) * h) {
+    if (!isfinite(h) || memory->time < due - EARLY * h) return true;
+    if (memory->time > due + (1.0 - EARLY) * h) {
         snprintf(component->message, MODEL_MESSAGE_SIZE,
                  "event at t = %.15g s refused: the one at t = %.15g s was left out", memory->time, due);
         return false;

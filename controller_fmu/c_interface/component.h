@@ -34,7 +34,7 @@ typedef struct {
     double start_time, stop_time; /* [s] */
     double time;                  /* end of the last step, or the time the importer has set [s] */
     double latest_event;          /* Model Exchange: time does not go back behind this [s] */
-    double samples;               /* events handled so far, a whole number */
+    double samples;               /* taken so far, a whole number; in Model Exchange one at each event */
     double model[];               /* the model's struct; declared as double for its alignment */
 } Memory;
 
@@ -78,7 +78,8 @@ bool component_set(Component *component, const unsigned references[], size_t n, 
 /* Ends initialization; the time set before is the start time. */
 bool component_initialize(Component *component);
 
-/* One communication step of co-simulation from t to t + h [s]. */
+/* One communication step of co-simulation from t to t + h [s]. One that is as long as the sample time is a sample; the
+ * last may be shorter, and one of next to nothing is none. */
 bool component_step(Component *component, double t, double h);
 
 /* Model Exchange: the time [s], which must not go back behind the last event. */
@@ -87,7 +88,8 @@ bool component_set_time(Component *component, double time);
 /* Model Exchange: handles the event that is due at the present time, if one is, and only once. */
 bool component_event(Component *component);
 
-/* Time of the next event: start time + samples * sample time, never summed up; INFINITY if there is none [s]. */
+/* Time of the next sample, in Model Exchange an event: start time + samples * sample time, never summed up; INFINITY if
+ * there is none [s]. */
 double component_next_event(const Component *component);
 
 /* Model Exchange: the continuous states and their derivatives, of which the description has MODEL_STATES; n must be

@@ -37,29 +37,26 @@ class DitheredLQG(ManipulatorLQG):
         super().__init__(**kwargs)
         self._wave: Wave | None = None
         self._level = 0.0
-        self._sample = 0
 
     def _design(self, values: Mapping[str, float]) -> None:
         super()._design(values)
         self._wave = wave(chosen(Dither, values), values["T_s"])
 
-    def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""
-        if not super().do_step(current_time, step_size):
+    def _sample(self, current_time: float) -> bool:
+        if not super()._sample(current_time):
             return False
         vector, x = self._now, self._values
         error = math.hypot(vector.item(U + 2), vector.item(U + 3))
-        self._level, *shake = dither(self._wave, self._level, error, self._sample)
-        self._sample += 1
+        self._level, *shake = dither(self._wave, self._level, error, self._samples)
         for i, u_max in enumerate(TORQUE_LIMIT):
             x[U_M + i] = torque = min(max(x[U_M + i] + shake[i], -u_max), u_max)
             vector[U + i] = torque - self._u_0[i]
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {**super()._get_fmu_state(), "wave": self._wave, "level": self._level, "sample": self._sample}
+        return {**super()._get_fmu_state(), "wave": self._wave, "level": self._level}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         super()._set_fmu_state(state)
         self._wave = state["wave"] and Wave(*state["wave"])
-        self._level, self._sample = state["level"], state["sample"]
+        self._level = state["level"]

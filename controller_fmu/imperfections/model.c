@@ -165,7 +165,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
                  h, t, MOST_TICKS / own->rate);
         return false;
     }
-    if (!(h > 0.0 && end <= floor(begin + ON_TICK) + 1.0 + ON_TICK)) {
+    if (!(end <= floor(begin + ON_TICK) + 1.0 + ON_TICK)) {
         snprintf(message, MODEL_MESSAGE_SIZE,
                  "step of %.15g s at t = %.15g s refused: it must not go beyond the plant's next one, which are "
                  "%.15g s long", h, t, 1.0 / own->rate);

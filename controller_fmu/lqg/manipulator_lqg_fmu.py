@@ -9,7 +9,8 @@ with the filter's state z, the torque u about u_m0 [N.m], the measured deviation
 estimate of the TCP's error [m], which nobody needs here; ``controller_fmu/friction`` does.
 
 Timing: the slave samples its inputs at the start of a communication step, so the outputs after doStep k
-belong to the inputs set before it. One step is one sample; a step of any other length than T_s is refused.
+belong to the inputs set before it. One step is one sample; a step of any other length than T_s is refused, but the last
+one may be shorter, and one of next to nothing is no sample (``ManipulatorLQG.is_sample``).
 
 Modules in FMUs carry unmistakable names, because all FMUs that bring Python code share one interpreter in a
 simulation: of two modules with one name only one would be loaded.
@@ -48,7 +49,9 @@ CAPABILITIES = {
 Q_M_REF, Q_M, U_M, T_S, U_M0 = 0, 2, 4, 6, 7
 U, E = lqg.STATES, lqg.STATES + 2
 """Where torques and deviations (afterwards, the estimated TCP error) stand in the law's vectors."""
-STEP_TOLERANCE = 1e-9
+LEEWAY = 0.01
+"""A time may be so far beside where it should be, in sample times: masters compute times in their own way. One that
+sums up steps of 0.25 ms is so far off after 9,000 s."""
 
 VARIABILITY = {
     "input": Fmi2Variability.continuous,
@@ -75,6 +78,8 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         self._initialized = False
         self._u_0 = (0.0, 0.0)
         self._T_s = 0.0
+        self._start_time, self._samples = 0.0, 0
+        self._stop_time: float | None = None
         # What went in and what came out; a step exchanges the two.
         self._now, self._next = np.zeros(lqg.LAW_SIZE), np.zeros(lqg.LAW_SIZE)
         starts = {"T_s": SAMPLE_TIME, **json.loads(self.data.read_text(encoding="utf-8"))["parameters"]}
@@ -115,6 +120,10 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         if not self._initialized:  # until initialization has ended, the outputs follow the parameter u_m0
             own[U_M : U_M + 2] = own[U_M0 : U_M0 + 2]
 
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Remember when the first sample is due, and the stop time where one is told [s]."""
+        self._start_time, self._stop_time = start_time, stop_time
+
     def exit_initialization_mode(self) -> None:
         """Read the parameters once and for all, and design the controller for the reference position.
 
@@ -136,6 +145,7 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         self._initialized = True
         self._T_s = x[T_S]
         self._u_0 = (x[U_M0], x[U_M0 + 1])
+        self._samples = 0
 
     def _design(self, values: Mapping[str, float]) -> None:
         """Make the controller of the variables' values, by name."""
@@ -143,15 +153,45 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         pose = lqg.pose((x[Q_M_REF], x[Q_M_REF + 1]), (x[U_M0], x[U_M0 + 1]))
         self._law = lqg.law(lqg.controller(chosen(Weights, values), pose, x[T_S]))
 
+    def is_sample(self, current_time: float, step_size: float) -> bool | None:
+        """Return whether a step is a sample; None, with a log message, if it is refused.
+
+        It is one if it begins at an instant of the grid start time + k T_s and ends at the next; the last step may end
+        before. One that ends where it began is left over by a master's arithmetic, and no sample. Whatever else a
+        master does, it is told before samples get another distance than T_s.
+        """
+        T_s, stop = self._T_s, self._stop_time
+        due = self._start_time + self._samples * T_s
+        begin, leeway = current_time - due, LEEWAY * T_s
+        end = begin + step_size
+        if abs(begin) <= leeway and step_size >= 0.0:
+            if end <= leeway:
+                return False
+            # Not all masters tell the stop time: without it, any step may be the last.
+            if abs(end - T_s) <= leeway or (end < T_s and (stop is None or current_time + step_size >= stop - leeway)):
+                return True
+        self.log(
+            f"{self.instance_name}: step of {step_size!r} s at t = {current_time!r} s refused: "
+            + (
+                f"the communication step must equal the sample time T_s = {T_s!r} s"
+                if abs(begin) <= leeway
+                else f"the next sample is due at t = {due!r} s; only the last step may be shorter than the sample time"
+            ),
+            Fmi2Status.error,
+        )
+        return None
+
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""
-        if not abs(step_size - self._T_s) <= STEP_TOLERANCE * self._T_s:
-            self.log(
-                f"{self.instance_name}: step of {step_size!r} s at t = {current_time!r} s refused: the "
-                f"communication step must equal the sample time T_s = {self._T_s!r} s",
-                Fmi2Status.error,
-            )
-            return False
+        """Sample the inputs once if the step is a sample; refuse (False, with a log message) as :meth:`is_sample`."""
+        is_sample = self.is_sample(current_time, step_size)
+        if not is_sample:
+            return is_sample is not None
+        is_done = self._sample(current_time)
+        self._samples += is_done
+        return is_done
+
+    def _sample(self, current_time: float) -> bool:
+        """Compute the torques of the next sample; False, with a log message, if they are not finite."""
         x, now, after = self._values, self._now, self._next
         now[E] = x[Q_M] - x[Q_M_REF]
         now[E + 1] = x[Q_M + 1] - x[Q_M_REF + 1]
@@ -176,6 +216,7 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
             "now": self._now.tolist(),
             "T_s": self._T_s,
             "u_0": self._u_0,
+            "times": (self._start_time, self._stop_time, self._samples),
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
@@ -185,3 +226,4 @@ class ManipulatorLQG(Fmi2Slave):  # pythonfmu carries no types
         self._now = np.array(state["now"])
         self._T_s = state["T_s"]
         self._u_0 = tuple(state["u_0"])
+        self._start_time, self._stop_time, self._samples = state["times"]

@@ -9,7 +9,8 @@ The law of one axis, for the error e_k = q_m_ref - q_m at sample k, is eq. (13) 
 with e_{-1} = v_{-1} = 0 and s_{-1} = u_m0. Eq. (12) has nothing off its diagonal: the axes are independent.
 
 Timing: the slave samples its inputs at the start of a communication step, so the outputs after doStep k
-belong to the inputs set before it. One step is one sample; a step of any other length than T_s is refused.
+belong to the inputs set before it. One step is one sample; a step of any other length than T_s is refused, but the last
+one may be shorter, and one of next to nothing is no sample (``DiagonalPID.is_sample``).
 
 The module is alone in its FMU and carries an unmistakable name, because all FMUs that bring Python code share
 one interpreter in a simulation: of two modules with one name only one would be loaded.
@@ -49,7 +50,10 @@ CAPABILITIES = {
 # Value references: both elements of an array stand side by side, T_s is the only scalar.
 Q_M_REF, Q_M, U_M, K_P, K_I, K_D, Z_P, T_S, U_M0 = 0, 2, 4, 6, 8, 10, 12, 14, 15
 AXES = (0, 1)
-STEP_TOLERANCE = 1e-9
+
+LEEWAY = 0.01
+"""A time may be so far beside where it should be, in sample times: masters compute times in their own way. One that
+sums up steps of 0.25 ms is so far off after 9,000 s."""
 
 VARIABLES = (
     ("q_m_ref", "input", (0.0, 0.0), "Motor position reference"),
@@ -134,6 +138,8 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
         self._values: list[float] = []
         self._gains: tuple[Gains, ...] = ()
         self._states: tuple[AxisState, ...] = ()
+        self._start_time, self._samples = 0.0, 0
+        self._stop_time: float | None = None
         for name, causality, start, text in VARIABLES:
             for index, value in enumerate(start, start=1):
                 self._values.append(value)
@@ -164,6 +170,10 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
         if not self._gains:  # until initialization has ended, the outputs follow the parameter u_m0
             own[U_M : U_M + 2] = own[U_M0 : U_M0 + 2]
 
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Remember when the first sample is due, and the stop time where one is told [s]."""
+        self._start_time, self._stop_time = start_time, stop_time
+
     def exit_initialization_mode(self) -> None:
         """Read the parameters once and for all.
 
@@ -177,19 +187,43 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
             raise ValueError(problem)
         self._gains = tuple(Gains(x[K_P + i], x[K_I + i], x[K_D + i], x[Z_P + i], x[T_S]) for i in AXES)
         self._states = tuple((0.0, 0.0, x[U_M0 + i]) for i in AXES)
+        self._samples = 0
+
+    def is_sample(self, current_time: float, step_size: float) -> bool | None:
+        """Return whether a step is a sample; None, with a log message, if it is refused.
+
+        It is one if it begins at an instant of the grid start time + k T_s and ends at the next; the last step may end
+        before. One that ends where it began is left over by a master's arithmetic, and no sample. Whatever else a
+        master does, it is told before samples get another distance than T_s.
+        """
+        T_s, stop = self._gains[0].T_s, self._stop_time
+        due = self._start_time + self._samples * T_s
+        begin, leeway = current_time - due, LEEWAY * T_s
+        end = begin + step_size
+        if abs(begin) <= leeway and step_size >= 0.0:
+            if end <= leeway:
+                return False
+            # Not all masters tell the stop time: without it, any step may be the last.
+            if abs(end - T_s) <= leeway or (end < T_s and (stop is None or current_time + step_size >= stop - leeway)):
+                return True
+        self.log(
+            f"{self.instance_name}: step of {step_size!r} s at t = {current_time!r} s refused: "
+            + (
+                f"the communication step must equal the sample time T_s = {T_s!r} s"
+                if abs(begin) <= leeway
+                else f"the next sample is due at t = {due!r} s; only the last step may be shorter than the sample time"
+            ),
+            Fmi2Status.error,
+        )
+        return None
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once; refuse (False, with a log message) a step other than T_s."""
+        """Sample the inputs once if the step is a sample; refuse (False, with a log message) as :meth:`is_sample`."""
+        is_sample = self.is_sample(current_time, step_size)
+        if not is_sample:
+            return is_sample is not None
         x = self._values
         gains_1, gains_2 = self._gains
-        T_s = gains_1.T_s
-        if not abs(step_size - T_s) <= STEP_TOLERANCE * T_s:
-            self.log(
-                f"{self.instance_name}: step of {step_size!r} s at t = {current_time!r} s refused: the "
-                f"communication step must equal the sample time T_s = {T_s!r} s",
-                Fmi2Status.error,
-            )
-            return False
         state_1, state_2 = self._states
         state_1 = sample(gains_1, state_1, x[Q_M_REF] - x[Q_M])
         state_2 = sample(gains_2, state_2, x[Q_M_REF + 1] - x[Q_M + 1])
@@ -203,13 +237,16 @@ class DiagonalPID(Fmi2Slave):  # pythonfmu carries no types
             return False
         x[U_M], x[U_M + 1] = u_m1, u_m2
         self._states = state_1, state_2
+        self._samples += 1
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {"values": list(self._values), "gains": self._gains, "states": self._states}
+        times = self._start_time, self._stop_time, self._samples
+        return {"values": list(self._values), "gains": self._gains, "states": self._states, "times": times}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         # Tuples come back as lists where the state went through JSON.
         self._values = list(state["values"])
         self._gains = tuple(Gains(*gains) for gains in state["gains"])
         self._states = tuple((e, v, s) for e, v, s in state["states"])
+        self._start_time, self._stop_time, self._samples = state["times"]

@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..documents.reliability import Reliability
     from ..documents.robustness import Robustness
     from ..documents.spread import Spread
+    from ..documents.ssp import Order
     from ..documents.sweep import Sweep
     from ..documents.tuning import Tuning
     from ..documents.verification import Verification
@@ -545,18 +546,19 @@ class Benchmark(Testbed, Shown):
         return simulate(self, Controller.of(controller), case)
 
     @entered
-    def export_ssp(self, controller: Given, case: Case | str, file: str | Path) -> Path:
+    def export_ssp(self, controller: Given, case: Case | str, file: str | Path, order: Order = "parallel") -> Path:
         """Write the closed loop of one case, named as in :meth:`simulate`, as a package of SSP 1.0; returns ``file``.
 
         It holds the manipulator in C, the controller, and an FMU of all that the master does between them, with their
-        parameters.
+        parameters. ``order`` is that in which the master exchanges values: ``"parallel"`` for ecos, whose FMUs have
+        steps of their own, or ``"in-sequence"`` for OMSimulator.
 
         Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
         there is no C compiler.
         """
         from .simulating import export_ssp
 
-        export_ssp(self, Controller.of(controller), case, Path(file))
+        export_ssp(self, Controller.of(controller), case, Path(file), order)
         return Path(file)
 
     @entered

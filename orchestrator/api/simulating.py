@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -23,6 +24,9 @@ from ..pairing.pairing import simulate_case
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
 from .simulation import Simulation
+
+if TYPE_CHECKING:
+    from ..documents.ssp import Order
 
 # Imports inside functions: lxml and Numba are loaded by those who need them.
 
@@ -53,7 +57,7 @@ def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simu
     )
 
 
-def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file: Path) -> None:
+def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file: Path, order: Order) -> None:
     """See :meth:`.Benchmark.export_ssp`."""
     from ..documents.ssp import package
     from ..loop.controller import Steady  # loads Numba
@@ -66,4 +70,4 @@ def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file:
     at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
     plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
     steady = Steady(at.q_m, at.u_m, at.q_a)
-    write_bytes(file, package(plant, imperfections, pairing.controller, pairing.setup, scenario, steady))
+    write_bytes(file, package(plant, imperfections, pairing.controller, pairing.setup, scenario, steady, order))

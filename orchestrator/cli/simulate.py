@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation, beside, overlay
@@ -29,6 +29,9 @@ from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .output import free
 from .values import Parser, number
 from .variation import add_options, variation
+
+if TYPE_CHECKING:
+    from ..documents.ssp import Order  # loads Numba
 
 EXAMPLES = """examples:
   python -m orchestrator.simulate --undisturbed --force 500 --t-1 1 --t-2 1.5 --duration 6    like Figure 9
@@ -68,7 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"1 case to simulate: {each.id}, {float(each.scenario.duration):g} s")
         return EXIT_OK
     if given.export_ssp is not None:
-        print(f"written: {bench.export_ssp(controller, case, given.export_ssp)}", file=sys.stderr)
+        order: Order = "in-sequence" if given.in_sequence else "parallel"
+        print(f"written: {bench.export_ssp(controller, case, given.export_ssp, order)}", file=sys.stderr)
     simulations = {name: bench.simulate(*each) for name, each in named.items()}
     first, *_ = simulations.values()
     folder = given.output_dir or Path("runs") / (_folder_name(controller, bench, first) + ("-beside" if others else ""))
@@ -179,7 +183,9 @@ def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
 
 
 def _refuse_idle(given: argparse.Namespace) -> None:
-    """Raise :class:`InputError` for what ``--from`` says already."""
+    """Raise :class:`InputError` for what ``--from`` says already, and for what says something of no package."""
+    if given.in_sequence and given.export_ssp is None:
+        raise InputError("--in-sequence says how a tool runs the SSP package. Give --export-ssp too.", "contradiction")
     values = {
         "--protocol": given.protocol != "paper",
         "--seed": given.seed is not None,
@@ -252,5 +258,8 @@ def _parser() -> argparse.ArgumentParser:
     output.add_dry_run(shown, "which case would be simulated")
     parser.add_argument(
         "--export-ssp", type=Path, metavar="FILE", help="write the closed loop as an SSP package too, for other tools"
+    )
+    parser.add_argument(
+        "--in-sequence", action="store_true", help="for --export-ssp: the tool exchanges in sequence (OMSimulator)"
     )
     return parser

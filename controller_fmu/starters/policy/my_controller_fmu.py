@@ -21,6 +21,8 @@ class MyController(Fmi2Slave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.default_experiment = DefaultExperiment(step_size=T_S)
+        self.start_time = 0.0
+        self.stop_time: float | None = None
         self.network = load(Path(__file__).parent)
         self.q_m_ref, self.q_m, self.u_m, self.u_m0 = (self.variable(name) for name in CAUSALITY)
 
@@ -37,17 +39,40 @@ class MyController(Fmi2Slave):
             self.register_variable(Real(f"{name}[{i + 1}]", **kind, **access))
         return values
 
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Remember when the first sample is due, and the stop time where one is told [s]."""
+        self.start_time, self.stop_time = start_time, stop_time
+
     def exit_initialization_mode(self) -> None:
         """Start from the steady state."""
         self.observation = Observation()
         self.u_m[:] = self.u_m0
+        self.samples = 0
+
+    def is_sample(self, current_time: float, step_size: float) -> bool | None:
+        """Whether a step is a sample, which lasts T_S; the last one may be shorter. None if the step is refused.
+
+        A hundredth of T_S is for the arithmetic of masters: a step that is no longer is left over, and no sample.
+        """
+        begin, leeway = current_time - self.start_time - self.samples * T_S, 0.01 * T_S
+        end = begin + step_size
+        if abs(begin) <= leeway and step_size >= 0.0:
+            if end <= leeway:
+                return False
+            may_be_last = self.stop_time is None or current_time + step_size >= self.stop_time - leeway
+            if abs(end - T_S) <= leeway or (end < T_S and may_be_last):
+                return True
+        text = f"step of {step_size!r} s at t = {current_time!r} s refused: it must be the sample time {T_S} s"
+        self.log(f"{text}, and only the last one may be shorter", Fmi2Status.error)
+        return None
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Sample the inputs once; a step of another length is refused."""
-        if not abs(step_size - T_S) <= 1e-9 * T_S:
-            self.log(f"step of {step_size!r} s refused: it must be the sample time {T_S} s", Fmi2Status.error)
-            return False
-        action = self.network(np.array(self.observation.sample(self.q_m_ref, self.q_m, step_size)))
+        """Sample the inputs once if the step is a sample."""
+        is_sample = self.is_sample(current_time, step_size)
+        if not is_sample:
+            return is_sample is not None
+        action = self.network(np.array(self.observation.sample(self.q_m_ref, self.q_m, T_S)))
         for i in (0, 1):
             self.u_m[i] = self.u_m0[i] + float(action[i])
+        self.samples += 1
         return True

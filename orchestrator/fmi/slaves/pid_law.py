@@ -10,7 +10,6 @@ from controller_fmu.pid.diagonal_pid_fmu import (
     K_P,
     Q_M,
     Q_M_REF,
-    STEP_TOLERANCE,
     T_S,
     U_M,
     VARIABLES,
@@ -24,6 +23,9 @@ from ...jit import compiled
 from .machine_code import ERROR, OK, as_step, read, write
 
 __all__ = ["memory", "read", "step", "write"]
+
+STEP_TOLERANCE = 1e-9
+"""Of the sample time. The loop's own steps are exact: what the FMU forgives other masters does not occur."""
 
 STATE = sum(len(start) for _, _, start, _ in VARIABLES)
 """Where in the memory the states of the axes begin: behind the FMU's variables."""
