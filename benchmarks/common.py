@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from orchestrator.fmi.connectors import PLANT, bind
-from orchestrator.fmi.lookup import find_parameters
+from orchestrator.fmi.lookup import find_values
 from orchestrator.fmi.port import Port, exchange
 from orchestrator.fmi.slaves import Slave
 from orchestrator.loop.controller import prepared
@@ -61,7 +61,7 @@ def at_rest(plant: Slave, scenario: Scenario, controller: Slave | None = None) -
     binding = bind(plant.archive.description, PLANT, "The plant")
     stop_time = float(scenario.duration)
     with plant.instantiated(stop_time):
-        plant.initialize(find_parameters(plant.archive.description, dict(scenario.parameters), "The plant"), {})
+        plant.initialize(find_values(plant.archive.description, dict(scenario.parameters), "The plant"), {})
         driven, read = (
             [variable for name in names for variable in binding[name].variables]
             for names in (("u_m", "u_d", "F"), ("q_m", "X"))

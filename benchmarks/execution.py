@@ -80,7 +80,7 @@ def timed(plant: Slave, controller: Slave, task: bytes) -> bytes:
     begin, started = time.process_time(), time.time()
     trajectory = simulate(plant, controller, wanted.case.scenario, wanted.setup)
     simulated = time.process_time()
-    judgement = judge(wanted.protocol, wanted.case, trajectory).judgement
+    judgement = judge(wanted.protocol, wanted.case, trajectory)
     return pack(Times(judgement, simulated - begin, time.process_time(), started))
 
 

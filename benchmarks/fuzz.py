@@ -46,7 +46,7 @@ from orchestrator.benchmark.certificate import overall  # noqa: E402
 from orchestrator.benchmark.metrics import expected, named  # noqa: E402
 from orchestrator.benchmark.results import CaseResult, Judgement, Measurements, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
-from orchestrator.codec import Malformed, pack, plain, to_json  # noqa: E402
+from orchestrator.codec import Malformed, pack, plain, to_json, unpack  # noqa: E402
 from orchestrator.documents import standard  # noqa: E402
 from orchestrator.documents.evaluation import Evaluation  # noqa: E402
 from orchestrator.documents.files import RESULTS, TRAJECTORIES, VERIFICATION  # noqa: E402
@@ -176,7 +176,12 @@ def _judgement() -> Judgement:
 
 VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
     "judgement": (_judgement(), lambda value: work.judged(PROTOCOL, CASE, value), check_judgement),
-    "timing": (work.TimingRecord(1, "x"), lambda value: work.timing(0, value), lambda found: check_sense(plain(found))),
+    "beginning": (
+        work.Beginning((0.1, 0.2), (1.0, 2.0), (0.1, 0.2), b"digest"),
+        lambda value: unpack(value, work.Beginning),
+        lambda found: check_sense([found.q_m, found.u_m, found.q_a]),
+    ),
+    "times": (np.ones(SAMPLES), lambda value: work.times(SAMPLES, value), lambda found: check_sense(found.tolist())),
     "trajectory": (_trajectory(), lambda value: work.trajectory(SAMPLES, OBSERVED, value), check_trajectory),
     "recording": (RECORDINGS[0], work.recording, check_recording),
 }

@@ -34,6 +34,8 @@ Finite = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0, le=LARGEST)]
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=LARGEST)]
 Natural = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+Scalar = bool | int | Finite | str
+"""The value of a parameter or an input of an FMU, whose type it has."""
 
 DTYPES = ("<f8", "<f4")
 """Element types of arrays that are sent."""

@@ -14,6 +14,7 @@ options are added by the commands, by ``what``.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
 
 
@@ -69,3 +70,10 @@ class FmuError(BenchmarkError):
     def __init__(self, message: str, call: str = "", log: Iterable[str] = ()) -> None:
         super().__init__(message + "".join(f"\n  {line}" for line in log))
         self.call, self.log = call, tuple(log)
+
+
+def unknown(message: str, what: str, where: str, name: str, names: Iterable[str]) -> InputError:
+    """An error about ``name``, with the up to four ``names`` that look most like it, else the first eight."""
+    pool = list(names)
+    nearest = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
+    return InputError(f"{message} Nearest: {', '.join(nearest) or 'none'}.", what, where, name, nearest)

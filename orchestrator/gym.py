@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -23,8 +24,8 @@ from .benchmark.case import Case
 from .benchmark.variation import Variation
 from .cache import compiled_code_folder
 from .documents.recording import OBSERVED
+from .entry import entered
 from .errors import FmuError, InputError
-from .exact_time import seconds
 from .loop.trajectory import Status, Trajectory
 
 # Imports inside functions: the loop's compiler is loaded when the first episode begins, Matplotlib by who renders.
@@ -67,9 +68,10 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 25}
 
+    @entered
     def __init__(
         self,
-        protocol: str = "paper",
+        protocol: str | Path = "paper",
         duration: float | None = None,
         render_mode: str | None = None,
         **options: Any,
@@ -82,7 +84,7 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         self._figure: Any = None
         self._bench = Benchmark(protocol, **options)
         self._ids = [case.id for case in self._bench.cases]
-        self._variation = Variation(duration=None if duration is None else seconds(duration))
+        self._variation = Variation(duration=duration)  # type: ignore[arg-type]  # exact there
         limit = np.array(self._bench.rules.loop.torque_limit)
         self.action_space = Box(-2.0 * limit, 2.0 * limit, dtype=np.float64)  # whatever u_m0 is, all torques
         self.observation_space = Box(-np.inf, np.inf, (SIZE,), np.float64)
@@ -186,7 +188,11 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         from .fmi.slaves import load
         from .loop.stepwise import Stepwise
 
-        self._plant = self._plant or load(self._bench.manipulator.archive)
+        plant = self._bench.manipulator.archive
+        if plant.once_per_process:
+            message = f"{plant.name} declares that a process can instantiate it only once: it has no second episode."
+            raise InputError(message, "once-per-process", plant.name)
+        self._plant = self._plant or load(plant)
         return Stepwise(self._plant, self._case.scenario, OBSERVED if self.render_mode else ())
 
     def _observe(self, q_m: tuple[float, float]) -> None:

@@ -97,6 +97,32 @@ def encrypted(data: bytes) -> bytes:
     return bytes(changed)
 
 
+def of_method(data: bytes, method: int) -> bytes:
+    """The archive with all entries said to be compressed by ``method``, in both places."""
+    changed = bytearray(data)
+    for signature, offset in ((b"PK\x03\x04", 8), (b"PK\x01\x02", 10)):
+        at = changed.find(signature)
+        while at >= 0:
+            struct.pack_into("<H", changed, at + offset, method)
+            at = changed.find(signature, at + 4)
+    return bytes(changed)
+
+
+def damaged(files: dict[str, bytes], name: str, method: int) -> bytes:
+    """The archive, packed by ``method``, with some bytes in the middle of its entry ``name`` inverted."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", method) as opened:
+        for entry, data in files.items():
+            opened.writestr(entry, data)
+        begin, size = opened.getinfo(name).header_offset, opened.getinfo(name).compress_size
+    data = bytearray(buffer.getvalue())
+    middle = begin + 30 + len(name) + size // 2
+    data[middle : middle + 8] = bytes(255 - byte for byte in data[middle : middle + 8])
+    return bytes(data)
+
+
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+
 ENTITY_BOMB = b"""<?xml version="1.0"?><!DOCTYPE b [<!ENTITY a0 "ha">%s]>
 <fmiModelDescription fmiVersion="2.0" modelName="&a25;" guid="x"><CoSimulation modelIdentifier="X"/><ModelVariables/>
 <ModelStructure/></fmiModelDescription>""" % b"".join(
@@ -123,6 +149,18 @@ REFUSED = {
     "drive letter": (more("c:/precious"), "bad-entry"),
     "link": (more(*link("resources/passwords", "/etc/passwd")), "bad-entry"),
     "encrypted": (lambda good: encrypted(pack(good)), "bad-entry"),
+    **{
+        f"compressed by method {method}": (lambda good, method=method: of_method(pack(good), method), "bad-entry")
+        for method in (1, 9, 93, 99)
+    },
+    **{
+        f"damaged {entry}, method {method}": (
+            lambda good, entry=entry, method=method: damaged(good, entry, method),
+            "cannot-extract",
+        )
+        for entry in (DESCRIPTION, LIBRARY)
+        for method in METHODS
+    },
     "bomb": (more("resources/zeros", bytes(80 << 20)), "archive-limit"),
     "too many files": (lambda good: zipped([(f"resources/{i}", b"") for i in range(10_001)]), "archive-limit"),
     "huge description": (described(b"<!-- -->" * (5 << 20), True), "bad-entry"),
@@ -184,6 +222,23 @@ def test_a_size_that_is_a_lie_is_noticed(good, room):
     file.write_bytes(bytes(data))
     assert refusal(open_archive, file).what == "cannot-extract"
     assert sum(path.stat().st_size for path in room.rglob("zeros")) == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_python_unpacks_is_opened(method, good, room):
+    file = room / "good.fmu"
+    with zipfile.ZipFile(file, "w", method) as opened:
+        for name, data in good.items():
+            opened.writestr(name, data)
+    assert (open_archive(file).folder / LIBRARY).read_bytes() == good[LIBRARY]
+
+
+@pytest.mark.parametrize(("method", "words"), [(9, "Deflate64"), (93, "Zstandard"), (99, "encrypted"), (1, "method 1")])
+def test_a_method_of_compression_is_refused_by_its_name(method, words, good, room):
+    file = room / "packed.fmu"
+    file.write_bytes(of_method(pack(good), method))
+    error = refusal(open_archive, file)
+    assert words in str(error) and "\n" not in str(error)
 
 
 @pytest.mark.parametrize("name", ["absent.fmu", "folder", "x" * 300 + ".fmu"])

@@ -185,7 +185,7 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
         "protocol": "quick",
         "seed": 3,
         "sample_time": Fraction(1, 1000),
-        "controller_parameters": [("K", 1.5)],
+        "controller_parameters": [("K", "1.5")],
         "connections": [("q_m[1]", "In 1")],
         "plant_parameters": [("m[1]", 60.0)],
         "configuration": pytest.approx([45.0, -60.0]),

@@ -89,10 +89,9 @@ WRONG_FILES = [
     (read_mapping, "names.ssm", "", "bad-file"),
     (read_mapping, "names.ssm", "<ParameterSet/>", "bad-mapping"),
     (read_parameters, "gains.toml", "K_p = 45\n", "bad-parameters"),
-    (read_parameters, "gains.toml", "[parameters]\nK_p = true\n", "not-a-number"),
-    (read_parameters, "gains.toml", "[parameters]\nK_p = 'much'\n", "not-a-number"),
-    (read_parameters, "gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "not-a-number"),
-    (read_parameters, "gains.toml", "[parameters.K_p]\naxis1 = 45\n", "not-a-number"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = 2026-11-25\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "[parameters.K_p]\naxis1 = 45\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters\n", "bad-file"),
     (read_parameters, "gains.ssv", "no XML", "bad-file"),
     (read_parameters, "gains.ssv", "<ParameterMapping/>", "bad-parameters"),
@@ -107,24 +106,32 @@ def test_wrong_files(read, name, text, what, file, tmp_path):
 
 
 def test_toml_parameters(file):
-    path = file("gains.toml", '[parameters]\nK_p = [45, 15.5]\n"T_f" = 0.01\n"K_d[2]" = -1\nn = "3"\n')
-    assert read_parameters(path) == {"K_p[1]": 45.0, "K_p[2]": 15.5, "T_f": 0.01, "K_d[2]": -1.0, "n": 3.0}
+    path = file("gains.toml", '[parameters]\nK_p = [45, 15.5]\n"T_f" = 0.01\n"K_d[2]" = -1\nn = "3"\non = true\n')
+    expected = {"K_p[1]": 45, "K_p[2]": 15.5, "T_f": 0.01, "K_d[2]": -1, "n": "3", "on": True}
+    assert read_parameters(path) == expected
+    mapped = file("both.toml", f'[map]\nq_m = "In"\n{path.read_text()}')
+    assert controller_files.read_mapped_parameters(mapped) == expected and read_mapping(mapped) == {"q_m": "In"}
+    assert controller_files.read_mapped_parameters(file("names.toml", '[map]\nq_m = "In"\n')) == {}
 
 
 @pytest.mark.parametrize(("major", "real", "integer"), [(1, "Real", "Integer"), (2, "Float64", "Int32")])
 def test_ssv_parameters(file, major, real, integer):
     path = file("gains.ssv", SSV.format(major=major, real=real, integer=integer, further=""))
-    assert read_parameters(path) == {"K_p[1]": 45.0, "order": -3.0}
+    assert read_parameters(path) == {"K_p[1]": 45.0, "order": "-3"}
+    further = '<ssv:Parameter name="on"><ssv:Boolean value="true"/></ssv:Parameter>'
+    further += '<ssv:Parameter name="file"><ssv:String value="x"/></ssv:Parameter>'
+    further += '<ssv:Parameter name="mode"><ssv:Enumeration value="Manual"/></ssv:Parameter>'
+    path = file("more.ssv", SSV.format(major=major, real=real, integer=integer, further=further))
+    assert read_parameters(path).items() >= {"on": "true", "file": "x", "mode": "Manual"}.items()
 
 
 @pytest.mark.parametrize(
     ("further", "complaint"),
     [
-        ('<ssv:Parameter name="on"><ssv:Boolean value="true"/></ssv:Parameter>', ("bad-parameters", "on")),
-        ('<ssv:Parameter name="file"><ssv:String value="x"/></ssv:Parameter>', ("bad-parameters", "file")),
+        ('<ssv:Parameter name="on"><ssv:Distribution value="1"/></ssv:Parameter>', ("bad-parameters", "on")),
         ('<ssv:Parameter name="none"/>', ("bad-parameters", "none")),
         ('<ssv:Parameter name="K"><ssv:Real value="much"/></ssv:Parameter>', ("not-a-number", "much")),
-        ('<ssv:Parameter name="K"><ssv:Real/></ssv:Parameter>', ("not-a-number", "None")),
+        ('<ssv:Parameter name="K"><ssv:Real/></ssv:Parameter>', ("bad-parameters", "K")),
     ],
 )
 def test_nothing_in_an_ssv_is_dropped_silently(file, further, complaint):

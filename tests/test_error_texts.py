@@ -7,6 +7,7 @@ tests/test_error_texts.py`` makes to the file.
 import ast
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -26,7 +27,8 @@ from orchestrator.cli.guard import REMEDIES, remedy
 from orchestrator.fmi import controller_files
 from orchestrator.fmi.archive import Archive, open_archive
 from orchestrator.fmi.connectors import bind_controller
-from orchestrator.fmi.lookup import find_outputs, find_parameters
+from orchestrator.fmi.lookup import find_outputs, find_values
+from orchestrator.fmi.slaves import loading
 from orchestrator.fmi.units import conversion
 from orchestrator.loop import plan, sampling, setup
 from orchestrator.loop.scenario import NO_DELAY, Scenario
@@ -71,6 +73,19 @@ def read(folder: Path, name: str, text: str) -> Callable[[], object]:
     return attempt
 
 
+def not_loaded(folder: Path, sources: bool) -> Callable[[], object]:
+    """A binary that was built for a newer system, in an FMU with or without sources."""
+
+    def attempt() -> object:
+        (folder / "sources").mkdir(exist_ok=True)
+        if sources:
+            (folder / "sources" / "x.c").write_text("")
+        said = OSError("libm.so.6: version `GLIBC_2.99' not found (required by x.so)")
+        raise loading.refusal(replace(archive(), folder=folder if sources else folder / "resources"), said)
+
+    return attempt
+
+
 def refused(folder: Path) -> tuple[Callable[[], object], ...]:
     """What is refused: one attempt per code."""
     empty = Scenario((), Fraction(1), T_S)
@@ -92,7 +107,6 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         read(folder, "names.toml", "[map]\nq_m = 1"),
         read(folder, "names.ssm", "<open>"),
         read(folder, "gains.toml", "K_p = 1"),
-        read(folder, "gains.toml", "[parameters]\nK_p = 'much'"),
         bound(usual(*pair(["In1", "In2"]), without="q_m")),
         bound(usual(*pair(["a.q_m_1", "a.q_m_2", "b.q_m_1", "b.q_m_2"]), without="q_m")),
         bound(usual(variable("q_m_ref[1]"))),
@@ -104,9 +118,14 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         unit("furlong"),
         unit("x", Unit("x", BaseUnit(rad=1, factor=-1.0))),
         unit("x", Unit("x", BaseUnit(rad=1, offset=1.0))),
-        lambda: find_parameters(NAMED, {"K_p": 1.0}, WHERE),
-        lambda: find_parameters(NAMED, {"K": 1.0}, WHERE),
-        lambda: find_parameters(NAMED, {"n": 1.0}, WHERE),
+        lambda: find_values(NAMED, {"K_p": 1.0}, WHERE),
+        lambda: find_values(NAMED, {"K": 1.0}, WHERE),
+        not_loaded(folder, True),
+        not_loaded(folder, False),
+        lambda: find_values(NAMED, {"n": 1.5}, WHERE),
+        lambda: find_values(NAMED, {"K[1]": "much"}, WHERE),
+        lambda: find_values(NAMED, {"y": 1.0}, WHERE),
+        lambda: sampling.controller_sample_time(archive(fixed="0.0005"), T_S, T_S),
         lambda: find_outputs(NAMED, ["x"], WHERE),
         lambda: plan.make_plan(T_S, (Fraction(1, 10**15 + 1), T_S), NO_DELAY),
         lambda: plan.make_plan(T_S, NO_DELAY, (T_S / 2, T_S), None, T_S * 3 / 4),

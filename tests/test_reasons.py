@@ -44,7 +44,8 @@ OF_FOUR = replace(
 )
 """The rules of a protocol with the first four configurations."""
 
-FAILURES, OUTCOMES = get_args(Failure), ("holds", *get_args(Failure), *UNJUDGED)
+FAILURES = tuple(name for name in get_args(Failure) if name != "given up")  # which follows from others
+OUTCOMES = ("holds", *FAILURES, *UNJUDGED)
 outcomes = st.lists(st.sampled_from(OUTCOMES), max_size=12)
 
 
@@ -273,12 +274,29 @@ def test_over_draws_a_failure_counts_and_a_lost_case_leaves_no_verdict(capsys):
     assert found["A2"].worst_case.seed == verification(*DRAWS).draws[2].seed
 
 
+SKIPPED = dict.fromkeys([case.id for case in GOOD if case.test == "delay_2"], "skipped")
+"""All cases of A2, as after failures in others."""
+
+
+def test_in_a_verification_what_was_skipped_after_failures_has_failed_everywhere():
+    """Which cases fail and which are skipped follows from their order; the verdict and its words do not."""
+    found = verification(RUNS["timeouts"] | SKIPPED)
+    assert {name: entry.passed for name, entry in found.requirements.items()} == {"A1": False, "A2": False, "A3": False}
+    assert found.requirements["A1"].reason.startswith("3 of 24 cases ended with `timeout`, first")
+    assert "cases ended with `skipped` after other failures, first" in found.requirements["A2"].reason
+    assert found.requirements["A2"].failed_draws == 1 and not found.rank.holds and not found._problem()
+    text = printed(found)
+    assert "not judged" not in text and "verify again" not in text and text.count("A2 not met in 1 of 1 draws") == 1
+
+
 @pytest.mark.parametrize(
     ("draws", "reference", "completeness"),
     [
         ([RUNS["met"]], None, "complete"),
         ([RUNS["limit cycles"]], None, "complete"),
         ([RUNS["timeouts"], {}], None, "incomplete"),
+        ([RUNS["timeouts"] | SKIPPED, {}], None, "incomplete"),
+        ([SKIPPED], None, "incomplete"),
         ([RUNS["lost"], {}], None, "not judged"),
         ([{"c00.compliant.noise": "lost"}], None, "not judged"),
         ([{}], RUNS["lost"], "not judged"),

@@ -21,6 +21,7 @@ from orchestrator import Benchmark
 from orchestrator.execution import sandbox, sandbox_probe
 from orchestrator.execution.interpreter import program
 from orchestrator.execution.job import Done
+from orchestrator.execution.seccomp import TALK
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import pairing
@@ -124,51 +125,6 @@ def test_a_controller_alone_sees_none_of_the_users_files(tmp_path):
     assert seen == {False: [False, True, True, True], True: [False, False, "tests" in str(sys.path), True]}
 
 
-CALLS = """
-import ctypes, fcntl, mmap, os, platform, socket, sys
-from orchestrator.execution.seccomp import refuse_marks
-libc = ctypes.CDLL(None)
-file = open(sys.executable, "rb")
-keyctl = {"x86_64": 250, "aarch64": 219}[platform.machine()]
-flag = getattr(os, "RWF_NOWAIT", 8)
-refused = [
-    lambda: fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
-    lambda: fcntl.lockf(file, fcntl.LOCK_SH | fcntl.LOCK_NB),
-    lambda: fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK),
-    lambda: fcntl.fcntl(file, fcntl.F_NOTIFY, fcntl.DN_ACCESS),
-    lambda: os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED),
-    lambda: os.preadv(file.fileno(), [bytearray(1)], 0, flag),
-    lambda: mmap.mmap(-1, 4096).madvise(21),
-    lambda: socket.socket(40, socket.SOCK_STREAM),
-    lambda: libc.inotify_init() >= 0 or 1 / 0,
-    lambda: libc.syscall(keyctl, 0, -3, 0) >= 0 or 1 / 0,
-]
-allowed = [
-    lambda: fcntl.fcntl(file, fcntl.F_GETFL),
-    lambda: os.preadv(file.fileno(), [bytearray(1)], 0),
-    lambda: mmap.mmap(-1, 4096).madvise(mmap.MADV_DONTNEED),
-    lambda: [socket.socket(family) for family in (socket.AF_UNIX, socket.AF_INET, socket.AF_INET6)],
-]
-
-def works(call):
-    try:
-        call()
-    except (OSError, ZeroDivisionError):
-        return False
-    return True
-
-assert refuse_marks()
-print([works(call) for call in refused], [works(call) for call in allowed])
-"""
-
-
-@pytest.mark.needs("linux")
-def test_calls_that_leave_or_find_a_trace_are_refused(tmp_path):
-    """Locks, watched files, pages in memory, keyrings, sockets of virtual machines: they are the whole machine's."""
-    done = finished([*program(CALLS)], folder=tmp_path)
-    assert done.stdout.split("] ") == [str(10 * [False])[:-1], str(4 * [True]) + "\n"], done.stderr
-
-
 SCRIPT = """
 import sys
 from importlib.machinery import PathFinder
@@ -267,8 +223,48 @@ def test_a_probe_finds_what_a_sandbox_leaves_open(monkeypatch):
     monkeypatch.setattr(sandbox, "OPTIONS", open_network)
     monkeypatch.setattr(sandbox, "NO_USER_NAMESPACES", ())
     monkeypatch.setattr(sandbox, "HIDDEN", ())
+    monkeypatch.setattr(sandbox, "ALONE", ())
+    monkeypatch.setattr(sandbox, "NO_PROC", sandbox.SYSTEM)
     found = sandbox_probe.leaks()
     assert {"the network", "the processes of others"} <= set(found)
+
+
+@sandboxed
+def test_a_probe_finds_what_the_kernel_shows_and_counts(monkeypatch):
+    monkeypatch.setattr(sandbox, "ALONE", ())
+    monkeypatch.setattr(sandbox, "NO_PROC", sandbox.SYSTEM)
+    assert set(sandbox_probe.leaks()) == {"what the kernel shows in /proc", "terminals, which the machine counts"}
+
+
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize("name", TALK)
+def test_a_probe_sees_that_a_call_is_not_refused(name):
+    """Here, where there is no filter."""
+    sandbox_probe._works(name)
+
+
+LOOK = """
+import os
+
+def shown(path):
+    # Of /proc, files of processes are those of the sandbox; what is hidden is a device without contents.
+    words = path.split("/")
+    return words[1] != "proc" or not (words[2].isdecimal() or os.path.islink(path) or os.stat(path).st_rdev == NULL)
+
+NULL = os.stat("/dev/null").st_rdev
+found = {folder: sorted(os.path.relpath(os.path.join(place, name), folder) for place, _, names in os.walk(folder)
+    for name in names if shown(os.path.join(place, name))) for folder in ("/proc", "/sys", "/dev")}
+print(found)
+"""
+
+
+@sandboxed
+@pytest.mark.parametrize("talking", [False, True])
+def test_a_controller_alone_sees_nothing_that_the_kernel_says_of_the_machine(talking, tmp_path):
+    """Files of /proc and /sys show counters that another controller moves, in the same second or long before."""
+    words = [*sandbox.command((), alone=True, talking=talking), *program(LOOK)]
+    done = finished(words, folder=tmp_path, environment=sandbox.environment(os.environ))
+    assert literal_eval(done.stdout) == {"/proc": [], "/sys": [], "/dev": sorted(sandbox.DEVICES)}, done.stderr
 
 
 @sandboxed

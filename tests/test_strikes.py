@@ -5,15 +5,16 @@ from dataclasses import replace
 
 import pytest
 from hostile.fmus import Fault
-from hostile.runs import HANG_LIMIT, SPARED, STRUCK, answered, bench, run, short_cases
+from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, answered, bench, run, short_cases
 
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import Judgement
 from orchestrator.execution import cluster, pool, store, supervision
-from orchestrator.execution.job import Died, Done, Refused
+from orchestrator.execution.job import MANY_LOGGED, Died, Done, Refused
 from orchestrator.execution.messages import ErrorRecord
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.pairing import judging
 from orchestrator.study import rehearsal
 
 pytestmark = [
@@ -60,6 +61,16 @@ def test_failures_that_differ_in_what_was_measured_are_of_one_kind(how, harmless
     runs = ran(harmless, *map(MEASURED[how], range(4)))
     assert len({run.kind for run in runs[:3]}) == 1 and runs[0].kind
     assert statuses(runs)[3] is SKIPPED and runs[0].kind in runs[3].result.message
+
+
+def test_two_timeouts_are_enough(harmless):
+    """Each costs a whole time limit."""
+    hangs = [Died(n, True, "it waited", "the limit of waiting", 1.0, Place(n, CONTROLLER, "step")) for n in range(4)]
+    runs = ran(harmless, *hangs)
+    assert statuses(runs) == [TIMEOUT, TIMEOUT, SKIPPED, SKIPPED]
+    assert runs[3].result.message == "skipped after 2 failures of one kind (timeout: the limit of waiting)"
+    others = (Done(n, Judgement(status=DONE, time=float(STRUCK)), 1.0) for n in range(1, 4))
+    assert statuses(ran(harmless, hangs[0], *others)) == [TIMEOUT, DONE, DONE, DONE]
 
 
 def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
@@ -136,3 +147,23 @@ def test_keep_going_runs_all_and_what_failed_again(faulty, tmp_path):
         options = {"only": "c00.*", "folder": tmp_path, "recordings": False, "keep_going": keep_going}
         first, *others = [case.status for case in benchmark.evaluate(controller, **options).cases]
         assert first is CRASHED and set(others) == {rest}
+
+
+@pytest.mark.parametrize(("logged", "told"), [(MANY_LOGGED, 0), (MANY_LOGGED + 1, 1)])
+def test_a_controller_that_logs_so_much_that_it_takes_time_is_told_once(logged, told, harmless, caplog):
+    done = Judgement(status=ERROR, time=0.1, message="x.fmu: doStep failed")
+
+    def execute(jobs):
+        yield from ((0, Done(number, done, 1.0, logged)) for number in range(3))
+
+    answered(harmless, short_cases((STRUCK,) * 3), execute, keep_going=True)
+    assert [record.message for record in caplog.records] == told * [
+        f"{harmless.controller.name} logged 1.0 million messages in a simulation, which takes time: "
+        "switch its logging off."
+    ]
+
+
+def test_messages_are_counted_in_a_worker(plant_file, faulty):
+    own = bench(plant_file, faulty(Fault("chat:3:5:0", "step", 0.0)))
+    (outcome,) = supervision.run_isolated(judging(PROTOCOL, short_cases((STRUCK,)), own))
+    assert outcome.logged == 200 * 3 * 5

@@ -13,7 +13,7 @@ from test_tuning import FEW
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
 from orchestrator.benchmark.draws import Entropy, fresh
-from orchestrator.benchmark.metrics import expected
+from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
 from orchestrator.errors import Crash, EnvironmentFault
@@ -21,11 +21,13 @@ from orchestrator.execution import store
 from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import OUTSIDE
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing.runs import CaseRun
 from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
 from orchestrator.study.dry_run import on_target
 from orchestrator.study.engine import Engine
 from orchestrator.study.evaluate import evaluate, spread
+from orchestrator.study.processes import Processes
 from orchestrator.study.rehearsal import Rehearsal
 from orchestrator.study.reliability import reliability
 from orchestrator.study.requests import (
@@ -206,14 +208,37 @@ def test_entries_side_by_side_stop_each_for_itself(own):
     assert statuses == [done, [Status.ERROR, Status.SKIPPED, Status.SKIPPED], done]
 
 
+@pytest.mark.parametrize(("time", "asked"), [(0.3, False), (0.5, True)])
+def test_a_controller_that_hangs_early_is_not_timed(time, asked):
+    """The timed steps would hang as well, and cost another time limit."""
+
+    class Hanging(Player):
+        def __call__(self, request):
+            answer, hung = super().__call__(request), Judgement(status=Status.TIMEOUT, time=time)
+            if not isinstance(request, Batch):
+                return answer
+            return [[CaseRun(case, named(case, hung)) for case in entry.cases] for entry in request.entries]
+
+    player = Hanging()
+    answered(evaluate(Benchmark("quick"), Controller(), recordings=False), player)
+    assert bool(player.of(TimeSteps)) is asked
+
+
 # Interrupted, and started again
 
 
-class Rehearsed(Engine):
-    """The engine with its store and its files, but without a first sample and recordings, and with a clock that stands
-    still: what is left of the time is that of the cases, which is stored with them."""
+class Once(Processes):
+    """Nothing is repeated."""
 
-    def _answer(self, request, known, spent):
+    def is_due(self, batch):
+        return False
+
+
+class Rehearsed(Engine):
+    """The engine with its store and its files, but without a first sample, repetitions and recordings, and with a clock
+    that stands still: what is left of the time is that of the cases, which is stored with them."""
+
+    def _answer(self, request, known, spent, processes):
         match request:
             case Rehearse():
                 return Rehearsal()
@@ -223,7 +248,7 @@ class Rehearsed(Engine):
                 return ()
             case Now():
                 return Instant("2026-01-01", 0.0, self.processes, **vars(spent))
-        return super()._answer(request, known, spent)
+        return super()._answer(request, known, spent, Once())
 
 
 def simulated(task):

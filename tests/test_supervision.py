@@ -75,7 +75,9 @@ CORPUS = [
     expected(CRASHED, "garbage", "a channel that is not its own"),
     expected(LOST, "kill-parent", "lost with the one that started it"),
     expected(CRASHED, "grow", "of memory; the limit is 400 MB", memory=400_000_000),
-    expected(CRASHED, "log:1", "logged more than 1 MB", "still here, and talking", output=1_000_000),
+    expected(
+        TIMEOUT, "log:1", PROCESSOR_REACHED, "messages, which takes time", "still here, and talking", output=1_000_000
+    ),
     expected(CRASHED, "print", "printed or logged more than 1 MB", "no news", output=1_000_000),
     expected(CRASHED, "close-all", "it closed the channel of its results"),
     expected(
@@ -91,6 +93,7 @@ CORPUS = [
     expected(ERROR, "status:3", "fmi2GetReal returned error", where="get"),
     expected(ERROR, "status:3", "enterInitializationMode failed", where="initialize", time=0.0),
     *(expected(ERROR, f"value:{value}", where="get") for value in ("nan", "-inf", "1e300")),
+    *(expected(DONE, f"chat:{chat}", time=0.05, output=1000) for chat in ("0:2000:0", "0:2000:1", "3:5:0", "3:5:1")),
     expected(ERROR, "utf8", "caf�"),
     expected(ERROR, "percent", "100 %s of %n and %d%%"),
     expected(ERROR, "null-message"),
@@ -257,7 +260,14 @@ def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place
     Trace(trace.buffer).words[:3] = place.sample, place.side, 0
     process = SimpleNamespace(tree=DIES, exit_code=lambda patience: code, kill=lambda: None)
     given = SimpleNamespace(
-        largest=100, tasks=(b"",) * tasks, time_limits=(60.0,) * tasks, sandbox=False, limits=Limits(), decode=decode
+        largest=100,
+        tasks=(b"",) * tasks,
+        time_limits=(60.0,) * tasks,
+        sandbox=False,
+        limits=Limits(),
+        decode=decode,
+        longest_call=60.0,
+        on_standstill=lambda *_: None,
     )
     with near, far:
         far.sendall((frame(Loaded()) if loaded else b"") + b"".join(messages))

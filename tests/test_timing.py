@@ -15,9 +15,9 @@ from support.closed_loops import T_S, probed, quiet, simulate_all
 from support.stub_fmus import axes
 
 from orchestrator.loop import disturbances, signals
-from orchestrator.loop.probe import Convention
 from orchestrator.loop.random_streams import noise as noise_of
 from orchestrator.loop.scenario import NO_DELAY, Chirp, Drive, Noise, Pulse, Sensor
+from orchestrator.loop.timing import Convention
 
 ACTING = ("acting[1]", "acting[2]")
 ARRIVAL = ("arrival[1]", "arrival[2]")

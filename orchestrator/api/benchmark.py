@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..documents.document import Shown
 from ..documents.standard import USUAL
+from ..entry import entered
 from ..errors import InputError
 from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
@@ -102,6 +103,7 @@ class Benchmark(Testbed, Shown):
         )
         return Summary("Benchmark", self.rules.name, (Table("Conditions", (Column("what"), Column("value")), rows),))
 
+    @entered
     def check(self, controller: Given = None) -> Findings:
         """What can be said of a controller before any evaluation: what it is, how it is bound, how it behaves.
 
@@ -112,12 +114,14 @@ class Benchmark(Testbed, Shown):
         own = Controller.of(controller)
         return Findings(own.file_name, tuple(self.iter_check(own)))
 
+    @entered
     def iter_check(self, controller: Controller) -> Iterator[Finding]:
         """The findings of :meth:`check` as they come."""
         from . import checking
 
-        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0].scenario)
+        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0])
 
+    @entered
     def evaluate(
         self,
         controller: Given = None,
@@ -143,7 +147,7 @@ class Benchmark(Testbed, Shown):
         recordings : bool
             Whether the cases that a report shows are simulated once more and recorded.
         keep_going : bool
-            Whether to run on after three failures of one kind, and to run again what failed in an earlier run.
+            Whether to run on after three failures or two timeouts of one kind, and to run again what failed before.
         force : bool
             Whether to run again what an earlier run has finished.
         on_result : callable, optional
@@ -169,6 +173,7 @@ class Benchmark(Testbed, Shown):
         )
         return self.engine(folder, on_result).run(study)
 
+    @entered
     def spread(
         self,
         controller: Given = None,
@@ -214,6 +219,7 @@ class Benchmark(Testbed, Shown):
             spread(self, Controller.of(controller), seeds, **options)
         )
 
+    @entered
     def robustness(
         self,
         controller: Given = None,
@@ -284,6 +290,7 @@ class Benchmark(Testbed, Shown):
         )
         return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
 
+    @entered
     def reliability(
         self,
         controller: Given = None,
@@ -333,6 +340,7 @@ class Benchmark(Testbed, Shown):
         study = reliability(self, Controller.of(controller), count, probability, confidence, distribution)
         return self.engine(folder, on_result).run(study)
 
+    @entered
     def tune(
         self,
         controller: Given = None,
@@ -409,6 +417,7 @@ class Benchmark(Testbed, Shown):
         )
         return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
 
+    @entered
     def sweep(
         self,
         controller: Given = None,
@@ -452,6 +461,7 @@ class Benchmark(Testbed, Shown):
         study = sweep(replace(self, protocol=objective), Controller.of(controller), values or {})
         return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
 
+    @entered
     def verify(
         self,
         controller: Given = None,
@@ -508,6 +518,7 @@ class Benchmark(Testbed, Shown):
         study = verify(same, Controller.of(controller), draws, count, strict, tuple(beside), sandboxed)
         return self.engine(None, on_result, here=True).run(study)
 
+    @entered
     def repeat(
         self, certificate: Verification, controller: str | Path | None = None, *, on_result: OnResult | None = None
     ) -> Verification:
@@ -522,6 +533,7 @@ class Benchmark(Testbed, Shown):
         file, sandboxed = None if controller is None else Path(controller), self.sandbox or can_fence()
         return self.engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
 
+    @entered
     def simulate(self, controller: Given = None, case: Case | str = "c07.compliant.disturbance") -> Simulation:
         """Simulate one case, by name or from :meth:`case`, :meth:`case_at`, :meth:`varied`.
 
@@ -532,6 +544,7 @@ class Benchmark(Testbed, Shown):
 
         return simulate(self, Controller.of(controller), case)
 
+    @entered
     def export_ssp(self, controller: Given, case: Case | str, file: str | Path) -> Path:
         """Write the closed loop of one case, named as in :meth:`simulate`, as a package of SSP 1.0; returns ``file``.
 
@@ -546,6 +559,7 @@ class Benchmark(Testbed, Shown):
         export_ssp(self, Controller.of(controller), case, Path(file))
         return Path(file)
 
+    @entered
     def linearize(
         self,
         q_a: tuple[float, float],
@@ -586,6 +600,7 @@ class Benchmark(Testbed, Shown):
 
         return linear_model(self._known(q_a, system, test, variation), sampled, delay, friction)
 
+    @entered
     def linear_loop(
         self,
         controller: Given | object,
@@ -625,6 +640,7 @@ class Benchmark(Testbed, Shown):
             raise InputError(message, "no-equations", self.plant)
         return self.case_at(q_a, system, test, variation)
 
+    @entered
     def engine(
         self,
         folder: str | Path | None = None,

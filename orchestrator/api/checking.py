@@ -2,67 +2,127 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
+from msgspec import structs
+
+from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
-from ..codec import unpack
+from ..codec import Struct, unpack
 from ..conformance.finding import Finding, Severity
 from ..conformance.static import archive_findings, binding_findings, sampling_findings
-from ..errors import InputError
-from ..execution.job import Died, Refused
+from ..errors import Crash, FmuError, InputError
+from ..execution.job import Died, Done, Outcome, Refused
 from ..execution.supervision import run_isolated
+from ..loop import timing as timings
+from ..loop.carry_over import CarryOver
 from ..loop.sampling import controller_sample_time
-from ..loop.scenario import Scenario
 from ..loop.setup import controller_binding
+from ..pairing import work
 from ..pairing.controller import Controller
 from ..pairing.pairing import FULL_LENGTH, Pairing
+from ..study.rehearsal import computing_time, rehearse
+
+Decode = Callable[[int, bytes], Any]
+"""As that of a job."""
+
+LONGEST_LOOK = 10.0
+"""Processor time [s] that a look at the running controller may take; waiting is limited as well, see
+:mod:`~orchestrator.execution.time_limit`."""
 
 
 def findings(
-    controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, scenario: Scenario
+    controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, case: Case
 ) -> Iterator[Finding]:
-    """The findings on ``controller`` as they come; ``pairing`` opens it, its steps are timed in ``scenario``."""
+    """The findings on ``controller`` as they come; ``pairing`` opens it, ``case`` is what is simulated of it."""
     try:
+        yield from archive_findings(controller.archive)
         opened = pairing()
         archive, setup = opened.controller, opened.setup
-        yield from archive_findings(archive)
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
         sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
         yield from sampling_findings(sample_time, protocol.sample_time)
-        yield from _dynamic(opened, replace(scenario, sample_time=sample_time.value), protocol)
+        sampled = replace(case, scenario=replace(case.scenario, sample_time=sample_time.value))
+        yield from _dynamic(opened, sampled, protocol)
     except InputError as error:
         yield Finding(Severity.ERROR, "import", str(error), "", error.what, error.value, error.nearest)
 
 
-def _dynamic(pairing: Pairing, scenario: Scenario, protocol: Protocol) -> Iterator[Finding]:
+def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Finding]:
+    """What running the controller shows. Each look takes one instance of a process that may have only one."""
     from ..conformance import dynamic  # it loads the compiler
 
-    first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
-    tasks = [
-        dynamic.CheckTask(
-            number, pairing.setup, scenario.sample_time, (first, second), scenario, FULL_LENGTH, pairing.timeout
-        )
-        for number in range(len(dynamic.CHECKS))
-    ]
-    job = pairing.raw_job(
-        f"{dynamic.__name__}:{dynamic.run_check.__name__}",
-        tasks,
-        (pairing.timeout,) * len(tasks),
-        lambda _, value: unpack(value, tuple[Finding, ...]),
-    )
-    known = ""
-    for outcome in run_isolated(job):
-        check = dynamic.CHECKS[outcome.index]
+    T_s, told = case.scenario.sample_time, set[str]()
+
+    def failed(check: dynamic.Check, outcome: Outcome) -> Iterator[Finding]:
+        """What it means that a look at the subject of ``check`` came to this ``outcome``."""
         if isinstance(outcome, Refused):
-            if outcome.error.message == known:  # it fails before any look begins: once is enough
-                continue
-            known = outcome.error.message
-            remedy = check.loss or "Mend what the FMU says itself, and export it again."
-            yield Finding(check.failure, check.subject, known, remedy)
+            error = outcome.error
+            text, remedy = error.message, check.loss or "Mend what the FMU says itself, and export it again."
+            cause = error.what, error.value, error.nearest
         elif isinstance(outcome, Died):
             text = "\n".join((outcome.message, *outcome.output))
             remedy = check.loss or "Run the FMU in a debugger: it ends or hangs its process."
-            yield Finding(check.failure, check.subject, text, remedy)
+            cause = "", "", ()
         else:
-            yield from outcome.value
+            return
+        if text not in told:  # it fails before any look begins: once is enough
+            told.add(text)
+            yield Finding(check.failure, check.subject, text, remedy, *cause)
+
+    def run(own: Pairing, function: Callable[..., bytes], tasks: Sequence[Struct], decode: Decode) -> list[Outcome]:
+        name = f"{function.__module__}:{function.__name__}"
+        job = own.raw_job(name, tasks, (min(pairing.timeout, LONGEST_LOOK),) * len(tasks), decode)
+        return list(run_isolated(replace(job, give_up=True)))
+
+    first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
+    asked = [dynamic.CheckTask(0, pairing.setup, T_s)]
+    (rest,) = run(pairing, dynamic.find_rest, asked, lambda _, value: unpack(value, dynamic.Rest))
+    yield from failed(dynamic.TIMING_CHECK, rest)
+    responses: list[np.ndarray] = []
+    if isinstance(rest, Done):
+        at = rest.value
+        torques: Decode = lambda _, value: unpack(value, np.ndarray)  # noqa: E731
+        errors = [(timings.step_errors(begin), initially) for begin, initially in timings.EXPERIMENTS]
+        tasks = [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, *each) for each in errors]
+        # In processes of their own, since nothing is known yet of what a controller leaves behind.
+        *_, ended = outcomes = run(replace(pairing, separate=True), work.answer, tasks, torques)
+        yield from failed(dynamic.TIMING_CHECK, ended)
+        if isinstance(ended, Died) and ended.timeout:  # it would hang in the others as well, and longer
+            left = ", ".join(("repeatability", "reset", *(check.subject for check, _ in dynamic.CHECKS), "cost"))
+            yield Finding(Severity.NOTE, "check", f"left out after that: {left}", "Mend what hangs, and check again.")
+            return
+        if isinstance(ended, Done):
+            responses = [outcome.value for outcome in outcomes if isinstance(outcome, Done)]
+            yield from dynamic.timing(responses, at.u_m, (first, second))
+    shown = _carry_over(pairing, case)
+    own = replace(pairing, separate=shown.separates)
+    if isinstance(rest, Done):
+        yield from dynamic.carry_over(shown)
+    if responses:
+        (again,) = run(own, work.answer, [structs.replace(tasks[timings.STEP], reset_first=True)], torques)
+        yield from failed(dynamic.RESET_CHECK, again)
+        if isinstance(again, Done):
+            yield from dynamic.reset(responses[timings.STEP], again.value)
+    for number, (check, _) in enumerate(dynamic.CHECKS):
+        if check.subject == "several instances" and own.is_separate and not own.separate:
+            continue  # it has declared that it cannot
+        task = dynamic.CheckTask(number, own.setup, T_s)
+        for outcome in run(own, dynamic.run_check, [task], lambda _, value: unpack(value, tuple[Finding, ...])):
+            yield from failed(check, outcome)
+            if isinstance(outcome, Done):
+                yield from outcome.value
+    found_time = computing_time(case, own)
+    if found_time is not None:
+        yield from dynamic.cost(found_time, float(T_s), FULL_LENGTH, pairing.timeout)
+
+
+def _carry_over(pairing: Pairing, case: Case) -> CarryOver:
+    """Whether state is carried over, as the rehearsal of an evaluation shows it."""
+    try:
+        return rehearse(case, pairing, probe=False).carry_over
+    except (Crash, FmuError, InputError):  # what is wrong, another look says
+        return CarryOver.NOT_TESTED

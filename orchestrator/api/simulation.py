@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 
 from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, Kind, Rules
+from ..bounded import LARGEST_RESULTS, read
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Shown
 from ..documents.files import write_bytes
@@ -151,9 +152,7 @@ class Simulation(Shown):
     def load(cls, file: str | Path) -> Simulation:
         """The simulation that was saved in ``file``; raises :class:`InputError` if it is damaged or not there."""
         try:
-            saved = unpack(Path(file).read_bytes(), _Saved)
-        except OSError as problem:
-            raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from problem
+            saved = unpack(read(Path(file), LARGEST_RESULTS), _Saved)
         except Malformed as problem:
             raise InputError(f"{file} does not hold a simulation: {problem}.", "damaged", file) from None
         return cls(**asdict(saved))

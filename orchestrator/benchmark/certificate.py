@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+
+from msgspec import structs
 
 from ..codec import Natural, NonNegative, Struct, to_json
 from ..loop.trajectory import Status
 from .results import CaseResult, Kind, Requirement, Rules, Scorecard
 from .scorecard import score
 from .spread import statistic
-from .tally import Tally, merged, reason
+from .tally import Tally, merged, reason, with_given_up
 
 
 class Figure(Struct):
@@ -44,8 +46,9 @@ class RequirementFound(Struct):
     """A requirement over the draws.
 
     ``passed`` is False if it is not met in a draw (there are ``failed_draws`` of them), else None if it is not judged
-    in one, else True. ``tally`` counts the cases of all draws. ``worst_case`` is that of the worst draw, or the first
-    case that was skipped or lost; it has no value then.
+    in one, else True. A case that was skipped counts as failed: only failures of the controller in others cause that.
+    ``tally`` counts the cases of all draws. ``worst_case`` is that of the worst draw, or the first
+    case that was lost; it has no value then.
     """
 
     passed: bool | None
@@ -124,16 +127,13 @@ class Reference(Tried, kw_only=True):
     file: str
 
 
-def identity(sha256: str, parameters: Mapping[str, float], mapping: Mapping[str, str], sample_time: float) -> str:
-    """SHA-256 of a controller with all that makes it behave as it does."""
-    used = [sha256, sorted(parameters.items()), sorted(mapping.items()), sample_time]
-    return hashlib.sha256(to_json(used, indent=None).encode()).hexdigest()
+def seeds(entropy: str, sha256: str, count: int, repetition: int = 0) -> tuple[int, ...]:
+    """The seeds of ``count`` draws of the FMU with this ``sha256``; a ``repetition`` has others.
 
-
-def seeds(entropy: str, controller: str, count: int, repetition: int = 0) -> tuple[int, ...]:
-    """The seeds of ``count`` draws: whoever changes the controller, which a hash identifies, changes its draws. A
-    ``repetition`` has others."""
-    words = (f"{entropy}\n{controller}\n{repetition * count + number}" for number in range(count))
+    They follow from nothing else: with one FMU and one round of the beacon, nobody can choose among draws. Without the
+    FMU, one could be made for the draws of a round that is known already.
+    """
+    words = (f"{entropy}\n{sha256}\n{repetition * count + number}" for number in range(count))
     return tuple(int(hashlib.sha256(word.encode()).hexdigest()[:12], 16) for word in words)
 
 
@@ -175,7 +175,7 @@ def _criterion(name: str, cards: Sequence[tuple[int, Scorecard]]) -> CriterionFo
 
 
 def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> RequirementFound:
-    found = [(seed, card.stability[name]) for seed, card in cards]
+    found = [(seed, _failing(card.stability[name])) for seed, card in cards]
 
     def badness(draw: tuple[int, Requirement]) -> tuple[bool, bool, bool, float]:
         own = draw[1]
@@ -192,3 +192,9 @@ def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> Requireme
         worst_case=None if id is None else WorstDraw(id, seed, value),
         tally=over,
     )
+
+
+def _failing(found: Requirement) -> Requirement:
+    """The same requirement where a case that was skipped has failed."""
+    own = with_given_up(found.tally)
+    return structs.replace(found, tally=own, passed=own.passed)

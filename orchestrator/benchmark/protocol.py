@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from fractions import Fraction
@@ -13,15 +12,11 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import structs
 
+from ..bounded import read_toml
 from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
 from .allowed import allowed
 from .case import CRITERIA, REQUIREMENTS, Disturbance, Test
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 FILES = resources.files(__package__) / "protocols"
 
@@ -257,21 +252,20 @@ def _check(protocol: Protocol, test: Test) -> None:
         )
 
 
-def _read(name: str) -> dict[str, Any]:
-    """The tables of a protocol file, with those of the file it extends below them."""
+def _read(name: str, above: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The tables of a protocol file, with those of the file it extends below them; those ``above`` extend this one."""
     if not name.endswith(".toml") and name not in names():
         raise InputError(
             f"There is no protocol {name}. Choose one of: {', '.join(names())}.", "no-protocol", "", name, names()
         )
-    file = Path(name) if name.endswith(".toml") else FILES / f"{name}.toml"
-    try:
-        raw = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from None
-    except ValueError as problem:
-        raise InputError(f"{file} is not a TOML file: {problem}.", "bad-protocol", file) from None
+    file = Path(name if name.endswith(".toml") else str(FILES / f"{name}.toml"))
+    raw = read_toml(file, "bad-protocol")
     base = raw.get("extends")
-    return _merged(_read(base), raw) if isinstance(base, str) and base != name else raw
+    if not isinstance(base, str) or base == name:
+        return raw
+    if base in above:
+        raise InputError(f"{file} extends {base}, which extends it.", "bad-protocol", file, base)
+    return _merged(_read(base, (*above, name)), raw)
 
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,8 +8,9 @@ from typing import Any, Literal, get_args
 
 from ..codec import Natural, Struct
 
-Failure = Literal["crashed", "timeout", "error", "left the workspace", "no rest", "limit cycle"]
-"""How a case of a requirement fails. All of these are the controller's."""
+Failure = Literal["crashed", "timeout", "error", "left the workspace", "no rest", "limit cycle", "given up"]
+"""How a case of a requirement fails. All of these are the controller's; it is "given up" in a verification, after
+failures in others."""
 
 Unjudged = Literal["skipped", "lost", "not run"]
 """Why a case says nothing about the controller."""
@@ -28,6 +29,7 @@ VERBS: Mapping[Outcome, str] = {
     "left the workspace": "left the workspace",
     "no rest": "did not come to rest",
     "limit cycle": "had a limit cycle",
+    "given up": "ended with `skipped` after other failures",
     "skipped": "ended with `skipped`",
     "lost": "ended with `lost`",
 }
@@ -75,6 +77,17 @@ def merged(tallies: Iterable[Tally], first: str = "") -> Tally:
         counts.update(each.failed)
         counts.update(each.not_judged)
     return _of(cases, counts, first)
+
+
+def with_given_up(found: Tally) -> Tally:
+    """The tally in which cases that were skipped have failed.
+
+    In a verification nothing but failures of the controller itself makes that other cases are skipped; which ones
+    follows from the order of the cases, which says nothing about a requirement.
+    """
+    counts: dict[str, int] = {name: count for each in (found.failed, found.not_judged) for name, count in each.items()}
+    skipped = counts.pop("skipped", 0)
+    return _of(found.cases, {**counts, "given up": counts.get("given up", 0) + skipped}, found.first)
 
 
 def _of(cases: int, counts: Mapping[str, int], first: str) -> Tally:

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from plant_fmu.flexible_manipulator.formulas import ANGLE_MAX, hypot
 
+from ..entry import enter_fields
 from ..errors import InputError
 from ..loop.disturbances import force
 from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor
@@ -55,6 +56,7 @@ class Variation:
     t_2: float | None = None
 
     def __post_init__(self) -> None:
+        enter_fields(self)
         if self.duration is not None and not 0 < self.duration <= LONGEST:
             message = f"The duration {float(self.duration):g} s is not between 0 and {LONGEST} s."
             raise InputError(message, "bad-duration", "", float(self.duration))

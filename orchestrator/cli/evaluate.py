@@ -60,7 +60,7 @@ def _options(parser: Parser) -> None:
     parser.add_argument(
         "--keep-going",
         action="store_true",
-        help="do not give up after three failures of one kind, and run again what failed in an earlier run",
+        help="do not give up after three failures of one kind, or two timeouts, and run again what failed before",
     )
     outputs.add_options(parser)
 

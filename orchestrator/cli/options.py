@@ -10,17 +10,18 @@ from typing import Any
 
 from ..api.benchmark import Benchmark
 from ..benchmark import protocol
+from ..codec import Scalar
 from ..errors import InputError
 from ..execution.cluster import WAIT
 from ..fmi.choice import WAYS
-from ..fmi.controller_files import read_mapping, read_parameters
+from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_parameters
 from ..pairing.built_in import DEFAULT_CONTROLLER
 from ..pairing.controller import Controller
 from ..pairing.plant import FILE
 from ..pairing.testbed import available_cores
 from ..pairing.twin import DEFAULT_IN_C, PLANT, PLANT_IN_C
 from ..text import printable
-from .values import MOST, assignment, assignments, connection, natural, number, seeds, time
+from .values import MOST, assignments, connection, natural, number, seeds, setting, time
 
 
 def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
@@ -76,10 +77,11 @@ def add_controller(
         "--set",
         action="append",
         default=[],
-        type=assignment,
+        type=setting,
         metavar="NAME=VALUE",
         dest="controller_parameters",
-        help="a parameter of the controller, in the unit the FMU has for it; may be given again",
+        help="a parameter of the controller, in the unit the FMU has for it, or a constant for an "
+        "input that nothing drives; may be given again",
     )
     parser.add_argument(
         "--parameters",
@@ -106,7 +108,7 @@ def add_controller(
         type=Path,
         metavar="FILE",
         dest="mapping_files",
-        help="the same from a .toml or .ssm file",
+        help="the same from a .toml or .ssm file; a .toml file may also have parameters",
     )
     parser.add_argument(
         "--sample-time",
@@ -208,7 +210,9 @@ def controller(options: argparse.Namespace) -> Controller:
     refuse_repeated("--map", options.connections)
     refuse_repeated("--set", options.controller_parameters)
     plain = Controller(options.controller, sample_time=options.sample_time, library=options.library)
-    parameters: dict[str, float] = {}
+    parameters: dict[str, Scalar] = {}
+    for file in options.mapping_files:
+        parameters.update(read_mapped_parameters(file))
     for file in options.parameter_files:
         parameters.update(read_parameters(file, plain.archive))
     mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}

@@ -9,7 +9,6 @@ from ..api.benchmark import Benchmark
 from ..benchmark.reliability import draws_needed
 from ..documents.files import RELIABILITY
 from ..documents.reliability import Reliability
-from ..errors import InputError
 from ..pairing.controller import Controller
 from ..study.reliability import reliability
 from ..study.requests import Study
@@ -52,9 +51,6 @@ def _study(bench: Benchmark, controller: Controller, given: argparse.Namespace, 
     if given.more is not None:
         draws = Reliability.load(folder / RELIABILITY).draws + given.more
     elif draws is None:
-        for name, value in (("probability", given.probability), ("confidence", given.confidence)):
-            if not 0.0 < value < 1.0:
-                raise InputError(f"The {name} must lie between 0 and 1, not {value:g}.", "bad-number", name, value)
         draws = draws_needed(given.probability, given.confidence)
     return reliability(bench, controller, draws, given.probability, given.confidence, given.distribution)
 

@@ -20,7 +20,7 @@ from ..documents.files import REPORT
 from ..pairing.controller import Controller
 from ..study.dry_run import Plan
 from ..study.requests import Event, Study
-from ..text import file_name
+from ..text import file_name, shortened
 from . import options, output
 from .guard import EXIT_CODES, EXIT_OK
 from .progress import progress
@@ -135,7 +135,7 @@ def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namesp
     plant = bench.manipulator.model if bench.manipulator.build == "file" else ""
     only = getattr(given, "only", ())
     unusual = [sorted(controller.setup.mapping.items()), sorted(bench.plant_parameters.items()), only, plant]
-    values = [f"{key}={value:g}" for key, value in sorted(controller.setup.parameters.items())]
+    values = [f"{key}={shortened(value)}" for key, value in sorted(controller.setup.parameters.items())]
     if controller.sample_time is not None:
         values.append(f"T_s={float(controller.sample_time):g}")
     readable = "-".join(["", *values])

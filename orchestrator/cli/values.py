@@ -57,8 +57,16 @@ def connection(text: str) -> tuple[str, str]:
     return connector.strip(), variable.strip()
 
 
+def setting(text: str) -> tuple[str, str]:
+    """``NAME=VALUE`` as a pair of texts: what the value may be depends on the variable."""
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE, such as K_p[1]=45 or enable=true")
+    return name.strip(), value
+
+
 def assignment(text: str) -> tuple[str, float]:
-    """``NAME=VALUE`` as a pair."""
+    """``NAME=NUMBER`` as a pair."""
     name, equals, value = text.partition("=")
     try:
         if not equals or not name:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..api.benchmark import Benchmark
 from ..benchmark.draws import from_beacon
+from ..bounded import read
 from ..documents.files import prepare_folder, write_bytes
 from ..documents.standard import USUAL
 from ..documents.verification import Verification, differences
@@ -105,9 +106,10 @@ def _round(draws: str) -> str:
     """The text of a round: that of a file if there is one."""
     file = Path(draws)
     try:
-        return file.read_bytes()[:LARGEST].decode(errors="replace") if file.is_file() else draws
+        given = file.is_file()
     except OSError as problem:
         raise InputError(f"{draws} cannot be read: {problem.strerror}.", "no-beacon", draws) from None
+    return read(file, LARGEST, "no-beacon").decode(errors="replace") if given else draws
 
 
 class VerifyCommand(StudyCommand):
@@ -130,7 +132,7 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     for title, lines in (("made with other", rest), ("DIFFERENT", results)):
         for line in lines:
             print(printable(f"{title}: {line}"), file=sys.stderr)
-    if results and found.completeness == "not judged":
+    if results and not (certificate.finished and found.finished):
         print("not judged whether it is equal to the certificate: cases were skipped or lost", file=sys.stderr)
         return EXIT_NOT_JUDGED
     if results:

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
 
-from ..codec import Struct, pack, unpack
+from ..codec import Finite, Struct, pack, unpack
 from ..errors import FmuError
 from ..fmi.connectors import PLANT, bind
-from ..fmi.lookup import find_parameters
+from ..fmi.lookup import find_values
 from ..fmi.port import exchange
 from ..fmi.slaves import Slave, load
 from ..fmi.trace import CONTROLLER
+from ..loop import timing as timings
+from ..loop.carry_over import WORDS, CarryOver
+from ..loop.computing import ComputingTime
 from ..loop.controller import Steady, prepared
 from ..loop.master import steady_state
-from ..loop.probe import ERROR, LATE, Convention, probe, response
-from ..loop.scenario import Scenario
+from ..loop.probe import answers
 from ..loop.setup import Setup
-from ..loop.stopwatch import computing_time
+from ..loop.timing import ERROR, LATE, Convention
 from .finding import Finding, Severity
 
 EXTRA_DELAY = (
     "An extra sample of delay costs stability margin; look for a unit delay or memory block at the output, or an "
     "export option that delays outputs by a step."
 )
+SEED = "Seed random numbers, initialize all memory, and read no clock: each evaluation gives other results."
 _AGREE = "Nothing to do: every case begins at rest, where the conventions agree."
 
 TIMING = {
@@ -43,23 +46,27 @@ TIMING = {
 
 
 class CheckTask(Struct):
-    """A look of ``CHECKS``, by its number, and its conditions: the ``torque_step`` [N.m] of the benchmark's quantizer
-    per axis, a ``scenario`` to time steps in, the ``duration`` [s] of a full simulation, and the wall time it may take,
-    ``timeout`` [s]."""
+    """A look of ``CHECKS``, by its number, and its conditions."""
 
     number: int
     setup: Setup
     sample_time: Fraction
-    torque_step: tuple[float, float]
-    scenario: Scenario
-    duration: float
-    timeout: float
 
 
-def timing(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
-    """Latency, timing convention, and the first output against u_m0."""
-    steady = _steady(plant)
-    found = probe(controller, task.setup, steady, task.sample_time)
+class Rest(Struct):
+    """The steady state that responses begin in: motor angles [rad], torques [N.m], link angles [rad]."""
+
+    q_m: tuple[Finite, Finite]
+    u_m: tuple[Finite, Finite]
+    q_a: tuple[Finite, Finite]
+
+
+def timing(
+    responses: Sequence[np.ndarray], u_m0: tuple[float, float], torque_step: tuple[float, float]
+) -> Iterator[Finding]:
+    """Latency, timing convention, and the first output against ``u_m0`` [N.m], from the ``responses`` to EXPERIMENTS;
+    ``torque_step`` [N.m] is that of the benchmark's quantizer per axis."""
+    found = timings.timing(responses)
     if not np.all(np.isfinite(found.first_torque)):
         text = f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest"
         remedy = (
@@ -72,13 +79,16 @@ def timing(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding
         remedy = "Check that q_m is connected inside the model, and that the output is not frozen."
         yield Finding(Severity.ERROR, "latency", text, remedy)
         return
-    late = (Severity.WARNING, EXTRA_DELAY) if found.latency else (Severity.OK, "")
-    yield Finding(late[0], "latency", f"{found.latency} samples from a measurement to the torque", late[1])
-    severity, remedy = TIMING.get(found.convention, (Severity.OK, ""))
-    yield Finding(severity, "timing", found.convention.value, remedy)
-    difference = np.array(found.first_torque) - np.array(steady.u_m0)
+    if found.convention is Convention.RANDOM:
+        yield Finding(Severity.WARNING, "latency", f"cannot be measured: the controller {found.convention.value}", SEED)
+    else:
+        late = (Severity.WARNING, EXTRA_DELAY) if found.latency else (Severity.OK, "")
+        yield Finding(late[0], "latency", f"{found.latency} samples from a measurement to the torque", late[1])
+        severity, remedy = TIMING.get(found.convention, (Severity.OK, ""))
+        yield Finding(severity, "timing", found.convention.value, remedy)
+    difference = np.array(found.first_torque) - np.array(u_m0)
     off = f"u_m0 {difference[0]:+.3g}, {difference[1]:+.3g} N.m at rest"
-    if np.all(np.abs(difference) < np.array(task.torque_step)):
+    if np.all(np.abs(difference) < np.array(torque_step)):
         yield Finding(Severity.OK, "initial output", "u_m0 at rest" if not np.any(difference) else off)
     else:
         remedy = "Start the integrators with the input or parameter u_m0; otherwise every run begins with a jump."
@@ -86,64 +96,60 @@ def timing(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding
         yield Finding(Severity.WARNING, "initial output", text, remedy)
 
 
-def repeatability(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
-    """Two instances one after the other must answer alike."""
-    steady = _steady(plant)
-    first, second = _response(controller, steady, task), _response(controller, steady, task)
-    if np.array_equal(first, second, equal_nan=True):
-        yield Finding(Severity.OK, "determinism", "two instances, one after the other, give equal torques")
-    else:
-        text = f"two instances, one after the other, differ by up to {np.max(np.abs(first - second)):.3g} N.m"
-        remedy = "Seed random numbers, and initialize all memory: results would not be reproducible."
-        yield Finding(Severity.ERROR, "determinism", text, remedy)
+def carry_over(shown: CarryOver) -> Iterator[Finding]:
+    """What repeating a simulation in a fresh process has ``shown``, as an evaluation does it, too."""
+    if shown is CarryOver.NONE:
+        text = "a simulation gives equal torques after another one and in a fresh process"
+        yield Finding(Severity.OK, "determinism", text)
+    elif shown is CarryOver.DECLARED:
+        remedy = "Nothing to mend: every simulation has a process of its own."
+        yield Finding(Severity.NOTE, "instances", "only one per process, as declared", remedy)
+    elif shown is CarryOver.FOUND:
+        remedy = (
+            "Keep all state in the instance and initialize it there. The benchmark runs every simulation in a process "
+        )
+        remedy += "of its own; masters that do not get other numbers."
+        yield Finding(Severity.WARNING, "determinism", WORDS[shown], remedy)
+    elif shown is CarryOver.RANDOM:
+        yield Finding(Severity.WARNING, "determinism", WORDS[shown], SEED)
 
 
-def reset(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
-    """An instance that was initialized and reset must answer like a new one."""
-    steady = _steady(plant)
-    first = _response(controller, steady, task)
-    with controller.resetting():
-        again = _response(controller, steady, task)
-    if np.array_equal(first, again, equal_nan=True):
+def reset(new: np.ndarray, again: np.ndarray) -> Iterator[Finding]:
+    """An instance that was initialized and reset must answer like a ``new`` one."""
+    if np.array_equal(new, again, equal_nan=True):
         yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
     else:
-        text = f"a reset instance differs by up to {np.max(np.abs(first - again)):.3g} N.m"
+        text = f"a reset instance differs by up to {np.max(np.abs(new - again)):.3g} N.m"
         remedy = "The benchmark makes a new instance for every simulation, so this does no harm here."
         yield Finding(Severity.NOTE, "reset", text, remedy)
 
 
 def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """Two instances that exist at the same time must not affect each other."""
-    if str(controller.archive.interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1"):
-        text, remedy = "only one per process, as declared", "Nothing to mend: the benchmark uses one per process."
-        yield Finding(Severity.NOTE, "instances", text, remedy)
-        return
     steady = _steady(plant)
     alone = _response(controller, steady, task)
     other, step = load(controller.archive, CONTROLLER), float(task.sample_time)
     moved = replace(steady, q_m_ref=(steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0))
     with prepared(other, task.setup, moved, task.sample_time, 1.0) as port:
-        exchange(port, port.inputs.size, 0.0, step, True)
-        beside = _response(controller, steady, task)
-        exchange(port, port.inputs.size, step, step, True)
+        beside = _response(controller, steady, task, lambda k: exchange(port, port.inputs.size, k * step, step, True))
     if np.array_equal(alone, beside, equal_nan=True):
         yield Finding(Severity.OK, "instances", "two at once do not disturb each other")
     else:
-        remedy = "Keep state in the instance, not in global variables. The benchmark uses one controller per process."
+        remedy = "Keep state in the instance, not in global variables. The benchmark has one instance at a time."
         yield Finding(Severity.NOTE, "instances", "two at once disturb each other", remedy)
 
 
-def cost(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
-    """The time that one exchange takes: set, step, get."""
-    step, found = float(task.sample_time), computing_time(plant, controller, task.setup, task.scenario)
+def cost(found: ComputingTime, sample_time: float, duration: float, timeout: float) -> Iterator[Finding]:
+    """The time that one exchange takes: set, step, get; against the ``sample_time`` [s], and, over the ``duration`` [s]
+    of a full simulation, against the ``timeout`` [s]."""
     spent = found.median
     text = f"{found.text} per step"
-    full = spent * task.duration / step
-    if spent <= step and full <= task.timeout:
+    full = spent * duration / sample_time
+    if spent <= sample_time and full <= timeout:
         yield Finding(Severity.OK, "cost", text)
         return
-    text += f"; the sample time is {step * 1e6:g} µs, and {task.duration:g} s of simulation take {full:.0f} s"
-    text += f", beyond the time limit of {task.timeout:g} s" if full > task.timeout else ""
+    text += f"; the sample time is {sample_time * 1e6:g} µs, and {duration:g} s of simulation take {full:.0f} s"
+    text += f", beyond the time limit of {timeout:g} s" if full > timeout else ""
     remedy = "It would not run in real time. Give the evaluation more time, or make the controller cheaper."
     yield Finding(Severity.WARNING, "cost", text, remedy)
 
@@ -168,51 +174,57 @@ Look = Callable[[Slave, Slave, CheckTask], Iterator[Finding]]
 
 
 class Check(NamedTuple):
-    """A look at the running controller; ``failure`` and ``loss`` are what it means if the look itself fails."""
+    """Something that is looked at; ``failure`` and ``loss`` are what it means if the look itself fails."""
 
-    look: Look
+    subject: str
     failure: Severity = Severity.ERROR
     loss: str = ""
 
-    @property
-    def subject(self) -> str:
-        """What is looked at."""
-        return self.look.__name__.replace("_", " ")
-
 
 _WITHOUT = "The benchmark does without: it"
-CHECKS = (
-    Check(timing),
-    Check(repeatability),
-    Check(
-        reset,
-        Severity.WARNING,
-        f"{_WITHOUT} makes a new instance for every simulation. Importers that reset will fail.",
-    ),
-    Check(
-        several_instances,
-        Severity.WARNING,
-        f"{_WITHOUT} uses one controller per process. Importers with several at once will fail.",
-    ),
-    Check(termination),
-    Check(cost),
+TIMING_CHECK, COST_CHECK = Check("timing"), Check("cost")
+RESET_CHECK = Check(
+    "reset",
+    Severity.WARNING,
+    f"{_WITHOUT} makes a new instance for every simulation. Importers that reset will fail.",
 )
+CHECKS: tuple[tuple[Check, Look], ...] = (
+    (
+        Check(
+            "several instances",
+            Severity.WARNING,
+            f"{_WITHOUT} has one instance at a time. Importers with several at once will fail.",
+        ),
+        several_instances,
+    ),
+    (Check("termination"), termination),
+)
+"""Those that take a process of the controller for themselves."""
 
 
 def run_check(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """Findings of a :class:`CheckTask`: the work of a worker process."""
     wanted = unpack(task, CheckTask)
-    return pack(tuple(CHECKS[wanted.number].look(plant, controller, wanted)))
+    _, look = CHECKS[wanted.number]
+    return pack(tuple(look(plant, controller, wanted)))
+
+
+def find_rest(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """The :class:`Rest` of the plant, whatever the ``task``: the work of a worker process."""
+    steady = _steady(plant)
+    return pack(Rest(steady.q_m_ref, steady.u_m0, steady.q_a_ref))
 
 
 def _steady(plant: Slave) -> Steady:
     """The steady state of the nominal plant in a bent pose, so that no torque is zero by chance."""
     description = plant.archive.description
-    pose = find_parameters(description, {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}, "The plant")
+    pose = find_values(description, {"q_a_start[1]": 0.3, "q_a_start[2]": -0.9}, "The plant")
     with plant.instantiated(1.0):
         plant.initialize(pose, {})
         return steady_state(plant, bind(description, PLANT, "The plant"))
 
 
-def _response(controller: Slave, steady: Steady, task: CheckTask) -> np.ndarray:
-    return response(controller, task.setup, steady, task.sample_time, LATE)
+def _response(
+    controller: Slave, steady: Steady, task: CheckTask, between: Callable[[int], object] = lambda _: None
+) -> np.ndarray:
+    return answers(controller, task.setup, steady, task.sample_time, timings.step_errors(LATE), between=between)

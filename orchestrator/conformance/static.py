@@ -5,22 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
-
-from fmpy.validation import validate_fmu
 
 from ..fmi.archive import Archive
 from ..fmi.choice import NATIVE, SOURCE, has_sources
 from ..fmi.connectors import CONTROLLER, Binding
-from ..fmi.description import illegal_combinations
+from ..fmi.description import declared_capabilities, illegal_combinations
 from ..fmi.host import wine
-from ..fmi.variables import Variable
-from ..loop.sampling import SampleTime
-from ..loop.setup import Setup, sample_time_parameter
+from ..fmi.variables import Variable, variables
+from ..loop.sampling import FIXED, SampleTime
+from ..loop.setup import Setup, held_inputs, sample_time_parameter
+from ..text import shortened
 from .finding import Finding, Severity
+from .validation import summed_up, validation_problems
 
 MOST_NAMED = 5
 """Largest number of variables that a finding names."""
+
+MOST_LISTED = 40
+"""The same of a list of parameters."""
 
 
 def archive_findings(archive: Archive) -> Iterator[Finding]:
@@ -39,12 +41,12 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
         text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
         remedy = "Make sure that it is installed wherever the FMU is to run."
         yield Finding(Severity.NOTE, "execution tool", text, remedy)
+    yield from capability_findings(archive)
     if illegal := illegal_combinations(description):
-        more = f" and {len(illegal) - MOST_NAMED} more" if len(illegal) > MOST_NAMED else ""
-        text = f"the standard has no such variables: {', '.join(illegal[:MOST_NAMED])}{more}; their values are used"
+        text = f"the standard has no such variables: {_some(illegal)}; their values are used"
         remedy = "Correct their causality or variability: other tools may refuse the FMU."
         yield Finding(Severity.WARNING, "variables", text, remedy)
-    yield from _validation(archive.file)
+    yield from _validation(archive)
 
 
 def _platform(archive: Archive) -> str:
@@ -86,9 +88,50 @@ def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterat
     T_s = sample_time_parameter(archive, setup)
     if T_s is not None:
         yield Finding(Severity.OK, "T_s", f"{_described(T_s)}; set to the sample time")
+    yield from value_findings(binding, archive, setup)
+
+
+def value_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator[Finding]:
+    """What was given, which inputs nothing drives, and which parameters can be set beside."""
     if setup.parameters:
-        values = ", ".join(f"{name} = {value:g}" for name, value in setup.parameters.items())
+        values = ", ".join(f"{name} = {shortened(value)}" for name, value in setup.parameters.items())
         yield Finding(Severity.OK, "parameters", values)
+    held = held_inputs(archive, setup, binding)
+    start = {name: value for name, value in held.items() if name not in setup.parameters}
+    if given := [name for name in held if name in setup.parameters]:
+        yield Finding(Severity.OK, "inputs", f"{', '.join(given)}: set as given, and held")
+    if start:
+        known = variables(archive.description)
+        words = [
+            name if value is None else f"{name} = {(known.get(name) or known[name.partition('[')[0]]).spelled(value)}"
+            for name, value in start.items()
+        ]
+        text = f"nothing drives {_some(words)}: held at the start value"
+        yield Finding(Severity.WARNING, "inputs", text, what="undriven-input", value=next(iter(start)))
+    connected = {variable for bound in binding.values() for variable in bound.variables}
+    further = [
+        _described(variable)
+        for variable in variables(archive.description).values()
+        if variable.can_be_set and variable.causality == "parameter" and variable not in connected
+        if variable is not sample_time_parameter(archive, setup)
+    ]
+    if further:
+        yield Finding(Severity.OK, "can be set", _some(further, MOST_LISTED))
+
+
+def capability_findings(archive: Archive) -> Iterator[Finding]:
+    """The flags that the FMU declares, by what the master makes of them."""
+    standings: dict[str, list[str]] = {}
+    for capability, _ in declared_capabilities(archive.folder):
+        standings.setdefault(capability.standing, []).append(capability.name)
+    if standings:
+        text = "; ".join(f"{standing}: {', '.join(names)}" for standing, names in sorted(standings.items()))
+        yield Finding(Severity.OK, "capabilities", text)
+
+
+def _some(words: list[str], most: int = MOST_NAMED) -> str:
+    """The first of many words, and how many more there are."""
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 
 
 def sampling_findings(sample_time: SampleTime, benchmark: Fraction) -> Iterator[Finding]:
@@ -99,21 +142,19 @@ def sampling_findings(sample_time: SampleTime, benchmark: Fraction) -> Iterator[
     else:
         text += f", not the benchmark's {float(benchmark) * 1e3:g} ms; every result will be marked"
         remedy = f"Export the controller with {float(benchmark):g} s to be comparable."
-        yield Finding(Severity.WARNING, "sample time", text, remedy)
+        what = "" if sample_time.origin in ("given", FIXED) else "other-sample-time"
+        yield Finding(Severity.WARNING, "sample time", text, remedy, what=what, value=f"{float(benchmark):g}")
 
 
-def _validation(file: Path) -> Iterator[Finding]:
-    try:
-        problems = validate_fmu(str(file))
-    except Exception as failure:  # FMPy's validation itself trips over some descriptions
-        problems = [str(failure)]
+def _validation(archive: Archive) -> Iterator[Finding]:
+    problems = validation_problems(archive.file, archive.description)
     if not problems:
         yield Finding(Severity.OK, "description", "valid")
-    for problem in problems:
-        yield Finding(Severity.NOTE, "description", " ".join(problem.split()), "Report it to the exporter's maker.")
+    for text in summed_up(problems):
+        yield Finding(Severity.NOTE, "description", text, "Report it to the exporter's maker.")
 
 
 def _described(variable: Variable) -> str:
     shape = f"[{variable.size}]" if variable.size > 1 else ""
-    start = f" = {', '.join(f'{value:g}' for value in variable.start)}" if variable.start else ""
-    return f"{variable.name}{shape} [{variable.unit or '?'}]{start}"
+    start = f" = {', '.join(map(variable.spelled, variable.start))}" if variable.start else ""
+    return f"{variable.name}{shape} [{(variable.unit or '?') if variable.is_real else variable.type}]{start}"

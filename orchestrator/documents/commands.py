@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from ..benchmark.tally import Tally
 from ..search.member import Member
+from ..text import spelled
 from .head import ControllerRecord, Head, PlantRecord
 from .recording import About
 
@@ -107,7 +108,7 @@ def _command(setting: Setting, *case: str) -> str:
         words += ["--seed", str(setting.seed)]
     if setting.sample_time is not None:
         words += ["--sample-time", repr(setting.sample_time)]
-    words += [word for name, value in controller.parameters.items() for word in ("--set", f"{name}={value!r}")]
+    words += [word for name, value in controller.parameters.items() for word in ("--set", f"{name}={spelled(value)}")]
     words += [word for name, value in controller.mapping.items() for word in ("--map", f"{name}={value}")]
     if plant.parameters:
         words += ["--plant-set", ",".join(f"{name}={value!r}" for name, value in plant.parameters.items())]

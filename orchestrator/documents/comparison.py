@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from ..codec import plain
+from ..text import shortened
 from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, Verdict, shown
 from ..views.table import plain as number_in
 from . import compare_page
@@ -177,7 +178,7 @@ def names(listed: Sequence[tuple[ControllerRecord, Path | None]]) -> list[str]:
 
 
 def _controller(controller: ControllerRecord) -> str:
-    parameters = ", ".join(f"{name}={value:g}" for name, value in controller.parameters.items())
+    parameters = ", ".join(f"{name}={shortened(value)}" for name, value in controller.parameters.items())
     return controller.file.removesuffix(".fmu") + (f" [{parameters}]" if parameters else "")
 
 

@@ -12,7 +12,9 @@ import msgspec
 from ..benchmark.case import CRITERIA
 from ..benchmark.results import Rules
 from ..benchmark.tally import Tally
+from ..bounded import LARGEST_RESULTS, read
 from ..codec import Malformed, Struct, from_json, to_json
+from ..entry import entered
 from ..errors import InputError
 from ..loop.trajectory import Status
 from ..views.table import Cell, Column, Page, Panel, Summary
@@ -61,6 +63,7 @@ class Shown:
         own = self.summary()
         return Page(own.title, own.kicker, (Panel("summary", "Summary", own.parts),))
 
+    @entered
     def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
         """Write the report, one HTML page that needs no network; returns ``file``. ``folder`` is where recordings of a
         search are; the report of all else has what it shows."""
@@ -225,12 +228,10 @@ def file_of(path: Path, name: str) -> Path:
 
 def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
+    text = read(file, LARGEST_RESULTS, kind.MISSING)
     try:
-        text = file.read_bytes()
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", kind.MISSING, file) from problem
-    try:
-        form = from_json(text, _Schema).schema
+        known = from_json(text, _Schema)
+        form = known.schema
         if form == kind.SCHEMA:
             return from_json(text, kind)
         name, _, number = kind.SCHEMA.rpartition("/")
@@ -244,13 +245,20 @@ def _read(file: Path, kind: type[D]) -> D:
         own = form.removeprefix(f"{name}/")
         if own != form and own.isdecimal():
             later = int(own) > int(number)
-            message += " A later version of this package made it." if later else " Make it again with this version."
+            message += " A later version of this package made it." if later else " Make it again with this version"
+            version = known.head.environment.get("flexible_manipulator_benchmark", "")
+            message += "" if later else f", or read it with version {version}, which made it." if version else "."
         raise InputError(message, "other-schema", file, form)
     return found
 
 
+class _Made(msgspec.Struct, frozen=True):
+    environment: dict[str, str] = {}
+
+
 class _Schema(msgspec.Struct):
     schema: str = ""
+    head: _Made = _Made()
 
 
 def older_head(older: Mapping[str, Any], **changes: Any) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import RELIABILITY, REPORT
 from .reasons import Reason, reason_notes
+from .wording import carry_over
 
 SHOWN_FAILURES = 20
 """So many failures are shown; the document has all of them."""
@@ -86,7 +87,7 @@ class Reliability(Document, Comparable, kw_only=True):
             f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.draws} independent draws, "
             f"distribution {self.distribution}"
         )
-        return Summary(self.controller.file, kicker, tuple(parts))
+        return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
 
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))

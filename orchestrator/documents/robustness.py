@@ -28,7 +28,7 @@ from .payload import links
 from .recording import Recording
 from .recording import load as load_recordings
 from .spread import Spread
-from .wording import parameter_words, seed_words
+from .wording import carry_over, parameter_words, seed_words
 
 SCORECARDS = (Evaluation.KIND, Spread.KIND)
 """What a search stands beside in a comparison."""
@@ -185,7 +185,7 @@ class Robustness(Document, Comparable, kw_only=True):
 
     def _remarks(self) -> tuple[Note, ...]:
         """What a reader must know."""
-        remarks = []
+        remarks = carry_over(self.head)
         if self.failures:
             remarks.append(f"{self.failures} simulations ended with crashed, timeout or error.")
         if self.cut_short:

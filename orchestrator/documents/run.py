@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
+from ..bounded import LARGEST_RESULTS, read
 from ..codec import Malformed, from_json, to_json
+from ..errors import InputError
 from ..loop.trajectory import Status
 from . import recording
 from .case_table import cases_csv
@@ -79,10 +81,10 @@ def save_run(run: Run, folder: Path) -> None:
 def _is_outdated(folder: Path, results: Results) -> bool:
     """Whether ``folder`` holds other results."""
     try:
-        there = from_json((folder / RESULTS).read_bytes(), Results)
-    except FileNotFoundError:
-        return False
-    except (OSError, Malformed):
+        there = from_json(read(folder / RESULTS, LARGEST_RESULTS), Results)
+    except InputError as problem:
+        return not isinstance(problem.__cause__, FileNotFoundError)
+    except Malformed:
         return True
     head = replace(
         there.head, timing=results.timing, environment=results.head.environment, command=results.head.command

@@ -20,6 +20,7 @@ from .head import Head
 from .reasons import Reason, reason_notes, reason_text
 from .results import Results
 from .scorecard import criterion_column
+from .wording import carry_over
 
 FAILS = "a requirement is not met"
 """What is marked in a plot over seeds."""
@@ -181,7 +182,7 @@ def spread_reasons(spread: Spread) -> Iterator[Reason]:
 
 def spread_remarks(spread: Spread) -> list[str]:
     """What a reader must know of a spread."""
-    found = []
+    found = carry_over(spread.head)
     if spread.cost.without:
         seeds = ", ".join(map(str, spread.cost.without))
         found.append(f"No V with the seeds {seeds}, where a loop that counts is unstable: so there is no mean.")

@@ -11,6 +11,7 @@ from lxml.builder import ElementMaker
 
 from controller_fmu.export.archive import pack
 
+from ..codec import Scalar
 from ..errors import InputError
 from ..fmi.archive import Archive
 from ..loop.controller import Steady, start_values
@@ -18,6 +19,7 @@ from ..loop.plan import make_plan
 from ..loop.random_streams import stable_stream
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup, controller_binding
+from ..text import spelled
 
 PARAMETERS = "case"
 """Name of the parameter sets."""
@@ -34,7 +36,10 @@ _NAMESPACES = {
 }
 _ssd, _ssc, _ssv, _osp = (ElementMaker(namespace=uri, nsmap=_NAMESPACES) for uri in _NAMESPACES.values())
 
-Values = Mapping[str, float]
+Values = Mapping[str, Scalar]
+
+ELEMENTS = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}
+"""Elements of SSV by the type of a value."""
 
 
 def package(
@@ -58,6 +63,9 @@ def package(
     if arrays := [v.name for v in (*starts, *angles.variables, *torques.variables) if v.size > 1]:
         message = f"The controller {controller.name} has the array {arrays[0]}, and SSP 1.0 knows scalars only."
         raise InputError(message, "no-ssp", controller.name, arrays[0])
+    if other := [v.name for v in starts if v.type in ("Enumeration", "Binary")]:
+        message = f"The controller {controller.name} is given {other[0]}, of a type that the package does not have."
+        raise InputError(message, "no-ssp", controller.name, other[0])
     components = {
         "plant": (plant, dict(scenario.parameters), tick),
         "imperfections": (imperfections, _imperfections(scenario, steady, tick), tick / 2),
@@ -123,7 +131,9 @@ def _words(number: int) -> list[float]:
 
 
 def _values(values: Values) -> etree._Element:
-    listed = [_ssv.Parameter(_ssv.Real(value=repr(float(value))), name=name) for name, value in values.items()]
+    listed = [
+        _ssv.Parameter(_ssv(ELEMENTS[type(value)], value=spelled(value)), name=name) for name, value in values.items()
+    ]
     return _ssv.ParameterSet(_ssv.Parameters(*listed), version="1.0", name=PARAMETERS)
 
 

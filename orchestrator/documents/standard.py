@@ -24,7 +24,7 @@ def deviations(
     head: Head, draws: int, cases: Sequence[CaseEnding], strict: Score | None, references: Collection[str]
 ) -> tuple[str, ...]:
     """By what a verification differs from the standard, in words; nothing if it does not."""
-    standard, plant = protocols.load(PROTOCOL), head.plant
+    standard, plant, controller = protocols.load(PROTOCOL), head.plant, head.controller
     worst = () if strict is None else strict.cases
     holds = {
         f"the benchmark is {head.benchmark}, not {standard.benchmark}": head.benchmark == standard.benchmark,
@@ -35,6 +35,9 @@ def deviations(
         f"there are {draws} draws, not {COUNT}": draws == COUNT,
         f"the cases of {STRICT} are not all there": _all_there(protocols.load(STRICT), worst, 1),
         f"the references are not {' and '.join(USUAL)}": set(references) >= set(USUAL),
+        # The draws do not follow from these: they could be chosen after the draws are known.
+        f"parameters of the controller are set: {', '.join(controller.parameters)}": not controller.parameters,
+        f"connectors of the controller are mapped: {', '.join(controller.mapping)}": not controller.mapping,
         "the plant is not that of the benchmark": plant.build in ("python", "native")
         and not plant.parameters
         and plant.nominal == NOMINAL,

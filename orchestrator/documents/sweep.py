@@ -15,7 +15,7 @@ from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
-from .wording import assignments
+from .wording import assignments, carry_over
 
 if TYPE_CHECKING:
     import pandas
@@ -115,7 +115,7 @@ class Sweep(Document, Comparable, kw_only=True):
         if len(self.varied) == 1:
             parts.append(self._over(self.varied[0]))
         kicker = f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {len(self.trials)} combinations"
-        return Summary(self.controller.file, kicker, tuple(parts))
+        return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
 
     def table(self) -> Table:
         """Every combination: the values, V, the limit cycle relative to what A3 allows, and whether A1 to A3 hold."""

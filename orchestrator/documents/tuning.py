@@ -31,7 +31,7 @@ from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import REPORT, TUNING
 from .spread import mean_words
-from .wording import assignments
+from .wording import assignments, carry_over
 
 OVERFITTED = 2.0
 """Standard deviations by which V of the objective may lie below that of other draws."""
@@ -327,7 +327,7 @@ def _facts(found: Tuning) -> Iterator[tuple[str, str]]:
 
 def tuning_remarks(found: Tuning) -> list[str]:
     """What a reader must know of a tuning."""
-    best, remarks = found.best, []
+    best, remarks = found.best, carry_over(found.head)
     if best is None:
         count = len(found.judged)
         tried = f"None of the {count} candidates that were" if count > 1 else "The candidate that was"

@@ -16,7 +16,6 @@ from ..benchmark.certificate import (
     RequirementFound,
     Score,
     figure,
-    identity,
     seeds,
 )
 from ..benchmark.draws import Entropy
@@ -53,7 +52,7 @@ class Verification(Document, Comparable, kw_only=True):
     itself in a notebook.
 
     The first seven fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
-    name, on the same draws. ``entropy`` is what the seeds follow from together with the controller; ``repetitions``
+    name, on the same draws. ``entropy`` is what the seeds follow from together with the FMU's bytes; ``repetitions``
     counts those that were begun before, with other draws, and ended by something outside. ``code`` is the SHA-256 of
     the sources; ``sandbox`` tells whether there was one, ``clean`` whether the interpreter took no code but that.
     ``checked`` are the worst cases of the draws with the largest differences that the second checker has found, all
@@ -61,7 +60,7 @@ class Verification(Document, Comparable, kw_only=True):
     """
 
     FILE: ClassVar[str] = VERIFICATION
-    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/5"
+    SCHEMA: ClassVar[str] = "flexible-manipulator-verification/6"
     KIND: ClassVar[str] = "Verifications, mean ± standard deviation over the draws"
     DERIVED: ClassVar[tuple[str, ...]] = (REPORT,)
     MISSING: ClassVar[str] = "no-file"
@@ -89,6 +88,12 @@ class Verification(Document, Comparable, kw_only=True):
         beside = [score for each in self.references.values() for score in (each, each.strict) if score is not None]
         tallies = (entry.tally for score in (*own, *beside) for entry in score.requirements.values())
         return completeness([case for score in own for case in score.cases], tallies)
+
+    @property
+    def finished(self) -> bool:
+        """Whether all cases of the controller were run to an end of their own: none was skipped or lost."""
+        cases = (*self.cases, *(self.strict.cases if self.strict else ()))
+        return not any(case.status in (Status.SKIPPED, Status.LOST) for case in cases)
 
     @property
     def deviations(self) -> tuple[str, ...]:
@@ -152,15 +157,14 @@ class Verification(Document, Comparable, kw_only=True):
         return Summary(self.controller.file, kicker, tuple(parts))
 
     def _problem(self) -> str:
-        record, drawn = self.controller, tuple(draw.seed for draw in self.draws)
-        own = identity(record.sha256, record.parameters, record.mapping, self.sample_time.seconds)
+        drawn = tuple(draw.seed for draw in self.draws)
         tried: tuple[Verification | Reference, ...] = (self, *self.references.values())
         if not drawn or any(tuple(draw.seed for draw in each.draws) != drawn for each in tried):
             return "its controllers have other draws than it"
         if self.entropy.problem:
             return self.entropy.problem
-        if seeds(self.entropy.value, own, len(drawn), self.repetitions) != drawn:
-            return "its draws do not follow from its entropy and its controller"
+        if seeds(self.entropy.value, self.controller.sha256, len(drawn), self.repetitions) != drawn:
+            return "its draws do not follow from its entropy and its FMU"
         if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
             return "a V is not that of its draws"
         scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))

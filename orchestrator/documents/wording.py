@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
+from ..codec import Scalar
+from ..loop.carry_over import WORDS, CarryOver
+from ..text import shortened
 from ..views.units import number
 from .head import ControllerRecord, Head
 from .results import LoopDelay, Results
@@ -20,6 +23,9 @@ REQUIREMENTS = {
     "A3": "limit cycle, all tests",
 }
 """What a requirement asks for."""
+
+MOST_NAMED = 5
+"""Largest number of inputs that a remark names."""
 
 SEED_MATTERS = "V depends on the seed"
 """What is said of protocols with few cases."""
@@ -139,14 +145,24 @@ def seed_words(head: Head) -> str:
     return "several seeds" if head.seed is None else f"seed {head.seed}"
 
 
-def assignments(values: dict[str, float]) -> str:
+def assignments(values: Mapping[str, Scalar]) -> str:
     """Parameters and their values in one line."""
-    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    return ", ".join(f"{name} = {shortened(value)}" for name, value in values.items())
+
+
+def carry_over(head: Head) -> list[str]:
+    """What a reader must know of how the simulations were kept apart."""
+    if not head.carry_over.separates:
+        return []
+    known = f"{head.controller.file}: {WORDS[head.carry_over]}"
+    if head.carry_over is CarryOver.RANDOM:
+        return [f"{known}. These results cannot be repeated."]
+    return [f"{known}. Each simulation had a process of its own."]
 
 
 def remarks(results: Results) -> list[str]:
     """What a reader must know before comparing the figures with others."""
-    found = []
+    found = carry_over(results.head)
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"
@@ -163,6 +179,11 @@ def remarks(results: Results) -> list[str]:
     bound = (entry for entry in results.controller.connectors.values() if entry is not None)
     notes = collapsed(note for entry in bound for note in entry.notes)
     found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    start = [name for name in results.controller.held if name not in results.controller.parameters]
+    if start:
+        more = f" and {len(start) - MOST_NAMED} more" if len(start) > MOST_NAMED else ""
+        kept = f"{', '.join(start[:MOST_NAMED])}{more}"
+        found.append(f"Nothing drives the controller's input {kept}: it kept its start value.")
     if results.plant.path:
         found.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
     if changes := assignments(results.plant.parameters):

@@ -60,10 +60,12 @@ class RemoteJob(Struct, frozen=True):
     client: Identity
     order: Order
     time_limits: tuple[NonNegative, ...]
+    longest_call: float
     limits: Limits
     largest: int
     sandbox: bool
     isolated: bool
+    separate: bool
 
 
 class RemoteAnswer(Struct, frozen=True):
@@ -212,7 +214,8 @@ def _check_identity(theirs: Identity, whose: str) -> None:
 
 
 def _packed(job: Job) -> bytes:
-    return pack(RemoteJob(identity(), job.order(), job.time_limits, job.limits, job.largest, job.sandbox, job.isolated))
+    limits = job.time_limits, job.longest_call, job.limits, job.largest
+    return pack(RemoteJob(identity(), job.order(), *limits, job.sandbox, job.isolated, job.separate))
 
 
 def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
@@ -231,6 +234,8 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             remote.limits,
             remote.sandbox,
             remote.isolated,
+            separate=remote.separate,
+            longest_call=remote.longest_call,
         )
         sent = (
             Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found

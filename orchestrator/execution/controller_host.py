@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import resource
 import signal
@@ -13,7 +14,11 @@ from .sandboxed import fill_cache
 # Imports inside functions: the process binds itself to its parent before it loads anything.
 
 LARGEST_FILE = 16 * 1024**2
-"""Bytes that a file may have which the controller writes, and what it prints."""
+"""Bytes that a file may have which the controller writes, and what it prints and logs."""
+
+OF_THE_USER = {resource.RLIMIT_SIGPENDING: 256, resource.RLIMIT_MSGQUEUE: 0, resource.RLIMIT_MEMLOCK: 1 << 20}
+"""Limits of what the kernel counts for a user over all sandboxes: a controller reaches its own first, and so learns
+nothing of the others."""
 
 
 def main() -> None:
@@ -23,11 +28,11 @@ def main() -> None:
         import numpy as np
 
         from ..errors import BenchmarkError, Crash
+        from ..fmi import log, trace
         from ..fmi import port as ports
-        from ..fmi import trace
         from ..fmi.archive import reopen
         from ..fmi.choice import WINE
-        from ..fmi.slaves import load, log
+        from ..fmi.slaves import load, said
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
         from .isolation import Begin, Over, Ready
@@ -41,14 +46,19 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    for kind, limit in OF_THE_USER.items():
+        hard = resource.getrlimit(kind)[1]
+        least = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (least, least))
     requests, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.dup2(2, 1)  # what an FMU prints is no answer
-    log.echo_to(2)
+    # Standard error is a file that begins with room for the log, which outlives this process there.
+    log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
-        refuse_marks(no_locks=begin.controller.way == WINE)
+        refuse_marks(talking=begin.controller.way == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
@@ -59,7 +69,7 @@ def main() -> None:
                 ended = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
                 if ended == ports.LOST:
                     raise slave.lost()
-                write_all(answers, frame(Over(log.lines())))
+                write_all(answers, frame(Over(said.lines())))
         except Crash as crash:  # of the process that holds its library: this one ends as well, and its owner sees that
             os.write(2, f"{crash}\n".encode())
             os._exit(1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..codec import Finite, Malformed, NonNegative, Struct
 from ..errors import BenchmarkError, Crash, FmuError, InputError
-from ..fmi import port, trace
+from ..fmi import log, port, trace
 from ..fmi.archive import reopen
 from ..fmi.slaves import CLASSES
 from ..loop.controller import Steady
@@ -77,7 +77,7 @@ class Isolated:
         pipe = subprocess.PIPE
         variables = sandbox.environment(os.environ)
         with (
-            tempfile.TemporaryFile() as printed,  # its own: what several processes inherit, one may mark for the next
+            _printed() as printed,
             subprocess.Popen(
                 self._command, stdin=pipe, stdout=pipe, stderr=printed, env=variables, bufsize=0
             ) as process,
@@ -93,7 +93,7 @@ class Isolated:
                 yield self._port()
             finally:
                 process.kill()
-                _hand_on(printed.fileno())
+                _hand_on(printed)
 
     def messages(self) -> tuple[str, ...]:
         """What the instance said last; it ends."""
@@ -149,7 +149,18 @@ def _own(record: ErrorRecord) -> BenchmarkError:
     return told if isinstance(told, InputError | FmuError) else FmuError(record.message)
 
 
+@contextmanager
+def _printed() -> Iterator[int]:
+    """The file for what a controller's process prints, behind its log. It is that process's own: what several processes
+    inherit, one may mark for the next."""
+    with tempfile.TemporaryFile(buffering=0) as file:
+        file.truncate(log.SIZE)
+        file.seek(log.SIZE)
+        yield file.fileno()
+
+
 def _hand_on(printed: int) -> None:
-    """Print the end of what a controller's process has printed."""
-    size = os.fstat(printed).st_size
-    write_all(2, os.pread(printed, TAIL, max(size - TAIL, 0)))
+    """Print the end of what a controller's process has printed, and keep what it has logged."""
+    begin = max(os.fstat(printed).st_size - TAIL, log.SIZE)
+    write_all(2, os.pread(printed, TAIL, begin))
+    log.current.take(log.Log(os.pread(printed, log.SIZE, 0).ljust(log.SIZE, b"\0")))

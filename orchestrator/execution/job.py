@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,7 @@ from ..codec import NonNegative, Struct
 from ..fmi.archive import Archive
 from ..fmi.trace import Place
 from .messages import Failed, FmuFiles, Order
+from .standstill import Standstill
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Job:
-    """A plant, a controller, and tasks for the two; one worker process runs the tasks in order.
+    """A plant, a controller, and tasks for the two; one worker process runs the tasks in order, or one each.
 
     Parameters
     ----------
@@ -49,6 +51,14 @@ class Job:
         The processor for both, -1 for any.
     give_up : bool
         Whether tasks after one that fails are left out.
+    separate : bool
+        Whether each task has a worker process of its own; those of an FMU that a process can instantiate only once have
+        one in any case, so that such a task may instantiate each FMU once.
+    longest_call : float
+        The same [s] of what a simulation spends at one place, in one sample of the loop or in one call before it.
+    on_standstill : callable
+        ``on_standstill(index, standstill)`` is called once while the simulation of a task stands still, from the thread
+        that looks after its process; on a cluster it is not.
     """
 
     plant: Archive
@@ -63,14 +73,19 @@ class Job:
     isolated: bool = False
     core: int = -1
     give_up: bool = False
+    separate: bool = False
+    longest_call: float = math.inf
+    on_standstill: Callable[[int, Standstill], None] = lambda index, standstill: None
 
     def rest(self, first: int) -> Job:
-        """The same job from task ``first`` on."""
+        """What one process runs of the job, from task ``first`` on."""
+        end = first + 1 if self.separate or is_once(self.plant, self.controller, self.isolated) else len(self.tasks)
         return replace(
             self,
-            tasks=self.tasks[first:],
-            time_limits=self.time_limits[first:],
+            tasks=self.tasks[first:end],
+            time_limits=self.time_limits[first:end],
             decode=lambda index, value: self.decode(first + index, value),
+            on_standstill=lambda index, standstill: self.on_standstill(first + index, standstill),
         )
 
     def order(self, isolated: tuple[str, ...] = ()) -> Order:
@@ -82,12 +97,23 @@ class Job:
         return Order(plant, controller, self.work, self.tasks, isolated, self.core)
 
 
+def is_once(plant: Archive, controller: Archive, isolated: bool = False) -> bool:
+    """Whether a process of these two FMUs may run one task only; an ``isolated`` controller is in none of them."""
+    return plant.once_per_process or (controller.once_per_process and not isolated)
+
+
+MANY_LOGGED = 1_000_000
+"""Messages in one simulation that take a noticeable time: ten in each of its samples."""
+
+
 class Done(msgspec.Struct, frozen=True):
-    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took. It is never sent."""
+    """``value`` is the decoded result of task ``index``, ``wall_time`` [s] what it took, ``logged`` the number of
+    messages that the FMUs logged in its last simulation. It is never sent."""
 
     index: int
     value: Any
     wall_time: NonNegative
+    logged: int = 0
 
 
 Refused = Failed
@@ -98,9 +124,9 @@ class Died(Struct, frozen=True, tag=True):
     """The process ended in task ``index`` at ``place`` in its simulation.
 
     ``timeout`` tells whether at a time limit, ``message`` how, ``kind`` the same without what was measured, so that
-    equal failures have equal ones, and ``output`` holds the last lines that the process printed, the FMUs' own messages
-    among them. ``outside`` tells whether somebody else may have ended the process, such as a system that is out of
-    memory.
+    equal failures have equal ones, and ``output`` holds the last lines that the process printed, and behind them the
+    FMUs' own messages. ``outside`` tells whether somebody else may have ended the process, such as a system that is out
+    of memory.
     """
 
     index: int

@@ -23,11 +23,27 @@ ROOM = 256 * 1024**2
 
 OPTIONS = (
     *("--unshare-all", "--die-with-parent", "--new-session", "--cap-drop", "ALL"),
-    *("--ro-bind", "/", "/", "--dev", "/dev", "--size", str(ROOM), "--tmpfs", "/dev/shm", "--remount-ro", "/dev"),
-    *("--proc", "/proc", "--remount-ro", "/proc"),
+    *("--ro-bind", "/", "/"),
 )
 """No network, no other processes, everything read-only. Root would keep its capabilities, with which it can mount
-everything writable again, and needs none to write into /proc/sys, which is the whole machine's."""
+everything writable again."""
+
+SHARED_MEMORY = ("--size", str(ROOM), "--tmpfs", "/dev/shm", "--remount-ro", "/dev")
+
+SYSTEM = ("--dev", "/dev", *SHARED_MEMORY, "--proc", "/proc", "--remount-ro", "/proc")
+"""Root needs no capability to write into /proc/sys, which is the whole machine's."""
+
+DEVICES = ("null", "zero", "full", "random", "urandom")
+
+ALONE = (
+    *("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", f"/dev/{name}", f"/dev/{name}"))),
+    *SHARED_MEMORY,
+)
+"""A controller alone has no terminals, of which the machine has a number."""
+
+NO_PROC = ("--tmpfs", "/proc", "--remount-ro", "/proc")
+"""Nor has it /proc: files there show counters of the whole machine, which a controller can move, and each that is
+looked up moves another counter."""
 
 NO_USER_NAMESPACES = ("--unshare-user", "--disable-userns")
 """Inside, nobody becomes root in a namespace of its own, from which much of the kernel can be reached. Bubblewrap has
@@ -53,9 +69,10 @@ GIVEN = ".given"
 sandbox, however that or its owner ends."""
 
 
-def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
+def command(fmus: Iterable[Path], alone: bool = False, talking: bool = False) -> list[str]:
     """The words before a command that let it run in a sandbox with the extracted ``fmus``; one of a controller
-    ``alone`` shows none of the user's files.
+    ``alone`` shows none of the user's files, and nothing in which the kernel says how it is, but the processes inside
+    if some are ``talking`` with each other (:func:`.seccomp.refuse_marks`).
 
     Raises :class:`InputError` where there is no sandbox on this machine.
     """
@@ -63,7 +80,8 @@ def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
     if program is None:
         raise InputError("A sandbox needs bubblewrap (bwrap), which is not installed.", "no-sandbox")
     cache = cache_folder()
-    rest = (*OPTIONS, *_mounts(cache, alone), "--dir", WORK, "--chdir", WORK)
+    system = (*ALONE, *(_processes_only() if talking else NO_PROC)) if alone else SYSTEM
+    rest = (*OPTIONS, *system, *_mounts(cache, alone), "--dir", WORK, "--chdir", WORK)
     try:
         start = (program, *NO_USER_NAMESPACES, *rest)
         _check(start)
@@ -71,6 +89,14 @@ def command(fmus: Iterable[Path], alone: bool = False) -> list[str]:
         start = (program, *rest)
         _check(start)
     return [*start, *_given(fmus, cache), "--"]
+
+
+def _processes_only() -> tuple[str, ...]:
+    """Options that show of /proc what belongs to processes alone, and the links to that."""
+    with os.scandir("/proc") as entries:
+        others = [each for each in entries if not each.name.isdecimal() and not each.is_symlink()]
+    empty = {each.path: ("--tmpfs",) if each.is_dir() else ("--ro-bind", os.devnull) for each in others}
+    return "--proc", "/proc", *(word for path in sorted(empty) for word in (*empty[path], path)), *NO_PROC[2:]
 
 
 def environment(outside: Mapping[str, str]) -> dict[str, str]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import errno
+import functools
 import os
 import platform
 import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from ..cache import PACKAGE
 from .launch import boot, environment
 from .sandbox import ROOM, WORK, command
 from .sandbox import environment as kept
-from .seccomp import refuse_marks
+from .seccomp import FIRST_NEW, MACHINES, REFUSED, TALK, refuse_marks
 
 NEW_USER = 0x10000000
 """CLONE_NEWUSER of linux/sched.h."""
@@ -62,9 +64,9 @@ GET_KEYRING, SESSION = 0, -3
 
 def main(port: int, outside: int, hidden: str, own: str) -> None:
     """Inside: try everything, and print what works."""
+    _try({"the network": lambda: socket.create_connection(("127.0.0.1", port), 1.0)})  # the filter refuses it as well
     refuse_marks()
     tries: dict[str, Callable[[], object]] = {
-        "the network": lambda: socket.create_connection(("127.0.0.1", port), 1.0),
         "writing into the package": lambda: (PACKAGE / "probe").write_bytes(b""),
         "writing into the home folder": lambda: (Path.home() / ".flexible-manipulator-probe").write_bytes(b""),
         "reading temporary files of others": lambda: Path(hidden).read_bytes(),
@@ -81,17 +83,53 @@ def main(port: int, outside: int, hidden: str, own: str) -> None:
         "locking files of the machine": lambda: _locked(FILE),
         "watching files of the machine": lambda: _require(ctypes.CDLL(None).inotify_init() >= 0),
         "whether files of the machine lie in memory": lambda: _forget(FILE),
+        "what the kernel shows in /proc": lambda: _require(bool(os.listdir("/proc"))),
+        "what the kernel shows in /sys": lambda: _require(bool(os.listdir("/sys"))),
+        "terminals, which the machine counts": lambda: os.open("/dev/ptmx", os.O_RDWR),
+        "pipes, which the machine counts": os.pipe,
+        "sockets, which the machine counts": lambda: socket.socket(socket.AF_UNIX),
+        "memory of the machine": lambda: _require(_answer("sysinfo", ctypes.create_string_buffer(256)) == 0),
+        "free space on the machine's disks": lambda: os.statvfs(FILE),
+        "page faults, which tell what lies in memory": _page_faults,
+        **{f"the system call {name}": functools.partial(_works, name) for name in {**REFUSED, **TALK}},
+        "system calls that are newer than the list": lambda: _require(_errno(FIRST_NEW + 13) != errno.ENOSYS),
     }
+    _try(tries)
+
+
+def _try(tries: Mapping[str, Callable[[], object]]) -> None:
     for name, attempt in tries.items():
         with suppress(OSError, KeyError):
             attempt()
-            print(name)
-    sys.stdout.flush()
+            print(name, flush=True)
 
 
 def _require(condition: bool) -> None:
     if not condition:
         raise OSError
+
+
+def _page_faults() -> None:
+    import resource  # not on Windows
+
+    resource.getrusage(resource.RUSAGE_SELF)
+
+
+def _answer(name: str, *words: object) -> int:
+    return int(getattr(ctypes.CDLL(None), name)(*words))
+
+
+def _errno(number: int) -> int:
+    """What the call says to arguments that none can take."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    return ctypes.get_errno() if libc.syscall(ctypes.c_long(number), *[ctypes.c_long(-1)] * 6) == -1 else 0
+
+
+def _works(name: str) -> None:
+    """Raise :class:`OSError` if the call ``name`` is refused before its arguments are looked at, or is not there."""
+    numbers, known = {**REFUSED, **TALK}[name], MACHINES.get(platform.machine())
+    number = None if known is None else numbers[known[1]]
+    _require(number is not None and _errno(number) not in (errno.EPERM, errno.ENOSYS))
 
 
 def _many() -> bool:

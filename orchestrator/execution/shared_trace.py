@@ -1,4 +1,4 @@
-"""The trace that a worker writes and its owner reads after a crash."""
+"""Trace and log that a worker writes, and its owner reads after a crash."""
 
 from __future__ import annotations
 
@@ -9,31 +9,47 @@ import tempfile
 from contextlib import suppress
 from dataclasses import replace
 
-from ..fmi.trace import SIZE, Place, Trace
+from ..fmi import log, trace
+from ..fmi.log import Log
+from ..fmi.trace import Place, Trace
 from ..text import printable
 
 if sys.platform == "linux":
     import fcntl
 
 
+SIZE = trace.SIZE + log.SIZE
+
+
 class SharedTrace:
-    """A trace in an unlinked file that two processes map: no name is left behind, whoever is killed."""
+    """Trace and log in an unlinked file that two processes map: no name is left behind, whoever is killed.
+
+    The worker can write there what it likes.
+    """
 
     def __init__(self, file: int | None = None) -> None:
         self.file = _unnamed_file() if file is None else file
         self._memory = mmap.mmap(self.file, SIZE)
-        self.buffer = memoryview(self._memory)
+        self._whole = memoryview(self._memory)
+        self.buffer, self.log_buffer = self._whole[: trace.SIZE], self._whole[trace.SIZE :]
 
     def read(self) -> Place:
-        """Where the simulation is, or was when the worker ended. The worker can write there what it likes."""
+        """Where the simulation is, or was when the worker ended."""
         place = Trace(self.buffer).read()
         return replace(place, call=printable(place.call))
+
+    def logged(self) -> tuple[int, tuple[str, ...]]:
+        """How many messages the FMUs have logged in this simulation, and the last ones that say more than OK."""
+        read = Log(self.log_buffer)
+        return read.count, read.lines()
 
     def close(self) -> None:
         """Give the file and its memory back."""
         os.close(self.file)
         with suppress(BufferError):  # an array on it that an exception keeps alive
             self.buffer.release()
+            self.log_buffer.release()
+            self._whole.release()
             self._memory.close()
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -14,10 +16,11 @@ from ..errors import EnvironmentFault
 from ..fmi.archive import restore
 from ..fmi.trace import CONTROLLER
 from ..text import printable
-from .job import Died, Done, Job, Outcome
+from .job import MANY_LOGGED, Died, Done, Job, Outcome
 from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
+from .standstill import Lookout
 from .time_limit import Stopwatch, end_within
 
 OUTSIDE = "outside"
@@ -27,6 +30,8 @@ TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
 
 LINES = 10
+"""Lines that are shown of what a dead worker had printed, and of what the FMUs had logged there."""
+
 LOOK = 0.2
 """Seconds between two looks at the stop signal and at what the worker uses."""
 
@@ -105,15 +110,18 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     reports such a fault itself.
     """
     index, tail, printed, loaded = 0, b"", 0, False
-    watch = Stopwatch(child.process.tree)
+    watch, lookout = Stopwatch(child.process.tree), Lookout()
     inbox = Inbox(child.channel, job.largest)
     sources = [child.channel, child.output]
     start = FRESH_START if job.sandbox and not job.isolated else START
 
     def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
-        words = _lines(tail + _rest(child.output, job.limits.output))
+        count, logged = child.trace.logged()
+        words = (*_lines(tail + _rest(child.output, job.limits.output)), *logged[-LINES:])
         place = child.trace.read()
+        if timeout and count > MANY_LOGGED:
+            message += f"; it had logged {count} messages, which takes time"
         if not loaded and place.side != CONTROLLER:
             told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
             raise EnvironmentFault(told, "worker-lost")
@@ -138,7 +146,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                     if isinstance(message, Loaded):
                         if loaded:
                             raise Garbage("it has loaded the FMUs twice")
-                        loaded = True
+                        loaded, lookout = True, Lookout()
                         watch.begin()
                         continue
                     if message.index != index or (isinstance(message, Finished) and not loaded):
@@ -151,7 +159,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                         else:
                             yield message
                         return
-                    yield Done(index, job.decode(index, message.value), message.wall_time)
+                    yield Done(index, job.decode(index, message.value), message.wall_time, child.trace.logged()[0])
                     index, printed = index + 1, 0
                     watch.begin()
                     if index == len(job.tasks):
@@ -173,7 +181,14 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if used.processes > job.limits.processes:
                 yield died(f"it started more than {job.limits.processes} processes")
                 return
-            told, kind = watch.spent.excess(job.time_limits[index] + (0.0 if loaded else start))
+            limit, longest = job.time_limits[index], job.longest_call
+            if not loaded:
+                limit, longest = limit + start, math.inf
+            now = time.monotonic()
+            lookout = lookout.after(index, child.trace.read(), now, watch.spent)
+            told, kind = watch.spent.excess(limit)
+            if not told:
+                told, kind = lookout.here(watch.spent).excess(longest)
             if told:
                 yield died(told, timeout=True, kind=kind)
                 return
@@ -182,6 +197,10 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                 words, outside = _cause(code, job.sandbox)
                 yield died(words, outside=outside)
                 return
+            standstill = lookout.standstill(now, watch.spent, limit, longest)
+            if standstill is not None:
+                job.on_standstill(index, standstill)
+                lookout = lookout.silent()
 
 
 def _rest(output: int, most: int) -> bytes:

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from ..errors import BenchmarkError
-from ..fmi import trace
+from ..fmi import log, trace
 from ..fmi.archive import check_files, reopen
-from ..fmi.slaves import Slave, load, log
+from ..fmi.slaves import Slave, load
 from .isolation import Isolated
 from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, frame, read_frame, write_all
 from .process_tree import bind_to_parent
@@ -31,8 +31,8 @@ Work = Callable[[Slave, Slave | Isolated, bytes], bytes]
 def main(channel: int, output: int, shared: int, folder: str, parent: int) -> NoReturn:
     """Run the order that comes through ``channel`` and send the outcomes back there.
 
-    Whatever the FMUs print or log goes to ``output``. ``shared`` is the file of the trace that the owner reads after a
-    crash. All three are file descriptors. The process works in ``folder`` and ends with the process ``parent``.
+    Whatever the FMUs print goes to ``output``. ``shared`` is the file of the trace and the log that the owner reads
+    after a crash. All three are file descriptors. The process works in ``folder`` and ends with the process ``parent``.
     """
     bind_to_parent(parent)
     # Ctrl-C is the owner's to handle: inside a Python FMU it would be swallowed and look like a fatal error.
@@ -41,8 +41,9 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
         os.setpgid(0, 0)
     os.dup2(output, 1)
     os.dup2(output, 2)
-    log.echo_to(2)
-    trace.use(trace.Trace(SharedTrace(shared).buffer))
+    memory = SharedTrace(shared)
+    trace.use(trace.Trace(memory.buffer))
+    log.use(log.Log(memory.log_buffer))
     # Close what the process has inherited: an FMU that writes into all it finds should find little.
     os.closerange(3, channel)
     os.closerange(channel + 1, min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS))

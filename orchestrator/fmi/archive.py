@@ -26,7 +26,7 @@ from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
 from .choice import SOURCE, WINE, Way, choose, has_sources
 from .description import read_description
-from .entries import MOST_BYTES, SMALL, check_entries, extract, files_of, is_intact, refused
+from .entries import MOST_BYTES, SMALL, Damaged, check_entries, extract, files_of, is_intact, refused, unpacked
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class Archive:
         """SHA-256 by name of all files in it."""
         with self.opened() as archive:
             files = files_of(archive)
-            return {name: hashlib.sha256(archive.read(member)).hexdigest() for name, member in files.items()}
+            return {name: hashlib.sha256(unpacked(archive, member)).hexdigest() for name, member in files.items()}
 
     def opened(self) -> zipfile.ZipFile:
         """Its contents, to be closed."""
@@ -81,6 +81,11 @@ class Archive:
     def interface(self) -> CoSimulation | ModelExchange:
         """What the description says of the kind that is used."""
         return self.description.coSimulation if self.kind == "CoSimulation" else self.description.modelExchange
+
+    @property
+    def once_per_process(self) -> bool:
+        """Whether it declares that a process can instantiate it only once."""
+        return str(self.interface.canBeInstantiatedOnlyOncePerProcess).lower() in ("true", "1")
 
     @functools.cached_property
     def platforms(self) -> tuple[str, ...]:
@@ -210,7 +215,7 @@ def _extract(file: Path, sha256: str) -> Path:
         if not folder.is_dir():  # else another process was first
             message = f"{file.name} cannot be extracted into the cache {folder.parent}: {problem.strerror or problem}."
             raise EnvironmentFault(message, "no-cache") from problem
-    except Exception as problem:  # zipfile has many for damaged archives
+    except Damaged as problem:
         message = f"{file.name} cannot be extracted: {problem}. Export the FMU again."
         raise InputError(message, "cannot-extract", file.name) from problem
     finally:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelDescription
 
-from ..errors import InputError
-from .lookup import unknown
+from ..codec import Scalar
+from ..errors import InputError, unknown
 from .names import ARRAY, canonical, spelling
 from .units import conversion
-from .variables import Variable, variables
+from .variables import Variable, repeated_names, variables
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,9 @@ class Bound:
         """Whether it is set before initialization rather than during it."""
         return self.variables[0].causality == "parameter"
 
-    def values(self, pair: Iterable[float]) -> dict[Variable, list[float]]:
+    def values(self, pair: Iterable[float]) -> dict[Variable, list[Scalar]]:
         """A pair in the connector's unit as values of the FMU's variables."""
-        elements = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
+        elements: list[Scalar] = [value / factor for value, factor in zip(pair, self.factors, strict=True)]
         if len(self.variables) == 1:
             return {self.variables[0]: elements}
         return {variable: [element] for variable, element in zip(self.variables, elements, strict=True)}
@@ -101,15 +102,17 @@ def bind(
     """
     known = variables(description)
     mapping = _checked(mapping or {}, connectors, known, what)
-    free = {name: variable for name, variable in known.items() if name not in mapping.values()}
+    taken = frozenset(mapping.values())
+    free = {name: variable for name, variable in known.items() if name not in taken} if taken else known
     binding: dict[str, Bound] = {}
     for connector in connectors:
         mapped = _mapped(connector, known, mapping, what)
-        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, what)
+        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, _spelled(description), what)
         if found:
             binding[connector.name] = _bound(description, connector, found, spelled, what)
         elif connector.required:
             raise _missing(connector, known, what)
+    _check_distinct(description, binding, what)
     return binding
 
 
@@ -158,7 +161,24 @@ def _mapped(
     return mapped
 
 
-def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tuple[list[Variable], str]:
+Spelled = Mapping[str, Sequence[tuple[int, Variable]]]
+"""Variables that may be components, with their indices, by the base of their names."""
+
+
+@functools.lru_cache(maxsize=16)
+def _spelled(description: ModelDescription) -> Spelled:
+    """The variables of an FMU by their spelling: it is bound for each simulation, and may have 100,000."""
+    found: dict[str, list[tuple[int, Variable]]] = {}
+    for variable in variables(description).values():
+        name = spelling(variable.name, variable.size > 1)
+        if name is not None:
+            found.setdefault(name.base, []).append((name.index, variable))
+    return found
+
+
+def _find(
+    connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str
+) -> tuple[list[Variable], str]:
     own = known.get(connector.name)
     arrays = [own] if own is not None and own.size > 1 else []
     every = [f"{connector.name}[{index}]" for index in range(10)]
@@ -168,16 +188,14 @@ def _find(connector: Connector, known: Mapping[str, Variable], what: str) -> tup
             if arrays:
                 raise _ambiguous(connector, arrays, scalars, what)
             return scalars, "exact"
-    return (arrays, "exact") if arrays else (_by_spelling(connector, known, what), "by spelling")
+    return (arrays, "exact") if arrays else (_by_spelling(connector, known, spelled, what), "by spelling")
 
 
-def _by_spelling(connector: Connector, known: Mapping[str, Variable], what: str) -> list[Variable]:
-    wanted = canonical(connector.name)
+def _by_spelling(connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str) -> list[Variable]:
     candidates: dict[int, list[Variable]] = {}
-    for variable in known.values():
-        found = spelling(variable.name, variable.size > 1)
-        if found is not None and found.base == wanted and variable.causality in connector.causalities:
-            candidates.setdefault(found.index, []).append(variable)
+    for index, variable in spelled.get(canonical(connector.name), ()):
+        if variable.name in known and variable.causality in connector.causalities:
+            candidates.setdefault(index, []).append(variable)
     arrays = candidates.pop(ARRAY, [])
     scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
     if len(arrays) + max(map(len, candidates.values()), default=0) > 1:
@@ -224,6 +242,28 @@ def _bound(
     ]
     notes = tuple(dict.fromkeys(unit.note for unit in units if unit.note))
     return Bound(connector, tuple(found), (units[0].factor, units[1].factor), spelled, notes)
+
+
+def _check_distinct(description: ModelDescription, binding: Binding, what: str) -> None:
+    """Raise :class:`InputError` if a name or, of variables that are set, a value reference stands for two variables.
+
+    The standards forbid both. Either would be a silent mistake: the wrong one of two variables, or a measurement that
+    overwrites its reference.
+    """
+    bound = [variable for one in binding.values() for variable in one.variables]
+    for variable in bound:
+        if variable.name in repeated_names(description):
+            message = (
+                f"{what} has more than one variable {variable.name}. Rename all but one, and export the FMU again."
+            )
+            raise InputError(message, "connector-ambiguous", what, variable.name, (variable.name,))
+    owners: dict[int, str] = {}
+    for variable in bound:
+        if variable.causality in _SETTABLE and owners.setdefault(variable.reference, variable.name) != variable.name:
+            first = owners[variable.reference]
+            message = f"{what}: {first} and {variable.name} have the same value reference, {variable.reference}, "
+            message += "so they cannot have values of their own. Export the FMU again."
+            raise InputError(message, "bad-description", what, variable.name)
 
 
 def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> InputError:

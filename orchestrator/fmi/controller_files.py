@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,16 @@ from typing import Any
 from fmpy.model_description import BaseUnit, Unit
 from lxml import etree
 
+from ..bounded import read, read_toml
+from ..codec import Scalar
 from ..errors import InputError
 from .archive import Archive
-from .lookup import find_parameters
+from .lookup import elements, place
 from .units import EXPONENTS, factor_to_own
+from .variables import REAL_TYPES, SET_TYPES
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-
-SSV_TYPES = {"Real", "Integer", "Float64", "Float32", *(f"{sign}Int{n}" for sign in ("", "U") for n in (8, 16, 32, 64))}
-"""Elements with a numeric value in SSP 1.0 and 2.0."""
+SSV_TYPES = {*SET_TYPES}
+"""Elements with a value in SSP 1.0 and 2.0."""
 
 
 def read_mapping(file: Path) -> dict[str, str]:
@@ -39,45 +35,56 @@ def read_mapping(file: Path) -> dict[str, str]:
                 message += "Units are converted by the FMU's own unit definitions."
                 raise InputError(message, "bad-mapping", file, target)
         return {entry.get("target", ""): entry.get("source", "") for entry in entries}
-    table = _toml(file).get("map")
+    table = read_toml(file).get("map")
     if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
         raise InputError(f'{file} has no table [map] of lines like "q_m[1]" = "In1".', "bad-mapping", file)
     return dict(table)
 
 
-def read_parameters(file: Path, controller: Archive) -> dict[str, float]:
-    """Parameter name to value, in the unit the controller has for it. TOML: a table ``[parameters]`` of numbers or
-    lists (``K_p = [45, 15]`` sets ``K_p[1]`` and ``K_p[2]``). SSV: ``Parameter`` elements of a numeric type, whose
-    units, if they have any, are converted."""
-    if file.suffix == ".ssv":
-        return _ssv_values(file, controller)
-    table = _toml(file).get("parameters")
+def read_mapped_parameters(file: Path) -> dict[str, Scalar]:
+    """The values that a mapping in TOML gives beside its table ``[map]``; an SSM has none. See
+    :func:`read_parameters`."""
+    table = None if file.suffix == ".ssm" else read_toml(file).get("parameters")
+    return {} if table is None else _table(file, table)
+
+
+def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
+    """Values by name of a parameter or an input that nothing drives, in the unit the controller has for it.
+
+    TOML: a table ``[parameters]`` of numbers, Booleans, texts or lists (``K_p = [45, 15]`` sets ``K_p[1]`` and
+    ``K_p[2]``). SSV: ``Parameter`` elements, whose units, if they have any, are converted.
+    """
+    return _ssv_values(file, controller) if file.suffix == ".ssv" else _table(file, read_toml(file).get("parameters"))
+
+
+def _table(file: Path, table: Any) -> dict[str, Scalar]:
     if not isinstance(table, Mapping):
         raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.', "bad-parameters", file)
-    values: dict[str, float] = {}
     for name, value in table.items():
-        if isinstance(value, list):
-            values.update({f"{name}[{i}]": _number(file, name, element) for i, element in enumerate(value, start=1)})
-        else:
-            values[name] = _number(file, name, value)
-    return values
+        for element in value if isinstance(value, list) else [value]:
+            if not isinstance(element, bool | int | float | str):
+                message = f"{file}: the value of {name}, {element!r}, is neither a number nor true, false or a text."
+                raise InputError(message, "bad-parameters", file, name)
+    return elements(table)
 
 
-def _ssv_values(file: Path, controller: Archive) -> dict[str, float]:
-    values: dict[str, float] = {}
+def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
+    values: dict[str, Scalar] = {}
     root = _root(file)
     definitions = [_unit(file, unit) for unit in root.iterfind(".//{*}Units/{*}Unit")]
     for parameter in root.iterfind(".//{*}Parameter"):
         name = parameter.get("name", "")
         types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
-        if not types:
-            message = f"{file}: the parameter {name} has no value of type Real or Integer."
+        value = types[0].get("value") if types else None
+        if value is None:
+            message = f"{file}: the parameter {name} has no value of a type that parameters have, such as Real."
             raise InputError(message, "bad-parameters", file, name)
-        values[name] = _number(file, name, types[0].get("value"))
+        values[name] = _number(file, name, value) if etree.QName(types[0]).localname in REAL_TYPES else value
         if unit := types[0].get("unit"):
-            (own,) = find_parameters(controller.description, {name: 0.0}, f"The controller {controller.name}")
+            variable, _ = place(controller.description, name, f"The controller {controller.name}")
             where = f"{file}: the parameter {name}"
-            values[name] *= factor_to_own(controller.description, own.unit, unit, definitions, where)
+            factor = factor_to_own(controller.description, variable.unit, unit, definitions, where)
+            values[name] = _number(file, name, value) * factor
     if not values:
         message = f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value."
         raise InputError(message, "bad-parameters", file)
@@ -102,19 +109,8 @@ def _number(file: Path, name: str, value: Any) -> float:
         raise InputError(message, "not-a-number", file, value) from None
 
 
-def _toml(file: Path) -> dict[str, Any]:
-    try:
-        return dict(tomllib.loads(file.read_text(encoding="utf-8")))
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem.strerror}.", "no-file", file) from None
-    except ValueError as problem:  # TOMLDecodeError, text that is not UTF-8, a number of thousands of digits
-        raise InputError(f"{file} is not a TOML file: {problem}.", "bad-file", file) from None
-
-
 def _root(file: Path) -> etree._Element:
     try:
-        return etree.parse(str(file), etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
-    except OSError as problem:
-        raise InputError(f"{file} cannot be read: {problem}.", "no-file", file) from None
+        return etree.fromstring(read(file), etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as problem:
         raise InputError(f"{file} is not a well-formed XML file: {problem}.", "bad-file", file) from None

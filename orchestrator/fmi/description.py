@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import zipfile
 from collections.abc import Mapping
@@ -12,7 +13,8 @@ from fmpy.model_description import ModelDescription
 from lxml import etree
 
 from ..errors import InputError
-from .entries import DESCRIPTION, DESCRIPTIONS, files_of
+from .capabilities import Capability, declared, refuse_unsupported
+from .entries import DESCRIPTION, DESCRIPTIONS, Damaged, files_of, unpacked
 
 COMBINATIONS: Mapping[str, tuple[str, ...]] = {
     "parameter": ("fixed", "tunable"),
@@ -36,15 +38,11 @@ def read_description(file: Path) -> ModelDescription:
     descriptions have harmless flaws. A check lists them.
     """
     documents = _documents(file)
-    if DESCRIPTION not in documents:
-        message = f"{file.name} is not an FMU: the archive has no {DESCRIPTION}."
-        raise InputError(message, "not-an-fmu", file.name)
-    try:
-        root = etree.fromstring(documents[DESCRIPTION])
-    except etree.XMLSyntaxError as problem:
-        message = f"The {DESCRIPTION} of {file.name} is not well-formed XML ({problem}). Export the FMU again."
-        raise InputError(message, "bad-description", file.name) from None
+    root = _root(file, documents)
+    refuse_unsupported(root, file.name)
     _put_right(root)
+    collecting = gc.isenabled()
+    gc.disable()  # of 100,000 variables all stay, and looking for garbage among them takes as long as reading them
     try:
         if root.get("fmiVersion") is None:
             raise ValueError("it has no fmiVersion")
@@ -56,6 +54,14 @@ def read_description(file: Path) -> ModelDescription:
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
         message += "Check it with: python -m fmpy validate."
         raise InputError(message, "bad-description", file.name) from problem
+    finally:
+        if collecting:
+            gc.enable()
+
+
+def declared_capabilities(file: Path) -> list[tuple[Capability, str]]:
+    """The flags that an FMU's description sets for the kind that is used, with their values."""
+    return list(declared(_root(file, _documents(file))))
 
 
 def illegal_combinations(description: ModelDescription) -> list[str]:
@@ -72,15 +78,32 @@ def illegal_combinations(description: ModelDescription) -> list[str]:
     ]
 
 
-def _put_right(root: etree._Element) -> None:
-    """Remove the namespace of the root from all elements, and tell FMPy what it would look up for ``initial``."""
+def _root(file: Path, documents: Mapping[str, bytes]) -> etree._Element:
+    """The root of a description, without the namespace that some exporters give all elements."""
+    if DESCRIPTION not in documents:
+        message = f"{file.name} is not an FMU: the archive has no {DESCRIPTION}."
+        raise InputError(message, "not-an-fmu", file.name)
+    try:
+        root = etree.fromstring(documents[DESCRIPTION])
+    except etree.XMLSyntaxError as problem:
+        message = f"The {DESCRIPTION} of {file.name} is not well-formed XML ({problem}). Export the FMU again."
+        raise InputError(message, "bad-description", file.name) from None
     namespace = etree.QName(root).namespace
     if namespace is not None:
         for element in root.iter(f"{{{namespace}}}*"):
             element.tag = etree.QName(element).localname
         etree.cleanup_namespaces(root)
+    return root
+
+
+def _put_right(root: etree._Element) -> None:
+    """Tell FMPy what it would look up for ``initial``."""
     version = str(root.get("fmiVersion"))
     if version.startswith("1"):
+        # FMPy drops this word. The variable has the value of another one with the opposite sign: were it bound as it
+        # stands, the loop would run with a wrong sign. As an internal variable it cannot be bound.
+        for variable in root.iterfind("ModelVariables/*[@alias='negatedAlias']"):
+            variable.set("causality", "internal")
         return
     for variable in root.iterfind("ModelVariables/*"):
         causality = variable.get("causality", "local")
@@ -94,8 +117,12 @@ def _documents(file: Path) -> dict[str, bytes]:
     """The files of an FMU that are parsed, by name."""
     if file.is_dir():
         return {name: (file / name).read_bytes() for name in DESCRIPTIONS if (file / name).is_file()}
-    with zipfile.ZipFile(file) as archive:
-        return {name: archive.read(entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {name: unpacked(archive, entry) for name, entry in files_of(archive).items() if name in DESCRIPTIONS}
+    except Damaged as problem:
+        message = f"{file.name} cannot be read: {problem}. Export the FMU again."
+        raise InputError(message, "cannot-extract", file.name) from problem
 
 
 def _archive(documents: Mapping[str, bytes]) -> io.BytesIO:

@@ -7,11 +7,9 @@ format asks for.
 from __future__ import annotations
 
 import os
-import shutil
 import stat
 import zipfile
-import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
 from ..errors import InputError
@@ -27,6 +25,15 @@ SMALL = 64 * 1024**2
 
 MOST_RATIO = 200
 """Largest compression ratio of an archive larger than SMALL: beyond it is a zip bomb, not a model."""
+
+UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+"""Methods of compression that Python unpacks."""
+
+METHODS = {6: "Implode", 9: "Deflate64", 93: "Zstandard", 95: "xz", 96: "JPEG", 97: "WavPack", 98: "PPMd"}
+"""Names of others."""
+
+ENCRYPTED, PATCHED, AES = 1 << 0 | 1 << 6, 1 << 5, 99
+"""Flags of an entry; and the method that stands for an encryption."""
 
 LONGEST_NAME = 255
 """Largest length of the name of a file or folder [bytes], as common file systems have it."""
@@ -87,8 +94,11 @@ def _flaw(member: zipfile.ZipInfo) -> str:
         return "points outside the archive"
     if stat.S_ISLNK(member.external_attr >> 16):
         return "is a link"
-    if member.flag_bits & 1:
-        return "is encrypted"
+    if member.flag_bits & ENCRYPTED or member.compress_type == AES:
+        return "is encrypted: pack it without a password"
+    if member.compress_type not in UNPACKED or member.flag_bits & PATCHED:
+        method = METHODS.get(member.compress_type, f"method {member.compress_type}")
+        return f"is compressed by {method}, which is not unpacked here: pack it with Deflate, which all tools read"
     if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts):
         return f"has a name of more than {LONGEST_NAME} bytes, which file systems do not store"
     if name in DESCRIPTIONS and member.file_size > LARGEST_DESCRIPTION:
@@ -103,14 +113,41 @@ def _file_and_folder(names: Iterable[str]) -> str:
     return next((str(parent) for path in sorted(paths) for parent in path.parents if parent in paths), "")
 
 
+class Damaged(Exception):
+    """An entry of an archive cannot be unpacked."""
+
+
+def pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]:
+    """The contents of an entry, piece by piece; raises :class:`Damaged`."""
+    try:
+        with archive.open(member) as source:
+            while piece := source.read(1 << 20):
+                yield piece
+    except Exception as problem:  # zipfile and its decompressors have many kinds, bz2's is an OSError
+        if isinstance(problem, OSError) and problem.errno is not None:
+            raise
+        message = f"its entry {member.filename!r} is damaged ({problem or type(problem).__name__})"
+        raise Damaged(message) from problem
+
+
+def unpacked(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
+    """The contents of an entry; raises :class:`Damaged`."""
+    return b"".join(pieces(archive, member))
+
+
 def extract(archive: zipfile.ZipFile, folder: Path) -> None:
-    """Write the files of a checked archive below ``folder``; raises what zipfile and the system raise."""
+    """Write the files of a checked archive below ``folder``; raises :class:`Damaged`, and what the system raises.
+
+    There is a folder of resources even if the archive has none: an FMU is told its location, and may look for it.
+    """
     folder.mkdir()
+    (folder / "resources").mkdir()
     for name, member in files_of(archive).items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        with archive.open(member) as source, path.open("wb") as target:
-            shutil.copyfileobj(source, target)
+        with path.open("wb") as target:
+            for piece in pieces(archive, member):
+                target.write(piece)
 
 
 def is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
@@ -120,8 +157,8 @@ def is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
         return False
     for name, member in files_of(archive).items():
         try:
-            if (folder / name).read_bytes() != archive.read(member):
+            if (folder / name).read_bytes() != unpacked(archive, member):
                 return False
-        except (OSError, zipfile.BadZipFile, zlib.error):
+        except (OSError, Damaged):
             return False
     return True

@@ -2,43 +2,78 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from fmpy.model_description import ModelDescription
 
-from ..errors import InputError
-from .variables import Variable, variables
+from ..codec import Scalar
+from ..errors import InputError, unknown
+from .values import check_limits, typed
+from .variables import REAL_TYPES, Variable, repeated_names, variables
 
 
-def find_parameters(
-    description: ModelDescription, given: Mapping[str, float], what: str
-) -> dict[Variable, list[float]]:
-    """Values of parameters given by name, scalars or single elements ``K_p[1]`` of arrays.
+def find_values(description: ModelDescription, given: Mapping[str, Scalar], what: str) -> dict[Variable, list[Scalar]]:
+    """Values of parameters and inputs given by name, scalars or single elements ``K_p[1]`` of arrays, as their types
+    take them. Elements of an array that are not given keep their start values.
 
-    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set.
+    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, and as :func:`.typed` and
+    :func:`.check_limits`.
     """
-    known = variables(description)
-    settable = {name: v for name, v in known.items() if v.is_real and v.causality == "parameter"}
-    found: dict[Variable, list[float]] = {}
+    found: dict[Variable, list[Scalar]] = {}
     for name, value in given.items():
-        base, _, index = name.rstrip("]").partition("[")
-        if name in settable and settable[name].size == 1:
-            found[settable[name]] = [value]
-        elif base in settable and index.isdigit() and 1 <= int(index) <= settable[base].size:
-            array = settable[base]
-            found.setdefault(array, list(array.start) or [0.0] * array.size)[int(index) - 1] = value
-        elif name in settable:
-            size = settable[name].size
-            message = f"{what}: {name} is a parameter of {size} elements: give {name}[1]={value:g} and so on."
-            raise InputError(message, "array-parameter", what, name, (f"{name}[{i}]" for i in range(1, size + 1)))
-        elif name in known:
-            kind = f"{known[name].type} {known[name].causality}"
-            message = f"{what}: {name} is declared as {kind} and cannot be set: only real parameters can."
-            raise unknown(message, "not-settable", what, name, settable)
-        else:
-            raise unknown(f"{what} has no parameter {name}.", "no-parameter", what, name, settable)
+        variable, element = place(description, name, what)
+        elements = found.setdefault(variable, list(variable.start) or [_zero(variable)] * variable.size)
+        elements[element] = typed(variable, value, what)
+        check_limits(variable, elements[element], what)
     return found
+
+
+def canonical_values(description: ModelDescription, given: Mapping[str, Scalar], what: str) -> dict[str, Scalar]:
+    """The same by the names that were given: the one form of these values that is recorded and told apart."""
+    return {name: typed(place(description, name, what)[0], value, what) for name, value in given.items()}
+
+
+def place(description: ModelDescription, name: str, what: str) -> tuple[Variable, int]:
+    """The variable that can be set by ``name``, and the number of the element that it stands for, from 0."""
+    known = variables(description)
+    base, _, index = name.rstrip("]").partition("[")
+    if twofold := {name, base} & repeated_names(description):
+        message = f"{what} has more than one variable {min(twofold)}, so none of them is set."
+        raise InputError(f"{message} Export the FMU again.", "not-settable", what, name)
+    variable = known.get(name)
+    if variable is not None and variable.can_be_set and variable.size == 1:
+        return variable, 0
+    array = known.get(base)
+    if array is not None and array.can_be_set and index.isdecimal() and 1 <= int(index) <= array.size:
+        return array, int(index) - 1
+    if variable is not None and variable.can_be_set:
+        size = variable.size
+        message = f"{what}: {name} has {size} elements: give {name}[1] and so on."
+        raise InputError(message, "array-parameter", what, name, (f"{name}[{i}]" for i in range(1, size + 1)))
+    settable = [name for name, one in known.items() if one.can_be_set]
+    if variable is not None:
+        message = (
+            f"{what}: {name} is declared as {variable.type} {variable.causality} and cannot be set: only parameters "
+        )
+        raise unknown(f"{message}and inputs can.", "not-settable", what, name, settable)
+    raise unknown(f"{what} has no parameter or input {name}.", "no-parameter", what, name, settable)
+
+
+def _zero(variable: Variable) -> Scalar:
+    """What the elements of an array without start values are."""
+    zeros: dict[str, Scalar] = {"Boolean": False, "String": "", "Binary": "", **dict.fromkeys(REAL_TYPES, 0.0)}
+    return zeros.get(variable.type, 0)
+
+
+def elements(values: Mapping[str, Scalar | Sequence[Scalar]]) -> dict[str, Scalar]:
+    """``values`` with those of an array by element: ``K_p = [45, 15]`` gives ``K_p[1]`` and ``K_p[2]``."""
+    listed: dict[str, Scalar] = {}
+    for name, value in values.items():
+        if isinstance(value, bool | int | float | str):
+            listed[name] = value
+        else:
+            listed.update({f"{name}[{i}]": element for i, element in enumerate(value, start=1)})
+    return listed
 
 
 def find_outputs(description: ModelDescription, names: Iterable[str], what: str) -> list[Variable]:
@@ -50,10 +85,3 @@ def find_outputs(description: ModelDescription, names: Iterable[str], what: str)
         if name not in known:
             raise unknown(f"{what} has no output {name}.", "no-output", what, name, known)
     return [known[name] for name in names]
-
-
-def unknown(message: str, what: str, where: str, name: str, names: Iterable[str]) -> InputError:
-    """An error about ``name``, with the up to four ``names`` that look most like it, else the first eight."""
-    pool = list(names)
-    nearest = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
-    return InputError(f"{message} Nearest: {', '.join(nearest) or 'none'}.", what, where, name, nearest)

@@ -9,6 +9,10 @@ ARRAY = -1
 """Index of a whole array."""
 
 
+COLUMN = re.compile(r"[\[(](\d+)(?:, ?|\]\[|\)\()[01][\])]$")
+"""Indices of an element in a matrix's only column, which is the first, counted from 1 or 0."""
+
+
 @dataclass(frozen=True)
 class Spelling:
     """``base`` is a name without case and punctuation ("qm"), ``index`` the component's digit, ARRAY for an array."""
@@ -20,11 +24,12 @@ class Spelling:
 def spelling(name: str, array: bool) -> Spelling | None:
     """A variable's name apart from its spelling; None if it cannot be a component.
 
-    ``q_m[1]``, ``q_m_1``, ``q_m1``, ``qm1``, ``q_m.axis1`` and ``Controller.q_m[1]`` all become ("qm", 1). The name of
-    an ``array`` has no index. Enclosing components ("Controller.") do not count.
+    ``q_m[1]``, ``q_m_1``, ``q_m1``, ``qm1``, ``q_m.axis1`` and ``Controller.q_m[1]`` all become ("qm", 1), and so do
+    the elements of a matrix of one column, ``q_m[1,1]``, ``q_m[1][1]`` and ``q_m(1,1)``. The name of an ``array`` has
+    no index. Enclosing components ("Controller.") do not count.
     """
     parts = name.split(".")
-    local = parts[-1]
+    local = COLUMN.sub(r"[\1]", parts[-1])
     if len(parts) > 1 and re.fullmatch(r"(?:axis|joint)?_?\d", local.lower()):
         local = parts[-2] + "_" + local
     words = re.findall(r"[a-z]+|\d+", local.lower())

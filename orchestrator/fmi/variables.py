@@ -1,25 +1,43 @@
-"""The real variables of an FMU, of any FMI version, in one form."""
+"""The variables of an FMU, of any FMI version, in one form."""
 
 from __future__ import annotations
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
+from ..codec import Scalar
 from ..errors import InputError
 
 REAL_TYPES = ("Real", "Float64", "Float32")
+
+INTEGERS = {
+    "Integer": (-(2**31), 2**31 - 1),
+    "Enumeration": (-(2**31), 2**31 - 1),
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+"""Smallest and largest value by type. FMI 1.0 and 2.0 have Integer, FMI 3.0 the types with a size."""
+
+SET_TYPES = (*REAL_TYPES, *INTEGERS, "Boolean", "String", "Binary")
+"""Types of variables that can be set."""
+
+GIVEN = ("parameter", "input")
+"""Causalities of variables that can be set."""
 
 
 @dataclass(frozen=True)
 class Variable:
     """A scalar (size 1) or an array of an FMU; ``unit`` is the declared name, None if there is none.
 
-    ``start`` holds the declared start values, one per element, or nothing.
+    ``start`` holds the declared start values, one per element, or nothing; of a Binary, hexadecimal digits. ``items``
+    are the numbers and names of an enumeration, ``limits`` the declared smallest and largest value, infinite if there
+    is none.
     """
 
     name: str
@@ -29,12 +47,33 @@ class Variable:
     causality: str
     variability: str
     unit: str | None
-    start: tuple[float, ...]
+    start: tuple[Scalar, ...]
+    items: tuple[tuple[int, str], ...] = ()
+    limits: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def is_real(self) -> bool:
-        """Whether the master can set and get it."""
+        """Whether it can be a connector."""
         return self.type in REAL_TYPES
+
+    @property
+    def can_be_set(self) -> bool:
+        """Whether a user may give it a value."""
+        return self.causality in GIVEN and self.type in SET_TYPES
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The start values of a real type."""
+        return tuple(value for value in self.start if isinstance(value, float))
+
+    def spelled(self, value: Scalar) -> str:
+        """A value for people: Booleans as in FMI, the number of an item with its name."""
+        if isinstance(value, bool):
+            return "true" if value else "false"
+        if isinstance(value, str):
+            return repr(value)
+        item = dict(self.items).get(int(value)) if self.items else None
+        return f"{value:g}" if isinstance(value, float) else f"{value}" + (f" ({item})" if item else "")
 
 
 @functools.lru_cache(maxsize=16)
@@ -43,19 +82,42 @@ def variables(description: ModelDescription) -> dict[str, Variable]:
     return {variable.name: _convert(variable) for variable in description.modelVariables}
 
 
+@functools.lru_cache(maxsize=16)
+def repeated_names(description: ModelDescription) -> frozenset[str]:
+    """Names that more than one variable has; :func:`variables` gives the last of them."""
+    count = Counter(variable.name for variable in description.modelVariables)
+    return frozenset(name for name, number in count.items() if number > 1)
+
+
 def _convert(variable: ModelVariable) -> Variable:
     declared = variable.declaredType
     unit = variable.unit or (declared.unit if declared is not None else None)
     size = math.prod(variable.shape) if variable.shape else 1
+    real, causality = variable.type in REAL_TYPES, variable.causality or "local"
+    details: dict[str, Any] = {}
+    if causality in GIVEN:  # the others are many, and nobody asks for these
+        items = declared.items if declared is not None else []
+        details = {
+            "items": tuple((int(item.value), str(item.name)) for item in items if _is_whole(item.value)),
+            "limits": (_limit(variable, "min", -math.inf), _limit(variable, "max", math.inf)),
+        }
+    start = (
+        _numbers(variable.name, variable.start, size)
+        if real
+        else _other_start(variable.type, variable.start, size)
+        if details
+        else ()
+    )
     return Variable(
         name=variable.name,
         reference=int(variable.valueReference),
         type=variable.type,
         size=size,
-        causality=variable.causality or "local",
+        causality=causality,
         variability=variable.variability or "",
         unit=unit or None,
-        start=_numbers(variable.name, variable.start, size) if variable.type in REAL_TYPES else (),
+        start=start,
+        **details,
     )
 
 
@@ -71,3 +133,34 @@ def _numbers(name: str, start: Any, size: int) -> tuple[float, ...]:
         message = f"The start value of {name}, {start!r}, is not one number per element. Export the FMU again."
         raise InputError(message, "bad-start", name, start)
     return numbers * size if len(numbers) == 1 else numbers
+
+
+def _other_start(kind: str, start: Any, size: int) -> tuple[Scalar, ...]:
+    """Start values of a type that is not real; nothing where they cannot be read, as nothing depends on them."""
+    if start is None or kind not in SET_TYPES:
+        return ()
+    words = [str(start)] if kind in ("String", "Binary") else str(start).split()
+    if kind == "Boolean" and set(words) <= {"true", "false", "1", "0"}:
+        values: tuple[Scalar, ...] = tuple(word in ("true", "1") for word in words)
+    elif kind in INTEGERS and all(map(_is_whole, words)):
+        values = tuple(map(int, words))
+    else:
+        values = tuple(words) if kind in ("String", "Binary") else ()
+    return (
+        values * size if len(values) == 1 and kind in (*INTEGERS, "Boolean") else values if len(values) == size else ()
+    )
+
+
+def _is_whole(word: Any) -> bool:
+    text = str(word)
+    return text.isascii() and text.removeprefix("-").isdigit() and len(text) < 30
+
+
+def _limit(variable: ModelVariable, key: str, default: float) -> float:
+    """The declared limit, of the variable or else of its type."""
+    declared = getattr(variable, key) or (getattr(variable.declaredType, key, None) if variable.declaredType else None)
+    try:
+        value = float(declared) if declared is not None else default
+    except ValueError:
+        return default
+    return default if math.isnan(value) else int(str(declared)) if _is_whole(declared) else value

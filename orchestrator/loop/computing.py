@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from ..codec import Natural, NonNegative, Struct
+
+FEW, MANY = 20, 2000
+"""Steps that tell how many are worth their time, and the most that are timed."""
+
+ENOUGH = 0.1
+"""Time [s] that the timed steps may take together; a few are timed in any case."""
+
+NANOSECOND = 1e-9
 
 
 class ComputingTime(Struct):
@@ -23,3 +35,12 @@ class ComputingTime(Struct):
         micro = (1e6 * value for value in (self.median, self.percentile_99, self.largest))
         median, most, largest = (f"{value:.3g}" if value < 1e3 else f"{value:.0f}" for value in micro)
         return f"{median} µs median, {most} µs 99 %, {largest} µs largest"
+
+
+def computing_time(times: Callable[[int], np.ndarray]) -> ComputingTime:
+    """From ``times(steps)``: the wall times [s] of so many steps, or of as many as there are."""
+    few = times(FEW)
+    many = int(min(MANY, ENOUGH / max(float(np.median(few)), NANOSECOND)))
+    found = few if many <= FEW else times(many)
+    median, most, largest = np.percentile(found, (50, 99, 100)).tolist()
+    return ComputingTime(len(found), median, most, largest)

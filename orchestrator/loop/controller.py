@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
 
-from ..errors import Crash
+from ..codec import Scalar
+from ..errors import Crash, FmuError
 from ..fmi.archive import Archive
 from ..fmi.connectors import Binding
-from ..fmi.lookup import find_parameters
+from ..fmi.lookup import find_values
 from ..fmi.port import Port
 from ..fmi.slaves import Slave
 from ..fmi.units import conversion
@@ -86,10 +87,33 @@ def prepared(
         return
     binding = controller_binding(slave.archive, setup)
     before, within = start_values(slave.archive, binding, setup, steady, sample_time, first)
-    with slave.instantiated(stop_time):
+    with slave.instantiated(not_before_the_last_step(stop_time, float(sample_time))):
         slave.initialize(before, within)
         with slave.own_modules():
             yield _port(slave, binding, steady)
+
+
+def not_before_the_last_step(stop_time: float, step: float) -> float:
+    """The stop time [s] that a controller is told. The end of its last step, the sum of two numbers, may be rounded to
+    one beyond the stop time, and some FMUs refuse a step that goes beyond it by however little."""
+    last = (round(stop_time / step) - 1) * step + step
+    return last if 0.0 < last - stop_time < 1e-6 * step else stop_time
+
+
+@contextmanager
+def probed(
+    slave: Slave | Remote,
+    setup: Setup,
+    steady: Steady,
+    sample_time: Fraction,
+    stop_time: float,
+    first: Pair | None = None,
+) -> Iterator[Port]:
+    """As :func:`prepared`, and terminated as after a case: some FMUs clear their static memory only there."""
+    with prepared(slave, setup, steady, sample_time, stop_time, first) as port:
+        yield port
+        with suppress(FmuError):  # the check says so
+            slave.terminate()
 
 
 def start_values(
@@ -99,11 +123,13 @@ def start_values(
     steady: Steady,
     sample_time: Fraction,
     first: Pair | None = None,
-) -> tuple[dict[Variable, list[float]], dict[Variable, list[float]]]:
-    """What a controller is given before initialization, parameters, and within it, inputs; ``first`` as in
-    :func:`prepared`."""
+) -> tuple[dict[Variable, list[Scalar]], dict[Variable, list[Scalar]]]:
+    """What a controller is given before initialization, parameters, and within it, inputs, of which those that nothing
+    drives keep their values; ``first`` as in :func:`prepared`."""
     what = f"The controller {controller.name}"
-    before = find_parameters(controller.description, setup.parameters, what)
+    given = find_values(controller.description, setup.parameters, what)
+    before = {variable: values for variable, values in given.items() if variable.causality == "parameter"}
+    within = {variable: values for variable, values in given.items() if variable.causality == "input"}
     T_s = sample_time_parameter(controller, setup)
     if T_s is not None:
         unit = conversion(controller.description, T_s.unit, "s", f"{what}: {T_s.name}")
@@ -116,7 +142,6 @@ def start_values(
         "u_m0": steady.u_m0,
         "q_a_ref": steady.q_a_ref,
     }
-    within: dict[Variable, list[float]] = {}
     for name, pair in known.items():
         if name in binding:
             (before if binding[name].is_parameter else within).update(binding[name].values(pair))

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import Crash, FmuError
 from ..fmi import port, trace
 from ..fmi.connectors import PLANT, Binding, bind
-from ..fmi.lookup import find_outputs, find_parameters
+from ..fmi.lookup import find_outputs, find_values
 from ..fmi.slaves import Slave
 from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
@@ -56,7 +56,7 @@ def simulate(
     """
     what = f"The plant {plant.archive.name}"
     binding = bind(plant.archive.description, PLANT, what)
-    parameters = find_parameters(plant.archive.description, dict(scenario.parameters), what)
+    parameters = find_values(plant.archive.description, dict(scenario.parameters), what)
     observed = find_outputs(plant.archive.description, observe, what)
     inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed

@@ -13,6 +13,10 @@ MOST = 1000
 """Largest ratio of a controller's and the benchmark's sample time, either way: beyond it is a slip."""
 
 
+FIXED = "fixedInternalStepSize"
+"""Attribute of a description of FMI 3.0 co-simulation."""
+
+
 @dataclass(frozen=True)
 class SampleTime:
     """``value`` [s], and where it comes from: "given", "fixedInternalStepSize", "DefaultExperiment" or "benchmark"."""
@@ -32,20 +36,32 @@ def controller_sample_time(controller: Archive, benchmark: Fraction, given: Frac
         message = f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), which is not an "
         message += f"integer multiple or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s."
         raise InputError(message, "bad-sample-time", controller.name, float(found.value))
+    if given is not None and (fixed := _fixed(controller)) is not None:
+        step = _near(_read(controller, fixed, FIXED), given)
+        if step <= 0 or (given / step).denominator != 1:
+            message = (
+                f"The sample time of {controller.name} is given as {float(given):g} s, which is no multiple of its "
+            )
+            message += f"fixed internal step ({FIXED}) of {float(step):g} s. Give a multiple."
+            raise InputError(message, "fixed-step", controller.name, float(step))
     return found
 
 
 def _find(controller: Archive, benchmark: Fraction, given: Fraction | None) -> SampleTime:
     if given is not None:
         return SampleTime(given, "given")
-    description = controller.description
-    fixed = getattr(description.coSimulation, "fixedInternalStepSize", None) if description.coSimulation else None
-    experiment = description.defaultExperiment
+    experiment = controller.description.defaultExperiment
     default = experiment.stepSize if experiment is not None else None
-    for text, origin in ((fixed, "fixedInternalStepSize"), (default, "DefaultExperiment")):
+    for text, origin in ((_fixed(controller), FIXED), (default, "DefaultExperiment")):
         if text not in (None, ""):
             return SampleTime(_near(_read(controller, str(text), origin), benchmark), origin)
     return SampleTime(benchmark, "benchmark")
+
+
+def _fixed(controller: Archive) -> str | None:
+    """The fixed internal step size that is declared, in FMI 3.0 co-simulation."""
+    value = getattr(controller.description.coSimulation, FIXED, None) if controller.kind == "CoSimulation" else None
+    return None if value in (None, "") else str(value)
 
 
 def _read(controller: Archive, text: str, origin: str) -> Fraction:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from ..codec import Scalar
 from ..errors import InputError
 from ..fmi.archive import Archive
-from ..fmi.connectors import SAMPLE_TIME, Binding, bind_controller
+from ..fmi.connectors import SAMPLE_TIME, Binding, Bound, bind_controller
+from ..fmi.lookup import find_values
 from ..fmi.names import canonical
 from ..fmi.variables import Variable, variables
 
 
 @dataclass(frozen=True)
 class Setup:
-    """How a controller is used: ``parameters`` by name (in the FMU's units), ``mapping`` from connectors to its
-    variables."""
+    """How a controller is used: ``parameters`` by name (in the FMU's units), among them constants for inputs that
+    nothing drives; ``mapping`` from connectors to its variables."""
 
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
     mapping: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -30,11 +33,75 @@ def controller_binding(controller: Archive, setup: Setup) -> Binding:
     connected = {variable.name: name for name, bound in binding.items() for variable in bound.variables}
     for name in setup.parameters:
         connector = connected.get(name) or connected.get(name.partition("[")[0])
-        if connector is not None and binding[connector].is_parameter:
+        if connector is not None:
             message = f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark "
             message += "gives its value in every case."
             raise InputError(message, "connector-parameter", controller.name, name)
     return binding
+
+
+def held_inputs(controller: Archive, setup: Setup, binding: Binding) -> dict[str, Scalar | None]:
+    """The controller's inputs that nothing drives, those of arrays by element, with the values that they keep for the
+    whole simulation: as ``setup`` gives them, else their start values, None for one without."""
+    driven = {variable for bound in binding.values() for variable in bound.variables}
+    held: dict[str, Scalar | None] = {}
+    for variable in variables(controller.description).values():
+        if variable.causality == "input" and variable not in driven:
+            starts: Sequence[Scalar | None] = variable.start or (None,) * variable.size
+            names = (
+                [variable.name] if variable.size == 1 else [f"{variable.name}[{i + 1}]" for i in range(variable.size)]
+            )
+            held.update((name, setup.parameters.get(name, start)) for name, start in zip(names, starts, strict=True))
+    return held
+
+
+def effective(controller: Archive, setup: Setup) -> Setup:
+    """``setup`` in a form that all its spellings share: what differs from the FMU as it is, sorted.
+
+    A parameter that has its start value already is not among ``parameters``, which name single elements of arrays; the
+    ``mapping`` is empty where the connectors are found without it, and names all of them otherwise. The FMU is then
+    told the same in the same order, however it was spelled. Raises what :func:`controller_binding` and
+    :func:`~orchestrator.fmi.lookup.find_values` raise.
+    """
+    what = f"The controller {controller.name}"
+    binding = controller_binding(controller, setup)
+    given = find_values(controller.description, setup.parameters, what)
+    parameters = {
+        name: value
+        for variable, values in given.items()
+        # One that is given is taken from the benchmark, which would give it another value.
+        if repr(tuple(values)) != repr(variable.start) or _is_sample_time(variable)
+        for name, value in zip(_elements(variable), values, strict=True)
+    }
+    with suppress(InputError):  # without the mapping, a connector may be missing or ambiguous
+        if _variables(controller_binding(controller, Setup())) == _variables(binding):
+            return Setup(dict(sorted(parameters.items())))
+    mapping = {
+        target: variable.name
+        for connector, bound in binding.items()
+        for target, variable in zip(_targets(connector, bound), bound.variables, strict=True)
+    }
+    return Setup(dict(sorted(parameters.items())), dict(sorted(mapping.items())))
+
+
+def _elements(variable: Variable) -> tuple[str, ...]:
+    """The names that set the elements of a parameter."""
+    if variable.size == 1:
+        return (variable.name,)
+    return tuple(f"{variable.name}[{number}]" for number in range(1, variable.size + 1))
+
+
+def _targets(connector: str, bound: Bound) -> tuple[str, ...]:
+    """What a mapping calls the parts of a connector: itself if it is an array."""
+    return (connector,) if len(bound.variables) == 1 else bound.connector.components()
+
+
+def _variables(binding: Binding) -> dict[str, tuple[Variable, ...]]:
+    return {connector: bound.variables for connector, bound in binding.items()}
+
+
+def _is_sample_time(variable: Variable) -> bool:
+    return canonical(variable.name.split(".")[-1]) == canonical(SAMPLE_TIME)
 
 
 def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
@@ -45,7 +112,7 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     """
     scalars = [v for v in variables(controller.description).values() if v.is_real and v.size == 1]
     parameters = [v for v in scalars if v.causality == "parameter"]
-    alike = [v for v in parameters if canonical(v.name.split(".")[-1]) == canonical(SAMPLE_TIME)]
+    alike = [v for v in parameters if _is_sample_time(v)]
     candidates = [v for v in alike if v.name == SAMPLE_TIME] or alike
     if any(v.name in setup.parameters for v in candidates):
         return None

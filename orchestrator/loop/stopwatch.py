@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -12,46 +13,45 @@ from ..fmi.connectors import PLANT, bind
 from ..fmi.port import GET, WARNING, Port, exchange
 from ..fmi.slaves import Slave
 from ..jit import call_status, compiled
-from .computing import ComputingTime
-from .controller import Steady, prepared
+from . import computing
+from .computing import NANOSECOND, ComputingTime
+from .controller import Steady, probed
 from .master import exchange_failure, simulate
 from .scenario import Scenario
 from .setup import Setup
 
-FEW, MANY = 20, 2000
-"""Steps that tell how many are worth their time, and the most that are timed."""
-
-ENOUGH = 0.1
-"""Time [s] that the timed steps may take together; a few are timed in any case."""
-
-NANOSECOND = 1e-9
-
 
 def computing_time(plant: Slave, controller: Slave, setup: Setup, scenario: Scenario) -> ComputingTime:
-    """Time the controller's steps over the beginning of ``scenario``.
+    """Time the controller's steps over the beginning of ``scenario``. The loop is simulated first, and the controller
+    then stepped alone, so that nothing of the plant lies between two readings of the clock.
 
     Raises :class:`~orchestrator.errors.FmuError` if a call fails.
     """
-    few = _times(plant, controller, setup, scenario, FEW)
-    many = int(min(MANY, ENOUGH / max(float(np.median(few)), NANOSECOND)))
-    times = few if many <= FEW else _times(plant, controller, setup, scenario, many)
-    median, most, largest = np.percentile(times, (50, 99, 100)).tolist()
-    return ComputingTime(len(times), median, most, largest)
-
-
-def _times(plant: Slave, controller: Slave, setup: Setup, scenario: Scenario, steps: int) -> np.ndarray:
-    """Wall times [s] of the first ``steps``, or as many as there are. The loop is simulated first, and the controller
-    then stepped alone, so that nothing of the plant lies between two readings of the clock."""
     sample_time = scenario.sample_time
-    duration = min(scenario.duration, steps * sample_time)
     q_a = [variable.name for variable in bind(plant.archive.description, PLANT, "The plant")["q_a"].variables]
-    found = simulate(plant, controller, replace(scenario, duration=duration), setup, q_a)
-    measured = np.ascontiguousarray(found.measured[:steps])  # one at least, even if the loop ends at once
-    steady = Steady(found.q_m_ref, found.u_m0, (float(found.extra[q_a[0]][0]), float(found.extra[q_a[1]][0])))
+
+    def times(steps: int) -> np.ndarray:
+        duration = min(scenario.duration, steps * sample_time)
+        found = simulate(plant, controller, replace(scenario, duration=duration), setup, q_a)
+        measured = found.measured[:steps]  # one at least, even if the loop ends at once
+        steady = Steady(found.q_m_ref, found.u_m0, (float(found.extra[q_a[0]][0]), float(found.extra[q_a[1]][0])))
+        return step_times(controller, setup, steady, sample_time, measured)
+
+    return computing.computing_time(times)
+
+
+def step_times(
+    controller: Slave, setup: Setup, steady: Steady, sample_time: Fraction, measured: np.ndarray
+) -> np.ndarray:
+    """Wall times [s] of the steps of one instance that is given the angles ``measured`` [rad], shape (N, 2).
+
+    Raises :class:`~orchestrator.errors.FmuError` if a call fails.
+    """
+    measured = np.ascontiguousarray(measured)
     times, stamps = np.zeros(len(measured)), np.zeros(4, dtype=np.int64)
     read_clock = ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
-    with prepared(controller, setup, steady, sample_time, float(duration)) as port:
-        step = float(sample_time)
+    step = float(sample_time)
+    with probed(controller, setup, steady, sample_time, len(measured) * step) as port:
         call, status = _timed(port, measured, step, read_clock, np.int32(time.CLOCK_MONOTONIC), stamps, times)
         if status > WARNING:
             raise exchange_failure(controller, call, status)

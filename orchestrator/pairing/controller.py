@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 
+from ..codec import Scalar
 from ..documents.document import Shown
+from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
 from ..fmi.choice import WAYS, Way
-from ..fmi.controller_files import read_mapping, read_parameters
+from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_parameters
+from ..fmi.lookup import canonical_values, elements
 from ..fmi.variables import variables
 from ..loop.setup import Setup
 from ..views.table import Cell, Column, Note, Part, Summary, Table, Value
@@ -32,9 +36,11 @@ class Controller(Shown):
         The FMU; by default the paper's PID, built on first use: in C where there is a compiler that gives the bits of
         the one in Python.
     parameters : mapping or path, optional
-        Values by parameter name, in the FMU's units: ``{"K_p[1]": 60}``; or a ``.toml`` or ``.ssv`` file.
+        Values by name, in the FMU's units, of parameters, and of inputs that nothing drives: ``{"K_p[1]": 60,
+        "enable": True, "mode": "Manual"}``, of an array by element or as a list; or a ``.toml`` or ``.ssv`` file.
     mapping : mapping or path, optional
-        Variables by connector, where their names differ: ``{"q_m[1]": "In1"}``; or a ``.toml`` or ``.ssm`` file.
+        Variables by connector, where their names differ: ``{"q_m[1]": "In1"}``; or a ``.toml`` or ``.ssm`` file. A
+        ``.toml`` file may give parameters, too.
     sample_time : number, str or Fraction, optional
         Sample time [s]; by default the FMU's own, or else the benchmark's.
     library : "native", "source" or "wine", optional
@@ -44,16 +50,18 @@ class Controller(Shown):
     Raises
     ------
     InputError
-        If a value is not a finite number. What is wrong with the FMU itself shows when it is first used.
+        If a number is not finite. Whether a value is one that its variable takes, and what is wrong with the FMU
+        itself, shows when it is first used.
     """
 
     file: str | Path | None = None
-    parameters: Mapping[str, float] | str | Path = field(default_factory=dict)
+    parameters: Mapping[str, Scalar | Sequence[Scalar]] | str | Path = field(default_factory=dict)
     mapping: Mapping[str, str] | str | Path = field(default_factory=dict)
     sample_time: Fraction | float | str | None = None
     library: Way | None = None
 
     def __post_init__(self) -> None:
+        enter_fields(self)
         if self.library is not None and self.library not in WAYS:
             message = f"The library of a controller is one of {', '.join(WAYS)}, not {self.library!r}."
             raise InputError(message, "no-library", "", self.library, WAYS)
@@ -61,12 +69,7 @@ class Controller(Shown):
             message = "The paper's PID is built here as it runs best: a choice of library is for the FMU in a file."
             raise InputError(message, "contradiction", "", self.library)
         if isinstance(self.parameters, Mapping):
-            _check_finite(self.parameters)
-        if self.sample_time is not None:
-            try:
-                seconds(self.sample_time)
-            except ValueError as problem:
-                raise InputError(f"The sample time is not a time: {problem}", "bad-time") from None
+            _check_finite(elements(self.parameters))
 
     @classmethod
     def of(cls, given: Given) -> Controller:
@@ -74,7 +77,7 @@ class Controller(Shown):
 
         Raises :class:`InputError` for anything else.
         """
-        if given is None or isinstance(given, str | Path):
+        if given is None or isinstance(given, str | os.PathLike):
             return cls(given)
         if not isinstance(given, cls):
             message = f"A controller is a Controller or the path of an FMU, not a {type(given).__name__}."
@@ -86,7 +89,8 @@ class Controller(Shown):
         """One of the benchmark's own controllers, such as ``"DitheredLQG"``; see :data:`build_fmus.NAMES`."""
         return cls(built_in(name))
 
-    def with_parameters(self, values: Mapping[str, float]) -> Controller:
+    @entered
+    def with_parameters(self, values: Mapping[str, Scalar]) -> Controller:
         """The same controller with ``values`` set on top of its own."""
         return replace(self, parameters={**self.setup.parameters, **values})
 
@@ -107,12 +111,19 @@ class Controller(Shown):
 
     @cached_property
     def setup(self) -> Setup:
-        """Parameters and mapping, read from their files if they are given so."""
-        parameters, mapping = self.parameters, self.mapping
-        if not isinstance(parameters, Mapping):
-            parameters = read_parameters(Path(parameters), self.archive)
-            _check_finite(parameters)
-        return Setup(dict(parameters), dict(mapping if isinstance(mapping, Mapping) else read_mapping(Path(mapping))))
+        """Parameters and mapping, read from their files if they are given so. Each value is as its type takes it, so
+        that equal uses are recorded alike.
+
+        Raises :class:`InputError` for a value that its variable does not take.
+        """
+        given, mapping = self.parameters, self.mapping
+        values = elements(given) if isinstance(given, Mapping) else read_parameters(Path(given), self.archive)
+        if not isinstance(mapping, Mapping):
+            values = {**read_mapped_parameters(Path(mapping)), **values}
+            mapping = read_mapping(Path(mapping))
+        if values:
+            values = canonical_values(self.archive.description, values, f"The controller {self.archive.name}")
+        return Setup(values, dict(mapping))
 
     @property
     def given_sample_time(self) -> Fraction | None:
@@ -133,7 +144,9 @@ class Controller(Shown):
         rows: tuple[tuple[Cell, ...], ...] = tuple(
             (
                 each.name,
-                Value(given.get(each.name, each.start[0]), given=True),
+                each.spelled(given.get(each.name, each.start[0]))
+                if each.items or not each.is_real
+                else Value(float(given.get(each.name, each.start[0])), given=True),
                 each.unit or "-",
                 "given" if each.name in given else "of the FMU",
             )
@@ -153,9 +166,9 @@ Given = Controller | str | Path | None
 """A controller, the path of one, or the paper's PID."""
 
 
-def _check_finite(parameters: Mapping[str, float]) -> None:
+def _check_finite(parameters: Mapping[str, Scalar]) -> None:
     for name, value in parameters.items():
-        if not math.isfinite(value):
+        if isinstance(value, float) and not math.isfinite(value):
             raise InputError(
                 f"The value of the parameter {name}, {value}, is not a finite number.", "not-finite", name, value
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..benchmark.case import Case
@@ -13,15 +13,16 @@ from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
 from ..errors import Crash
-from ..execution.job import Died, Done, Job, Limits
+from ..execution.job import Died, Done, Job, Limits, is_once
 from ..execution.messages import error_of
+from ..execution.standstill import Standstill
 from ..execution.supervision import run_isolated
 from ..fmi.archive import Archive
 from ..loop.scenario import Scenario
 from ..loop.setup import Setup
 from ..loop.trajectory import Trajectory
 from . import work
-from .runs import account
+from .runs import account, tell_standstill
 
 GROUP_SIZE = 9
 """Cases a worker runs before it is replaced: enough that its start does not count, few enough that leaks of FMPy and
@@ -42,7 +43,8 @@ class Pairing:
     """The two FMUs, and the limits they run under.
 
     ``timeout`` is the processor time [s] that a simulation of FULL_LENGTH may take. If ``isolated``, the process of
-    plant and judge never loads the controller.
+    plant and judge never loads the controller. If ``separate``, each task has a process of its own, as where an FMU
+    declares that a process can instantiate it only once.
     """
 
     plant: Archive
@@ -52,6 +54,7 @@ class Pairing:
     limits: Limits = field(default_factory=Limits)
     sandbox: bool = False
     isolated: bool = False
+    separate: bool = False
 
     def job(
         self,
@@ -65,7 +68,15 @@ class Pairing:
         """A job of this pairing: ``function`` of :mod:`.work` with one scenario per task for the time limits, on top of
         ``start`` [s]."""
         limits = tuple(start + self.timeout * float(scenario.duration) / FULL_LENGTH for scenario in scenarios)
-        return self.raw_job(f"{work.__name__}:{function}", tasks, limits, decode, largest)
+        job = self.raw_job(f"{work.__name__}:{function}", tasks, limits, decode, largest)
+
+        def tell(index: int, standstill: Standstill) -> None:
+            task = tasks[index]
+            name = task.case.id if isinstance(task, work.CaseTask | work.RecordTask) else "A simulation"
+            tell_standstill(standstill, name, scenarios[index])
+
+        # A case that may go on until 60 s in doubt has a longer limit, for its many samples: not for one that hangs.
+        return replace(job, longest_call=start + self.timeout, on_standstill=tell)
 
     def raw_job(
         self,
@@ -78,7 +89,23 @@ class Pairing:
         """A job of this pairing with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
         own = (self.limits, self.sandbox, self.isolated)
-        return Job(self.plant, self.controller, function, packed, time_limits, decode, largest, *own)
+        return Job(
+            self.plant,
+            self.controller,
+            function,
+            packed,
+            time_limits,
+            decode,
+            largest,
+            *own,
+            separate=self.separate,
+            on_standstill=lambda index, standstill: tell_standstill(standstill, "The controller's process"),
+        )
+
+    @property
+    def is_separate(self) -> bool:
+        """Whether each task has a process of its own."""
+        return self.separate or is_once(self.plant, self.controller, self.isolated)
 
     @property
     def restrictions(self) -> str:
@@ -100,7 +127,7 @@ def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
         FIRST_START_TIME,
         work.largest_trajectory(scenario),
     )
-    found: Trajectory = _only(job, scenario)
+    found: Trajectory = only(job, scenario)
     return found
 
 
@@ -109,12 +136,15 @@ def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simu
 
     Raises what :func:`simulate` does.
     """
-    found: work.Simulated = _only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
+    found: work.Simulated = only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
     return found
 
 
-def _only(job: Job, scenario: Scenario) -> Any:
-    """The value of the only task of ``job``, which simulates ``scenario``."""
+def only(job: Job, scenario: Scenario) -> Any:
+    """The value of the only task of ``job``, which simulates ``scenario``.
+
+    Raises what :func:`simulate` does.
+    """
     (outcome,) = run_isolated(job)
     if isinstance(outcome, Died):
         raise Crash(account(outcome, scenario), "killed" if outcome.outside else "")

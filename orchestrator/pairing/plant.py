@@ -54,6 +54,12 @@ def choose(wanted: str | Path) -> Plant:
     if wanted in FMUS:
         return _own(PYTHON if wanted == PYTHON else NATIVE)
     archive = open_archive(Path(wanted))
+    step = archive.interface.canHandleVariableCommunicationStepSize if archive.kind == "CoSimulation" else True
+    if archive.major_version != "1" and not step:
+        message = (
+            f"{archive.name} does not declare canHandleVariableCommunicationStepSize, and the manipulator's steps "
+        )
+        raise InputError(f"{message}vary: events divide them.", "no-plant", archive.name)
     known = {variable.name for variable in archive.description.modelVariables if variable.start is not None}
     missing = [name for name in NOMINAL if name not in known]
     if missing:

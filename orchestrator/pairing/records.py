@@ -14,7 +14,7 @@ from ..fmi.archive import Archive
 from ..fmi.choice import WINE
 from ..fmi.connectors import CONTROLLER
 from ..fmi.host import wine
-from ..loop.setup import controller_binding
+from ..loop.setup import controller_binding, held_inputs
 from ..version import __version__
 from .controller import Controller
 from .pairing import Pairing
@@ -55,7 +55,7 @@ def controller_record(pairing: Pairing, controller: Controller) -> ControllerRec
     path = "" if controller.file is None else str(controller.file)
     setup = pairing.setup
     own, way = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.way
-    return ControllerRecord(*_fmu(pairing.controller), *own, way)
+    return ControllerRecord(*_fmu(pairing.controller), *own, way, held_inputs(pairing.controller, setup, binding))
 
 
 def loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:

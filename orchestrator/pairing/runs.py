@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass, replace
 
@@ -11,10 +12,13 @@ from ..benchmark.case import Case
 from ..benchmark.metrics import named
 from ..benchmark.results import CaseResult, Judgement
 from ..execution.job import Died, Done, Outcome
+from ..execution.standstill import Standstill
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status
 from .work import Simulated
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -55,17 +59,32 @@ def account(death: Died, scenario: Scenario) -> str:
     return "\n  ".join((f"{death.message}, {_whereabouts(death.place, scenario)}", *death.output))
 
 
+def tell_standstill(standstill: Standstill, name: str, scenario: Scenario | None = None) -> None:
+    """Tell that a simulation, or the process called ``name``, stands still: where, and when it is ended."""
+    logger.warning("%s", standstill_words(standstill, name, scenario), extra={"what": "standstill"})
+
+
+def standstill_words(standstill: Standstill, name: str, scenario: Scenario | None) -> str:
+    """The same as text; without a ``scenario``, samples tell no time."""
+    place = standstill.place if scenario is None else _plausible(standstill.place, scenario)
+    end = f"It is ended when {standstill.limit.removesuffix(' was reached')} is reached"
+    if math.isfinite(standstill.remaining):
+        end += f", in about {standstill.remaining:.0f} s"
+    return f"{name} has stood still for {standstill.seconds:.0f} s, {_whereabouts(place, scenario)}. {end}."
+
+
 def _plausible(place: Place, scenario: Scenario) -> Place:
     """``place`` within what may be simulated: it lay in memory that the FMUs can write into."""
     last = math.ceil(scenario.announced / float(scenario.sample_time))
     return replace(place, sample=min(max(place.sample, 0), last))
 
 
-def _whereabouts(place: Place, scenario: Scenario) -> str:
+def _whereabouts(place: Place, scenario: Scenario | None) -> str:
     who = {PLANT: "the plant", CONTROLLER: "the controller"}.get(place.side)
     if who is None:
         return "outside any FMI call"
-    return f"in the call '{place.call}' of {who} at t = {float(place.sample * scenario.sample_time):g} s"
+    time = "" if scenario is None else f" at t = {float(place.sample * scenario.sample_time):g} s"
+    return f"in the call '{place.call}' of {who}{time}"
 
 
 def _first_line(message: str) -> str:

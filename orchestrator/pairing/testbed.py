@@ -19,6 +19,7 @@ from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
 from ..documents.case_list import CaseList
+from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..execution import cluster
 from ..execution.job import Limits
@@ -55,6 +56,7 @@ class Testbed:
     command: str = ""
 
     def __post_init__(self) -> None:
+        enter_fields(self)
         if not 0 <= self.seed <= LARGEST_SEED or (self.workers is not None and self.workers < 1):
             raise InputError(f"The seed is from 0 to {LARGEST_SEED}, and at least one worker is needed.", "bad-number")
         for name in ("timeout", "memory_limit", "wait"):
@@ -84,6 +86,7 @@ class Testbed:
         """All cases of the protocol, in its order: a tuple that shows itself in a notebook."""
         return CaseList(case_list.cases(self.rules, self.nominal, self.seed))
 
+    @entered
     def case(self, id: str) -> Case:
         """The case called ``id``, such as ``"c07.compliant.gain_1"``, also with a system the protocol does not run.
 
@@ -91,6 +94,7 @@ class Testbed:
         """
         return case_list.case_named(self.rules, self.nominal, self.seed, id)
 
+    @entered
     def case_at(
         self,
         q_a: tuple[float, float],
@@ -105,6 +109,7 @@ class Testbed:
         found = case_list.case(self.rules, pose, member, wanted, self.seed)
         return found if variation is None else self.varied(found, variation)
 
+    @entered
     def varied(self, case: Case, variation: Variation) -> Case:
         """``case`` with single disturbances and imperfections set or switched off."""
         return replace(case, scenario=vary(case.scenario, self.rules, variation))

@@ -6,6 +6,7 @@ The types are checked when they are unpacked, on both sides.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from ..benchmark.doubt import longest
 from ..benchmark.metrics import AT_THE_END, Measured, expected, further, judge, measure
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
-from ..codec import Malformed, Natural, Struct, pack, unpack
+from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
 from ..loop.scenario import Pair, Scenario
@@ -28,6 +29,7 @@ from ..loop.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:  # it loads the compiler, which only workers need
     from ..fmi.slaves import Slave
+    from ..loop.controller import Steady
 
 
 class CaseTask(Struct, frozen=True):
@@ -53,7 +55,7 @@ class RecordTask(Struct, frozen=True):
     roles: tuple[str, ...]
 
 
-class ScenarioTask(Struct, frozen=True):
+class ScenarioTask(Struct, frozen=True, tag=True):
     """Simulate a scenario; ``observe`` names plant outputs to record."""
 
     setup: Setup
@@ -61,9 +63,10 @@ class ScenarioTask(Struct, frozen=True):
     observe: tuple[str, ...] = ()
 
 
-class AnswerTask(Struct, frozen=True):
+class AnswerTask(Struct, frozen=True, tag=True):
     """What a controller answers at rest, in the steady state of motor angles [rad], torques [N.m] and link angles
-    [rad], to each of the ``errors`` of shape (N, 2) [rad]."""
+    [rad], to each of the ``errors`` of shape (N, 2) [rad], with the ``initial_error`` [rad] during initialization.
+    With ``reset_first``, its instance is initialized and reset before."""
 
     setup: Setup
     q_m: Pair
@@ -71,6 +74,17 @@ class AnswerTask(Struct, frozen=True):
     q_a: Pair
     sample_time: Fraction
     errors: np.ndarray
+    initial_error: Finite = 0.0
+    reset_first: bool = False
+
+
+class Beginning(Struct, frozen=True):
+    """The steady state that a simulation begins in, as in :class:`AnswerTask`, and a ``digest`` of its signals."""
+
+    q_m: tuple[Finite, Finite]
+    u_m: tuple[Finite, Finite]
+    q_a: tuple[Finite, Finite]
+    digest: bytes
 
 
 class TimingRecord(Struct, frozen=True):
@@ -117,25 +131,20 @@ def simulate_scenario(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(_simulate(plant, controller, wanted.scenario, wanted.setup, wanted.observe))
 
 
-def first_sample(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """The first sample of a :class:`ScenarioTask`; raises :class:`FmuError` if a call fails in it."""
-    _first_sample(plant, controller, unpack(task, ScenarioTask))
-    return pack(TimingRecord())
-
-
-def probe_timing(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """A :class:`TimingRecord`, measured around the first sample of a :class:`ScenarioTask`."""
-    from ..loop.controller import Steady
-    from ..loop.probe import probe
-
-    wanted = unpack(task, ScenarioTask)
-    trajectory = _first_sample(plant, controller, wanted)
-    pose = (float(trajectory.extra["q_a[1]"][0]), float(trajectory.extra["q_a[2]"][0]))
-    steady = Steady(trajectory.q_m_ref, trajectory.u_m0, pose)
-    with contextlib.suppress(FmuError):  # a controller that cannot be probed may still be simulated
-        found = probe(controller, wanted.setup, steady, wanted.scenario.sample_time)
-        return pack(TimingRecord(found.latency, found.convention.value))
-    return pack(TimingRecord())
+def rehearse(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`Beginning` for a :class:`ScenarioTask`, torques as in :func:`answer` for an :class:`AnswerTask`; raises
+    :class:`FmuError` if a call fails in the first sample."""
+    wanted = unpack(task, ScenarioTask | AnswerTask)  # type: ignore[arg-type]  # a union of types
+    if isinstance(wanted, AnswerTask):
+        return pack(_answers(controller, wanted))
+    found = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
+    if found.ending.status is Status.ERROR and found.ending.failed_call and not len(found.command):
+        raise FmuError(f"The first sample fails: {found.ending.message}", found.ending.failed_call)
+    q_a = (float(found.extra["q_a[1]"][0]), float(found.extra["q_a[2]"][0]))
+    signals = hashlib.sha256(found.ending.status.value.encode())
+    for signal in (found.measured, found.command):
+        signals.update(signal.tobytes())
+    return pack(Beginning(found.q_m_ref, found.u_m0, q_a, signals.digest()))
 
 
 def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
@@ -146,14 +155,18 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
 
 
-def answer(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """An :class:`AnswerTask`; gives the torques [N.m], shape (N, 2)."""
-    from ..loop.controller import Steady
-    from ..loop.probe import answers
+def time_answers(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """The wall times [s] of the steps of an :class:`AnswerTask`, shape (N,)."""
+    from ..loop.stopwatch import step_times
 
     wanted = unpack(task, AnswerTask)
-    steady = Steady(wanted.q_m, wanted.u_m, wanted.q_a)
-    return pack(answers(controller, wanted.setup, steady, wanted.sample_time, wanted.errors))
+    measured = np.array(wanted.q_m) - wanted.errors
+    return pack(step_times(controller, wanted.setup, _steady(wanted), wanted.sample_time, measured))
+
+
+def answer(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """An :class:`AnswerTask`; gives the torques [N.m], shape (N, 2)."""
+    return pack(_answers(controller, unpack(task, AnswerTask)))
 
 
 def judged(protocol: Protocol, case: Case, value: bytes) -> Judgement:
@@ -188,11 +201,6 @@ def largest_trajectory(scenario: Scenario) -> int:
     return (scenario.samples + 2) * columns * 8 + (1 << 16)
 
 
-def timing(_index: int, value: bytes) -> TimingRecord:
-    """What a worker sent for the first sample."""
-    return unpack(value, TimingRecord)
-
-
 def recording(value: bytes) -> Recording:
     """What a worker sent for a :class:`RecordTask`, checked."""
     found = unpack(value, Recording)
@@ -223,6 +231,14 @@ def answered(samples: int, value: bytes) -> np.ndarray:
     return torques
 
 
+def times(steps: int, value: bytes) -> np.ndarray:
+    """The times that a worker sent for the ``steps`` of an :class:`AnswerTask`, checked; shape (steps,) [s]."""
+    found = unpack(value, np.ndarray)
+    if found.shape != (steps,) or not (np.isfinite(found) & (found >= 0.0)).all():
+        raise Malformed("times of another number of steps, or none at all")
+    return found
+
+
 def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory) -> None:
     if found.time.ndim != 1 or not 1 <= len(found.time) <= samples + 1:
         raise Malformed("a trajectory of another length than the scenario's")
@@ -238,11 +254,19 @@ def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory)
         raise Malformed("times that do not increase")
 
 
-def _first_sample(plant: Slave, controller: Slave, wanted: ScenarioTask) -> Trajectory:
-    found = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
-    if found.ending.status is Status.ERROR and found.ending.failed_call:
-        raise FmuError(f"The first sample fails: {found.ending.message}", found.ending.failed_call)
-    return found
+def _answers(controller: Slave, wanted: AnswerTask) -> np.ndarray:
+    from ..loop.probe import answers
+
+    with controller.resetting() if wanted.reset_first else contextlib.nullcontext():
+        return answers(
+            controller, wanted.setup, _steady(wanted), wanted.sample_time, wanted.errors, wanted.initial_error
+        )
+
+
+def _steady(wanted: AnswerTask) -> Steady:
+    from ..loop.controller import Steady
+
+    return Steady(wanted.q_m, wanted.u_m, wanted.q_a)
 
 
 def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) -> Trajectory:

@@ -8,16 +8,20 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
+from msgspec import structs
+
 from ..benchmark.metrics import named
 from ..benchmark.results import Judgement
-from ..execution.job import Done, Job, Outcome
+from ..codec import pack
+from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
+from ..loop.carry_over import CarryOver, carry_over
 from ..loop.trajectory import Status
-from ..pairing.pairing import GROUP_SIZE, judging, recording
+from ..pairing.pairing import GROUP_SIZE, Pairing, judging, recording
 from ..pairing.runs import CaseRun, case_run
 from ..pairing.work import Simulated
 from . import stored
-from .requests import Batch, Entry
+from .requests import TIMEOUTS, Batch, Entry
 
 logger = logging.getLogger(__name__)
 
@@ -50,7 +54,7 @@ class _Open:
         if at_once is not None:
             return f"skipped after a failure in the first sample ({at_once.result.status.value}: {at_once.kind})"
         for (status, kind), count in self.strikes.items():
-            if kind and count >= patience:
+            if kind and count >= (min(patience, TIMEOUTS) if status is Status.TIMEOUT else patience):
                 failures = "a failure" if count == 1 else f"{count} failures of one kind"
                 return f"skipped after {failures} ({status.value}: {kind})"
         return ""
@@ -60,12 +64,28 @@ class _Open:
         self.strikes[run.result.status, run.kind] += 1
 
 
+class StatePasses(Exception):
+    """A case that ran after others has other figures than in a fresh process: such runs of this ``pairing`` are of no
+    use. ``found`` says why."""
+
+    def __init__(self, pairing: Pairing, found: CarryOver) -> None:
+        super().__init__(found.value)
+        self.pairing, self.found = pairing, found
+
+
 def run(
-    batch: Batch, execute: Execute, known: Store, on_run: OnRun | None = None, first: bool = True
+    batch: Batch,
+    execute: Execute,
+    known: Store,
+    on_run: OnRun | None = None,
+    first: bool = True,
+    repeat: bool = False,
 ) -> list[list[CaseRun]]:
     """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone.
 
-    Of the ``first`` batch of a command it is said how much of it is known already: a search has hundreds.
+    Of the ``first`` batch of a command it is said how much of it is known already: a search has hundreds. To
+    ``repeat`` is to run one case that comes after others a second time, in a fresh process; raises
+    :class:`StatePasses` if its figures differ there.
     """
     opened = [_open(entry, known) for entry in batch.entries]
     there = sum(len(each.found) for each in opened)
@@ -90,7 +110,7 @@ def run(
             if number not in each.found:
                 _keep(each, number, failure, known)
                 tell(failure)
-    for each, number, found in _simulated(opened, execute):
+    for each, number, found in _simulated(opened, execute, _Chatter(first), repeat):
         _keep(each, number, found, known)
         tell(found)
     for each in opened:
@@ -117,7 +137,63 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
     own.take(number, run)
 
 
-def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Open, int, CaseRun]]:
+@dataclass
+class _Repetition:
+    """A case that comes after others, ``number`` of ``own``, a second time: its ``job``, and the figures of both."""
+
+    own: _Open
+    number: int
+    job: Job
+    after: bytes | None = None
+    fresh: bytes | None = None
+    over: bool = False
+
+    def take(self, outcome: Outcome, execute: Execute) -> None:
+        """The case has come to its ``outcome`` in the fresh process."""
+        self.fresh, self.over = _figures(outcome), True
+        self._compare(execute)
+
+    def look(self, own: _Open, number: int, outcome: Outcome, execute: Execute) -> None:
+        """A case of the batch has come to its ``outcome``."""
+        if own is self.own and number == self.number:
+            self.after = _figures(outcome)
+            self._compare(execute)
+
+    def _compare(self, execute: Execute) -> None:
+        if self.after is not None and self.fresh is not None:
+            found = carry_over(self.after, self.fresh, lambda: self._again(execute))
+            if found is not CarryOver.NONE:
+                raise StatePasses(self.own.entry.pairing, found)
+
+    def _again(self, execute: Execute) -> bytes | None:
+        with closing(execute([self.job])) as outcomes:
+            return next((_figures(outcome) for _, outcome in outcomes), None)
+
+
+def _figures(outcome: Outcome) -> bytes | None:
+    """What a case came to, without the text, in which an FMU may say what it wants; None if its process failed."""
+    if not isinstance(outcome, Done):
+        return None
+    judgement = outcome.value.judgement if isinstance(outcome.value, Simulated) else outcome.value
+    return pack(structs.replace(judgement, message=""))
+
+
+@dataclass
+class _Chatter:
+    """Says once of a batch that its FMUs log so much that it takes time, if it is ``wanted``."""
+
+    wanted: bool
+
+    def listen(self, outcome: Outcome, pairing: Pairing) -> None:
+        if self.wanted and isinstance(outcome, Done) and outcome.logged > MANY_LOGGED:
+            self.wanted = False
+            message = "%s logged %.1f million messages in a simulation, which takes time: switch its logging off."
+            logger.warning(message, pairing.controller.name, outcome.logged / 1e6)
+
+
+def _simulated(
+    opened: Sequence[_Open], execute: Execute, chatter: _Chatter, repeat: bool = False
+) -> Iterator[tuple[_Open, int, CaseRun]]:
     """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
     places: list[tuple[_Open, list[int], set[int]]] = []
@@ -133,16 +209,37 @@ def _simulated(opened: Sequence[_Open], execute: Execute) -> Iterator[tuple[_Ope
             places.append((each, numbers, left))
     if not jobs:
         return
-    with closing(execute(jobs)) as outcomes:
+    repetition = _repetition(jobs, places) if repeat else None
+    ahead = [] if repetition is None else [repetition.job]  # in front: nobody likes to hear of it at the end
+    with closing(execute([*ahead, *jobs])) as outcomes:
         for job, outcome in outcomes:
-            own, numbers, left = places[job]
+            if job < len(ahead) and repetition is not None:
+                repetition.take(outcome, execute)
+                continue
+            own, numbers, left = places[job - len(ahead)]
             number = numbers[outcome.index]
+            if repetition is not None:
+                repetition.look(own, number, outcome, execute)
             if number not in left or own.reason:
                 continue  # a cluster may run a job twice
             left.remove(number)
+            chatter.listen(outcome, own.entry.pairing)
             run = case_run(own.entry.cases[number], outcome)
             if own.entry.witness is not None and isinstance(outcome, Done) and isinstance(outcome.value, Simulated):
                 own.entry.witness(run.case, run.result, outcome.value.trajectory)
             yield own, number, run
-            if all(each.reason or not left for each, _, left in places):
+            compared = repetition is None or repetition.over or repetition.own.reason
+            if compared and all(each.reason or not left for each, _, left in places):
                 return
+
+
+def _repetition(jobs: Sequence[Job], places: Sequence[tuple[_Open, list[int], set[int]]]) -> _Repetition | None:
+    """Of the first group that has several cases in one process, the shortest that comes after another one, the last of
+    these: an evaluation has hundreds of times as much to simulate."""
+    for job, (own, numbers, _) in zip(jobs, places, strict=True):
+        pairing = own.entry.pairing
+        if len(numbers) > 1 and not pairing.is_separate and not pairing.isolated:
+            cases = own.entry.cases
+            index = min(range(1, len(numbers)), key=lambda index: (cases[numbers[index]].scenario.duration, -index))
+            return _Repetition(own, numbers[index], replace(job, separate=True).rest(index))
+    return None

@@ -40,13 +40,14 @@ def attempt(
 
 
 def values_of(controller: Controller, wanted: Iterable[str]) -> dict[str, float]:
-    """The parameters of a controller by FMI name: the FMU's own values, or as they are set.
+    """The parameters of a controller that are numbers, by FMI name: the FMU's own values, or as they are set.
 
     Raises :class:`InputError` if one that is ``wanted`` is not among them.
     """
     known = variables(controller.archive.description).values()
     own = {each.name: each.start[0] for each in known if each.causality == "parameter" and len(each.start) == 1}
-    found = {**own, **controller.setup.parameters}
+    values = {**own, **controller.setup.parameters}
+    found = {name: float(value) for name, value in values.items() if not isinstance(value, bool | str)}
     if unknown := sorted(set(wanted) - found.keys()):
         message = f"{controller.name} has no parameter {unknown[0]}. It has: {', '.join(found) or 'none'}."
         raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(found))

@@ -61,7 +61,7 @@ def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None)
                     return runs
                 case Rehearse(pairing, case):
                     if not rehearsed:  # once, so that input which the study would refuse is refused here
-                        rehearsal.rehearse(case, pairing, probe=False)
+                        rehearsal.rehearse(case, pairing, probe=False, compare=False)
                         rehearsed.append(pairing)
                     return rehearsal.Rehearsal()
                 case Record():

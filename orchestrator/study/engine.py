@@ -26,6 +26,7 @@ from ..pairing.testbed import Testbed
 from . import batch, rehearsal
 from .batch import Execute, OnRun
 from .dry_run import Plan, plan
+from .processes import Processes
 from .recorder import record_shown
 from .requests import (
     Batch,
@@ -94,20 +95,23 @@ class Engine:
                     prepare_folder(self.folder)
                 return stack.enter_context(store.opened(self.folder))
 
-            return answered(study, lambda request: self._answer(request, known(), spent))
+            processes = Processes()
+            return answered(study, lambda request: self._answer(request, known(), spent, processes))
 
-    def _answer(self, request: Request, known: store.Store, spent: _Spent) -> Any:
+    def _answer(self, request: Request, known: store.Store, spent: _Spent, processes: Processes) -> Any:
         match request:
             case Batch():
-                found = batch.run(request, self.execute, known, self.on_run, first=not spent.simulations)
+                found = self._run(request, known, processes, first=not spent.simulations)
                 spent.count([run for runs in found for run in runs])
                 return found
             case Rehearse(pairing, case, probe):
-                return rehearsal.rehearse(case, pairing, probe)
+                rehearsed = rehearsal.rehearse(case, processes.of(pairing, known), probe, compare=probe)
+                processes.take(pairing, rehearsed.carry_over, known)
+                return rehearsed
             case TimeSteps(pairing, case):
-                return rehearsal.computing_time(case, pairing)
+                return rehearsal.computing_time(case, processes.of(pairing, known))
             case Record(pairing, shown):
-                return record_shown(shown, pairing, self.processes)
+                return record_shown(shown, processes.of(pairing, known), self.processes)
             case Save(document, inside, recordings):
                 if self.folder is not None:
                     document.save(self.folder / inside)
@@ -118,11 +122,25 @@ class Engine:
                     remove(self.folder / name) if text is None else write_text(self.folder / name, text)
             case Now():
                 begin = datetime.now(timezone.utc).isoformat(timespec="seconds")
-                return Instant(begin, time.perf_counter(), self.processes, **vars(spent))
+                return Instant(
+                    begin, time.perf_counter(), self.processes, **vars(spent), carry_over={**processes.found}
+                )
             case Tell(event):
                 if self.on_event is not None:
                     self.on_event(event)
         return None
+
+    def _run(self, request: Batch, known: store.Store, processes: Processes, first: bool) -> list[list[CaseRun]]:
+        """The runs of a batch: all of them again, each in a process of its own, where state passes between them."""
+        wanted = processes.batch(request, known)
+        repeat = processes.is_due(wanted)
+        try:
+            found = batch.run(wanted, self.execute, known, self.on_run, first, repeat)
+        except batch.StatePasses as passes:
+            processes.take(passes.pairing, passes.found, known)
+            return self._run(request, known, processes, first)
+        processes.count(wanted, repeat)
+        return found
 
 
 def here(testbed: Testbed) -> Execute:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import TypedDict
 
 from msgspec.structs import asdict
@@ -16,8 +17,11 @@ from ..documents.files import seed_folder
 from ..documents.results import Results
 from ..documents.spread import Spread, spread_of
 from ..errors import InputError
+from ..loop.computing import MANY
+from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..pairing.records import loop_delay
+from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
 from .heads import head
 from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Save, SeedDone, Study, Tell, TimeSteps
@@ -48,9 +52,11 @@ def evaluate(
     cases, protocol = _chosen(all_cases, only), testbed.rules
     begin = yield Now()
     rehearsal = yield Rehearse(pairing, cases[0])
-    computing_time = None if rehearsal.failure else (yield TimeSteps(pairing, cases[0]))
     patience = None if keep_going else STRIKES
     (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, force, rehearsal.failure),))
+    # Afterwards, since a controller that hangs early would take a time limit more.
+    is_timed = rehearsal.failure is None and not any(_hangs_early(run, sample_time) for run in runs)
+    computing_time = (yield TimeSteps(pairing, cases[0])) if is_timed else None
     end = yield Now()
     found = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
     listed = tuple(run.result for run in runs)
@@ -105,6 +111,11 @@ def spread(
         yield Save(result, inside)
         yield Tell(SeedDone(seed, evaluation))
     return result
+
+
+def _hangs_early(run: CaseRun, sample_time: Fraction) -> bool:
+    """Whether a case did not get beyond the steps whose computing time is measured."""
+    return run.result.status is Status.TIMEOUT and run.result.time < MANY * sample_time
 
 
 def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...]:

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from ..benchmark.results import Rules, rules
 from ..documents.head import Head, SampleTimeRecord, Timing
+from ..loop.carry_over import CarryOver
 from ..loop.computing import ComputingTime
 from ..pairing import records
 from ..pairing.controller import Controller
@@ -37,6 +38,7 @@ def head(
         plant=records.plant_record(testbed.manipulator, testbed.plant_parameters),
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
         rules=rules(protocol) if own_rules is None else own_rules,
+        carry_over=end.carry_over.get(pairing.controller.sha256, CarryOver.NOT_TESTED),
         environment=records.environment(pairing.controller),
         command=testbed.command,
         timing=Timing(

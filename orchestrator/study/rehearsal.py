@@ -1,60 +1,178 @@
-"""What a controller shows before its cases run: its first sample, its timing, its computing time."""
+"""What a controller shows before its cases run: its first sample, whether it carries state over, its timing, its
+computing time."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
 
 from ..benchmark.case import Case
 from ..codec import unpack
 from ..documents.recording import OBSERVED
-from ..execution.job import Died, Done
+from ..errors import Crash, FmuError
+from ..execution.job import Died, Done, Outcome
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
+from ..loop import computing, timing
+from ..loop.carry_over import CarryOver, carry_over
 from ..loop.computing import ComputingTime
+from ..loop.scenario import Pulse, Scenario
 from ..pairing import pairing, work
-from ..pairing.pairing import Pairing
+from ..pairing.pairing import Pairing, only
 from ..pairing.runs import CaseRun, case_run
+
+BEGINNING = Fraction(1)
+"""Simulated time [s] of the simulation that is repeated: an evaluation simulates hundreds of times as much."""
+
+PUSH = Pulse((200.0, 200.0), 0.1, 0.4)
+"""The force that acts meanwhile: a law at rest would show little of its state."""
+
+ELSEWHERE = 0.1
+"""How far [rad] the link angles of the simulation before lie from those of the one that is repeated."""
 
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """What the first sample has shown: the controller's ``timing``, and the run of the case if its process has not come
-    through the first sample: no case can then be expected to."""
+    """What the first sample has shown: the controller's ``timing``, the run of the case if its process has not come
+    through the first sample, so that no case can be expected to, and whether state is carried over."""
 
     timing: work.TimingRecord = field(default_factory=work.TimingRecord)
     failure: CaseRun | None = None
+    carry_over: CarryOver = CarryOver.NOT_TESTED
 
 
-def rehearse(case: Case, own: Pairing, probe: bool = True) -> Rehearsal:
-    """Simulate the first sample of ``case``, then ``probe`` the controller's timing.
+def rehearse(case: Case, own: Pairing, probe: bool = True, compare: bool = True) -> Rehearsal:
+    """Simulate the first sample of ``case``, then ``compare`` a simulation after another one with the same in a fresh
+    process, and ``probe`` the controller's timing.
 
     What is wrong with the input shows here, before anything else runs: raises
     :class:`~orchestrator.errors.BenchmarkError` if the FMUs cannot be connected or initialized or refuse the first
     step. It also leaves the compiled code of both in the cache, before several processes would compile it at once.
     """
-    scenario = replace(case.scenario, duration=case.scenario.sample_time)
-    start = max(pairing.FIRST_START_TIME, 0.5 * own.timeout)  # a user who raises the limit has a slow controller
-    task = work.ScenarioTask(own.setup, scenario, OBSERVED)
-    timing = work.TimingRecord()
-    # Two jobs, since a crash of the probe, which takes further instances, is no verdict on the controller.
-    for function in (work.first_sample.__name__, work.probe_timing.__name__)[: 1 + probe]:
-        for outcome in run_isolated(own.job(function, [task], [scenario], work.timing, start)):
-            if isinstance(outcome, Done):
-                timing = outcome.value
-            elif function == work.first_sample.__name__:
-                if not isinstance(outcome, Died):
-                    raise error_of(outcome.error)
-                if outcome.place.sample == 0 and not outcome.outside:
-                    return Rehearsal(failure=case_run(case, outcome))
-    return Rehearsal(timing)
+    T_s, begin = case.scenario.sample_time, _beginning(case.scenario)
+    repeated = [begin] if compare and not own.is_separate and not own.isolated else []
+    scenarios = [replace(case.scenario, duration=T_s), *map(_elsewhere, repeated), *repeated]
+    begun: list[work.Beginning] = []
+    for outcome in _run(own, _simulations(own, scenarios)):
+        if isinstance(outcome, Done):
+            begun.append(outcome.value)
+        elif outcome.index == 0:
+            if not isinstance(outcome, Died):
+                raise error_of(outcome.error)
+            if outcome.place.sample == 0 and not outcome.outside:
+                return Rehearsal(failure=case_run(case, outcome))
+    declared = own.controller.once_per_process and not own.isolated
+    shown = CarryOver.DECLARED if declared else CarryOver.NOT_TESTED
+    if not begun:
+        return Rehearsal(carry_over=shown)
+    experiments = _experiments(own, begun[0], T_s) if probe else []
+    fresh = _simulations(own, repeated) if len(begun) == len(scenarios) else []
+    # In one process: to start one takes as long as to simulate half a case.
+    values = [outcome.value for outcome in _run(own, [*fresh, *experiments]) if isinstance(outcome, Done)]
+    if fresh and values:
+        shown = carry_over(begun[-1].digest, values.pop(0).digest, lambda: _digest(own, fresh))
+        if shown.separates:
+            outcomes = _run(replace(own, separate=True), experiments)
+            values = [outcome.value for outcome in outcomes if isinstance(outcome, Done)]
+    if not probe or len(values) < len(experiments):  # what cannot be probed may still be simulated
+        return Rehearsal(carry_over=shown)
+    measured = timing.timing(values)
+    return Rehearsal(work.TimingRecord(measured.latency, measured.convention.value), None, shown)
+
+
+def _simulations(own: Pairing, scenarios: Sequence[Scenario]) -> list[work.ScenarioTask]:
+    return [work.ScenarioTask(own.setup, scenario, OBSERVED) for scenario in scenarios]
+
+
+def _experiments(own: Pairing, rest: work.Beginning, T_s: Fraction) -> list[work.AnswerTask]:
+    """What shows the timing of a controller at ``rest``."""
+    return [
+        work.AnswerTask(own.setup, rest.q_m, rest.u_m, rest.q_a, T_s, timing.step_errors(begin), initially)
+        for begin, initially in timing.EXPERIMENTS
+    ]
+
+
+def _beginning(scenario: Scenario) -> Scenario:
+    """The beginning of ``scenario``, in which the arm is pushed."""
+    return replace(scenario, duration=min(scenario.duration, BEGINNING), pulse=PUSH)
+
+
+def _elsewhere(scenario: Scenario) -> Scenario:
+    moved = (
+        (name, value + ELSEWHERE if name.startswith("q_a_start") else value) for name, value in scenario.parameters
+    )
+    return replace(scenario, parameters=tuple(moved))
+
+
+def _digest(own: Pairing, fresh: Sequence[work.ScenarioTask]) -> bytes | None:
+    """That of the first simulation in a new process; None if it fails."""
+    for outcome in _run(own, fresh):
+        if isinstance(outcome, Done):
+            digest: bytes = outcome.value.digest
+            return digest
+    return None
+
+
+def _run(own: Pairing, tasks: Sequence[work.ScenarioTask | work.AnswerTask]) -> Iterator[Outcome]:
+    """The outcomes of ``tasks`` up to the first one that fails."""
+
+    def decode(index: int, value: bytes) -> Any:
+        task = tasks[index]
+        if isinstance(task, work.AnswerTask):
+            return work.answered(len(task.errors), value)
+        return unpack(value, work.Beginning)
+
+    def limit(task: work.ScenarioTask | work.AnswerTask) -> float:
+        first = isinstance(task, work.AnswerTask) or task.scenario.samples == 1
+        start = _first_limit(own) if first else pairing.START_TIME
+        duration = 0 if isinstance(task, work.AnswerTask) else task.scenario.duration
+        return start + own.timeout * float(duration) / pairing.FULL_LENGTH
+
+    job = own.raw_job(f"{work.__name__}:{work.rehearse.__name__}", tasks, tuple(map(limit, tasks)), decode)
+    return run_isolated(replace(job, give_up=True))
+
+
+def _first_limit(own: Pairing) -> float:
+    """Time limit [s] where compiled code may be missing; a user who raises the limit has a slow controller."""
+    return max(pairing.FIRST_START_TIME, 0.5 * own.timeout)
 
 
 def computing_time(case: Case, own: Pairing) -> ComputingTime | None:
     """The controller's computing time over the beginning of ``case``; None if that fails."""
-    limit = max(pairing.FIRST_START_TIME, 0.5 * own.timeout)
-    task = work.ScenarioTask(own.setup, case.scenario)
-    job = own.raw_job(
-        f"{work.__name__}:{work.time_steps.__name__}", [task], (limit,), lambda _, value: unpack(value, ComputingTime)
-    )
-    (outcome,) = run_isolated(job)
-    return outcome.value if isinstance(outcome, Done) else None
+    scenario, limit = case.scenario, (_first_limit(own),)
+    function = f"{work.__name__}:"
+
+    def times(steps: int) -> np.ndarray:
+        """As in :func:`.stopwatch.computing_time`, but each instance in a process of its own."""
+        short = replace(scenario, duration=min(scenario.duration, steps * scenario.sample_time))
+        task = work.ScenarioTask(own.setup, short, OBSERVED)
+        loop = only(
+            own.raw_job(
+                function + work.simulate_scenario.__name__,
+                [task],
+                limit,
+                lambda _, value: work.trajectory(short.samples, OBSERVED, value),
+                work.largest_trajectory(short),
+            ),
+            short,
+        )
+        errors = np.array(loop.q_m_ref) - loop.measured[:steps]
+        q_a = float(loop.extra["q_a[1]"][0]), float(loop.extra["q_a[2]"][0])
+        stepped = work.AnswerTask(own.setup, loop.q_m_ref, loop.u_m0, q_a, scenario.sample_time, errors)
+        decode = lambda _, value: work.times(len(errors), value)  # noqa: E731
+        found: np.ndarray = only(own.raw_job(function + work.time_answers.__name__, [stepped], limit, decode), short)
+        return found
+
+    try:
+        if own.is_separate:
+            return computing.computing_time(times)
+        task = work.ScenarioTask(own.setup, scenario)
+        decode = lambda _, value: unpack(value, ComputingTime)  # noqa: E731
+        found: ComputingTime = only(own.raw_job(function + work.time_steps.__name__, [task], limit, decode), scenario)
+        return found
+    except (FmuError, Crash):
+        return None

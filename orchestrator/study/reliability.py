@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ..benchmark.protocol import Protocol
-from ..benchmark.reliability import Distribution, Failing, Failure, failing, quantile
+from ..benchmark.reliability import Distribution, Failing, Failure, check_probabilities, failing, quantile
 from ..benchmark.results import CaseResult
 from ..benchmark.scorecard import outcome
 from ..benchmark.tally import UNJUDGED
@@ -33,9 +33,7 @@ def reliability(
     distribution: Distribution,
 ) -> Study[Reliability]:
     """See :meth:`.Benchmark.reliability`."""
-    for name, value in (("probability", probability), ("confidence", confidence)):
-        if not 0.0 < value < 1.0:
-            raise InputError(f"The {name} must lie between 0 and 1, not {value:g}.", "bad-number", name, value)
+    check_probabilities(probability, confidence)
     if draws < 1:
         raise InputError(f"The number of draws must be positive, not {draws}.", "bad-number", "draws", draws)
     controller, pairing, T_s, listed = testbed.prepared(controller)

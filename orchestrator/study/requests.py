@@ -7,7 +7,7 @@ it can be tried with any function that answers, and one study can be part of ano
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 from typing import Protocol as Interface
@@ -17,6 +17,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from ..documents.recording import Recording
 from ..errors import Crash
+from ..loop.carry_over import CarryOver
 from ..loop.trajectory import Trajectory
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
@@ -28,6 +29,9 @@ T = TypeVar("T")
 
 STRIKES = 3
 """Failures of one kind after which a controller's remaining cases are skipped."""
+
+TIMEOUTS = 2
+"""The same of timeouts, each of which costs a whole time limit: together, at most twice the limit of waiting."""
 
 
 class Saved(Interface):
@@ -41,9 +45,10 @@ class Saved(Interface):
 class Entry:
     """Cases of one pairing, judged by a protocol.
 
-    After ``patience`` failures of one kind the remaining cases are skipped. If it is None none is skipped, and what
-    failed in an earlier run is run again; with ``force`` everything is. A failure ``at_once``, which the rehearsal has
-    found, is enough alone. ``witness`` is given each simulated case with its result and its trajectory as it comes.
+    After ``patience`` failures of one kind, or TIMEOUTS if these are fewer, the remaining cases are skipped. If it is
+    None none is skipped, and what failed in an earlier run is run again; with ``force`` everything is. A failure
+    ``at_once``, which the rehearsal has found, is enough alone. ``witness`` is given each simulated case with its
+    result and its trajectory as it comes.
     """
 
     protocol: Protocol
@@ -126,7 +131,8 @@ class Tell:
 @dataclass(frozen=True)
 class Instant:
     """A time as text and on a steady clock [s], how many processes there are at a time, and the number of simulations
-    that were answered until then with the sums of their simulated time and of what they took [s]."""
+    that were answered until then with the sums of their simulated time and of what they took [s]; and what is known of
+    controllers by the SHA-256 of their bytes."""
 
     start: str
     seconds: float
@@ -134,6 +140,7 @@ class Instant:
     simulations: int = 0
     simulated_time: float = 0.0
     simulation_time: float = 0.0
+    carry_over: Mapping[str, CarryOver] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

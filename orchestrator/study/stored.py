@@ -46,6 +46,7 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         sorted(pairing.setup.mapping.items()),
         to_json([protocol.settling, protocol.stability]),
         *((wine.version(),) if pairing.controller.way == WINE else ()),
+        *(("separate",) if pairing.separate else ()),  # what came before the state was seen to pass is not used
     ]
     begin = hashlib.sha256(json.dumps(common).encode())
 

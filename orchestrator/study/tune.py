@@ -14,6 +14,7 @@ from ..documents.reasons import reason_text
 from ..documents.recording import BESIDE
 from ..documents.robustness import Robustness
 from ..documents.tuning import Best, Judged, Tuning
+from ..entry import finite
 from ..errors import Crash, FmuError, InputError
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
@@ -129,9 +130,13 @@ def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float,
     """The ranges that are ``given``, as tuples or as they are; raises :class:`InputError` for what is none."""
     found = {}
     for name, own in given.items():
-        if isinstance(own, tuple):
-            own = Range(float(own[0]), float(own[1]), log=len(own) > 2 and own[2] == "log")
-        found[name] = check_range(name, own)
+        if not isinstance(own, tuple | Range):
+            raise InputError(f"The range of {name} must be (LOW, HIGH), not {own!r}.", "bad-range", name, own)
+        low, high, *scale = own if isinstance(own, tuple) else (own.low, own.high, *(["log"] if own.log else []))
+        if scale not in ([], ["log"]):
+            message = f'The range of {name} must be (LOW, HIGH) or (LOW, HIGH, "log"), not {own}.'
+            raise InputError(message, "bad-range", name, own)
+        found[name] = check_range(name, Range(finite(name, low), finite(name, high), bool(scale)))
     if not found:
         raise InputError("Nothing varies: at least one parameter with its range is needed.", "nothing-varies")
     return found

@@ -12,7 +12,7 @@ from msgspec import structs
 
 from ..benchmark import protocol as protocols
 from ..benchmark.cases import cases
-from ..benchmark.certificate import Draw, Reference, Tried, digest, identity, overall, seeds
+from ..benchmark.certificate import Draw, Reference, Tried, digest, overall, seeds
 from ..benchmark.draws import Entropy, fresh
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
@@ -25,6 +25,7 @@ from ..execution.interpreter import is_clean
 from ..execution.supervision import OUTSIDE
 from ..fmi.choice import WINE
 from ..loop.sampling import controller_sample_time
+from ..loop.setup import effective
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
 from ..pairing.reference import reference
@@ -53,6 +54,8 @@ def verify(
     What comes from outside, such as a process that somebody else ends, ends a verification without a result: the
     controller may have seen its draws. It is begun again with others, and the certificate counts that.
     """
+    if count < 1:
+        raise InputError(f"The number of draws must be positive, not {count}.", "bad-number", "count", count)
     drawn = entropy or fresh()
     for repetition in range(ATTEMPTS):
         try:
@@ -75,13 +78,12 @@ def _verified(
     beside: Sequence[str],
     sandboxed: bool,
 ) -> Study[Verification]:
-    own = replace(testbed.pairing(controller), isolated=True, sandbox=sandboxed)
+    paired = testbed.pairing(controller)
+    own = replace(paired, setup=effective(paired.controller, paired.setup), isolated=True, sandbox=sandboxed)
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
     protocol, listed = testbed.rules, protocols.load(STRICT) if strict else None
     T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
-    setup = own.setup
-    named = identity(own.controller.sha256, setup.parameters, setup.mapping, float(T_s))
-    drawn = seeds(entropy.value, named, count, repetition)
+    drawn = seeds(entropy.value, own.controller.sha256, count, repetition)
     begin = yield Now()
     # Of another seed than the draws, of which it would show something.
     rehearsal = yield Rehearse(own, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)

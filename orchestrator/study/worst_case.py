@@ -76,6 +76,9 @@ def worst_case(
     inside: str = "",
 ) -> Study[tuple[Robustness, list[Shown]]]:
     """See :meth:`.Benchmark.robustness`; and the worst cases, each followed by that of the nominal arm."""
+    if restarts < 1:
+        message = f"The number of restarts must be positive, not {restarts}."
+        raise InputError(message, "bad-number", "restarts", restarts)
     own = replace(testbed, protocol=protocol)
     controller, pairing, T_s, cases = own.prepared(controller)
     rules_of, listed = own.rules, cases if from_list else ()

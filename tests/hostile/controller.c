@@ -30,6 +30,7 @@ typedef struct {
     double from, which;
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
+    struct Chat *chat;
 } Controller;
 
 static int instances;
@@ -58,6 +59,62 @@ static void *spin_beside(void *unused)
 {
     spin();
     return unused;
+}
+
+/* ---- Threads that log while a step waits for them ---- */
+
+enum { MOST_THREADS = 8 };
+
+struct Chat {
+    int threads, messages, status, over;
+    pthread_t thread[MOST_THREADS];
+    pthread_barrier_t begin, end;
+};
+
+static void log_messages(const Controller *own, const struct Chat *chat)
+{
+    for (int i = 0; i < chat->messages; i++)
+        own->logger(own->environment, "hostile", (fmi2Status)chat->status, "log", "%d of %s at %g s", i, "many", own->time);
+}
+
+static void *log_beside(void *controller)
+{
+    const Controller *own = controller;
+    struct Chat *chat = own->chat;
+    for (;;) {
+        pthread_barrier_wait(&chat->begin);
+        if (chat->over) return NULL;
+        log_messages(own, chat);
+        pthread_barrier_wait(&chat->end);
+    }
+}
+
+/* One step: each of so many threads, or with none this one, logs so many messages of a status. */
+static void chat(Controller *own, const char *words)
+{
+    struct Chat *chat = own->chat;
+    if (!chat) {
+        chat = own->chat = calloc(1, sizeof *chat);
+        sscanf(words, "%d:%d:%d", &chat->threads, &chat->messages, &chat->status);
+        pthread_barrier_init(&chat->begin, NULL, (unsigned)chat->threads + 1);
+        pthread_barrier_init(&chat->end, NULL, (unsigned)chat->threads + 1);
+        for (int i = 0; i < chat->threads; i++) pthread_create(&chat->thread[i], NULL, log_beside, own);
+    }
+    if (chat->threads == 0) {
+        log_messages(own, chat);
+    } else {
+        pthread_barrier_wait(&chat->begin);
+        pthread_barrier_wait(&chat->end);
+    }
+}
+
+static void end_chat(Controller *own)
+{
+    if (!own->chat) return;
+    own->chat->over = 1;
+    pthread_barrier_wait(&own->chat->begin);
+    for (int i = 0; i < own->chat->threads; i++) pthread_join(own->chat->thread[i], NULL);
+    free(own->chat);
 }
 
 static void *crash_beside(void *unused)
@@ -182,6 +239,7 @@ static fmi2Status strike(Controller *own)
         pthread_create(&thread, NULL, spin_beside, NULL);
         own->what[0] = 0;
     }
+    if (strncmp(what, "chat:", 5) == 0) chat(own, what + 5);
     if (equal(what, "thread-crash")) {
         pthread_t thread;
         pthread_create(&thread, NULL, crash_beside, NULL);
@@ -291,6 +349,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c)
 {
     maybe(c, "free");
+    end_chat(c);
     free(c);
 }
 

@@ -1,6 +1,7 @@
 """Closed loops for tests, simulated in worker processes: a test process never loads an FMU."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from orchestrator.loop.scenario import Scenario
 from orchestrator.loop.setup import Setup
 from orchestrator.loop.trajectory import Trajectory
 from orchestrator.pairing import work
+from orchestrator.pairing.pairing import Pairing
+from orchestrator.study.rehearsal import rehearse
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 T_S = Fraction(1, 4000)
@@ -58,8 +61,8 @@ def probed(
     plant: Path, controller: Path, scenario: Scenario, parameters: Mapping[str, float] | None = None
 ) -> work.TimingRecord:
     """What the probe finds out about a controller in the steady state of ``scenario``."""
-    (found,) = _run(plant, controller, "probe_timing", [_task(scenario, parameters)], work.timing)
-    return found
+    own = Pairing(open_archive(plant), open_archive(controller), Setup(dict(parameters or {})))
+    return rehearse(replace(case(0, "nominal", "disturbance"), scenario=scenario), own, compare=False).timing
 
 
 def _task(scenario: Scenario, parameters: Mapping[str, float] | None, observe: Sequence[str] = ()) -> work.ScenarioTask:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from orchestrator.benchmark.certificate import CheckedCase, Difference, Draw, Reference, Score, identity, overall, seeds
+from orchestrator.benchmark.certificate import CheckedCase, Difference, Draw, Reference, Score, overall, seeds
 from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.reliability import Failure, failing, quantile
 from orchestrator.benchmark.results import CaseResult, Rules
@@ -331,7 +331,7 @@ def verified(
         controller=controller,
     )
     entropy = Entropy("5" * 64)
-    drawn = seeds(entropy.value, identity(head.controller.sha256, {}, {}, 0.25e-3), len(draws))
+    drawn = seeds(entropy.value, head.controller.sha256, len(draws))
 
     def scored(each: Sequence[Sequence[CaseResult]]) -> dict[str, Any]:
         found = overall(rules, list(zip(drawn, each, strict=True)))

@@ -12,15 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from ...codec import Scalar
 from ...errors import Crash, FmuError
-from .. import trace
+from .. import log, trace
 from ..archive import Archive
 from ..port import Port, unconnected
 from ..variables import Variable
-from . import log
+from . import said
+from .loading import refusal
 from .modules import PrivateModules
 
-Values = Mapping[Variable, Sequence[float]]
+Values = Mapping[Variable, Sequence[Scalar]]
 """Values of variables, all elements of each."""
 
 
@@ -38,22 +40,23 @@ class Slave(ABC):
 
     with_sizes = False
     _reset_first = False
+    _stop_time = 0.0
     calls: Mapping[str, str]
     """FMI names of the functions behind "set", "step" and "get"."""
 
     def __init__(self, archive: Archive, side: int = trace.NOBODY) -> None:
-        """Load the FMU's library; raises :class:`FmuError` if the platform's loader refuses it."""
+        """Load the FMU's library; raises what :func:`.refusal` gives if the platform's loader refuses it."""
         self.archive, self.side = archive, side
         self._modules = PrivateModules(archive.folder / "resources")
         trace.current.note(side, "loading its library")
-        log.watch_files()
+        said.watch_files()
         folder = os.getcwd()
         try:
             self._fmu = self._load()
         except (Crash, FmuError):
             raise
         except Exception as problem:
-            raise FmuError(f"{archive.name} cannot be loaded: {problem}", "load") from problem
+            raise refusal(archive, problem) from problem
         finally:
             os.chdir(folder)  # FMPy leaves a failed load inside the FMU's folder
 
@@ -84,9 +87,18 @@ class Slave(ABC):
 
     def set(self, values: Values) -> None:
         """Set variables."""
-        if values:
-            references = [variable.reference for variable in values]
-            self._do(self._fmu.setReal, references, [element for own in values.values() for element in own])
+        reals = {variable: elements for variable, elements in values.items() if variable.is_real}
+        if reals:
+            references = [variable.reference for variable in reals]
+            self._do(self._fmu.setReal, references, [element for own in reals.values() for element in own])
+        for variable, elements in values.items():
+            if not variable.is_real:
+                self._set_other(variable, elements)
+
+    def _set_other(self, variable: Variable, elements: Sequence[Scalar]) -> None:
+        """Set a variable of a type that is not real."""
+        kind = "Integer" if variable.type == "Enumeration" else variable.type
+        self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], list(elements))
 
     def get(self, variables: Sequence[Variable]) -> list[float]:
         """Values of variables, the elements of arrays one after the other."""
@@ -94,7 +106,7 @@ class Slave(ABC):
 
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last."""
-        return log.lines()
+        return said.lines()
 
     def lost(self) -> Crash:
         """What became of the process that holds the library, if it is another one and gives no answer."""
@@ -120,7 +132,7 @@ class Slave(ABC):
     @contextmanager
     def instantiated(self, stop_time: float) -> Iterator[Slave]:
         """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
-        log.clear()
+        log.current.clear()
         with self._modules.in_place(), self._reported("instantiation"):
             try:
                 self._instantiate(stop_time)
@@ -128,12 +140,8 @@ class Slave(ABC):
                 raise
             except Exception as problem:
                 raise RuntimeError(f"{problem}. {self._usual_reasons()}") from problem
+        self._stop_time = stop_time
         try:
-            if self._reset_first:
-                with self._modules.in_place():
-                    self._initialize({})
-                    with self._reported("reset"):
-                        self._reset(stop_time)
             yield self
         except Crash:  # the process ends, and its trace stays where that was
             raise
@@ -159,6 +167,12 @@ class Slave(ABC):
 
     def initialize(self, before: Values, within: Values) -> None:
         """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""
+        if self._reset_first:  # after the same initialization: an FMU may refuse one without values
+            self.set(before)
+            with self._modules.in_place():
+                self._initialize(within)
+                with self._reported("reset"):
+                    self._reset(self._stop_time)
         self.set(before)
         # pythonfmu drops a reference too many where a slave raises in exitInitializationMode; a later collection of
         # garbage may end the process, so one that has met a refusal does without.
@@ -224,7 +238,7 @@ class Slave(ABC):
         except (Crash, FmuError):
             raise
         except Exception as problem:
-            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.lines()) from None
+            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, said.lines()) from None
 
     def _do(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call a method of the FMPy object."""

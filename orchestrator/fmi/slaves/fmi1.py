@@ -8,10 +8,10 @@ from typing import Any
 from fmpy.fmi1 import FMU1Slave, fmi1CallbackFunctions, fmi1True
 
 from .. import port
-from . import log
+from . import logger
 from .base import Slave, Values
 
-CALLBACKS = log.callbacks(fmi1CallbackFunctions)
+CALLBACKS = logger.callbacks(fmi1CallbackFunctions)
 
 
 class Fmi1CoSimulation(Slave):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions
 
 from .. import port
-from . import log
+from . import logger
 from .base import Slave, Values
 
-CALLBACKS = log.callbacks(fmi2CallbackFunctions)
+CALLBACKS = logger.callbacks(fmi2CallbackFunctions)
 
 
 class Fmi2(Slave):

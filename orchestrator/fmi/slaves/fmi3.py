@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from fmpy.fmi3 import FMU3Slave
 
 from .. import port
 from ..variables import Variable
-from . import log
+from . import logger
 from .base import Slave, Values
 
 
@@ -18,12 +19,9 @@ class Fmi3(Slave):
     with_sizes = True
     calls = {"set": "fmi3SetFloat64", "step": "fmi3DoStep", "get": "fmi3GetFloat64"}
 
-    def _on_message(self, _environment: int, status: int, _category: bytes, message: bytes) -> None:
-        log.note(self.archive.file.stem.encode(), status, message)
-
     def _instantiate(self, stop_time: float) -> None:
         self._stop_time = stop_time
-        self._fmu.instantiate(loggingOn=True, logMessage=self._on_message)
+        self._fmu.instantiate(loggingOn=True, logMessage=logger.logger_3(self.side, self.archive.file.stem))
 
     def _reset(self, stop_time: float) -> None:
         self._fmu.reset()
@@ -37,9 +35,12 @@ class Fmi3(Slave):
         self._do(self._fmu.exitInitializationMode)
 
     def set(self, values: Values) -> None:
-        for variable, own in values.items():
-            setter = self._fmu.setFloat32 if variable.type == "Float32" else self._fmu.setFloat64
-            self._do(setter, [variable.reference], list(own))
+        for variable, elements in values.items():
+            kind = "Int64" if variable.type == "Enumeration" else variable.type
+            given: list[Any] = list(elements)
+            if kind == "Binary":
+                given = [bytes.fromhex(element) for element in given]
+            self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], given)
 
     def get(self, variables: Sequence[Variable]) -> list[float]:
         found: list[float] = []

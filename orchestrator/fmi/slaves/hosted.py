@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import Crash
+from ...errors import Crash, InputError
+from .. import log
 from .. import port as ports
 from ..host.remote import CONNECT, Function, Library
 from ..port import Port
 from ..variables import Variable
-from . import log
-from .base import Slave
+from . import said
+from .base import Slave, Values
 from .called_back import callback
 
 
@@ -26,7 +27,7 @@ class Hosted(Slave):
 
     def _load(self) -> Any:
         fmu = self.fmpy_class.__new__(self.fmpy_class)
-        self._library = Library(self.archive.name, self.archive.library, log.keep)
+        self._library = Library(self.archive.name, self.archive.library, _keep)
         fmu.guid, fmu.modelIdentifier = self.archive.description.guid, self.archive.interface.modelIdentifier
         fmu.unzipDirectory, fmu.instanceName = str(self.archive.folder), fmu.modelIdentifier
         fmu.fmiCallLogger, fmu.requireFunctions, fmu.callbacks, fmu.component = None, True, None, None
@@ -34,11 +35,19 @@ class Hosted(Slave):
         fmu._loadFunctions()
         return fmu
 
+    def set(self, values: Values) -> None:
+        """Set variables; raises :class:`~orchestrator.errors.InputError` for texts, which the host is not sent."""
+        for variable in values:
+            if variable.type in ("String", "Binary"):
+                message = f"{self.archive.name}: {variable.name} is a {variable.type}, which cannot be set under Wine."
+                raise InputError(message, "not-settable", self.archive.name, variable.name)
+        super().set(values)
+
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last, also in the loop; raises :class:`~orchestrator.errors.Crash` if the host is
         gone."""
         self._library.call("", 0, [])
-        return log.lines()
+        return said.lines()
 
     def lost(self) -> Crash:
         """What became of the host, which gives no answer."""
@@ -74,6 +83,11 @@ class Hosted(Slave):
             get_values=ports.c_function("read"),
             functions=functions,
         )
+
+
+def _keep(line: bytes) -> None:
+    """Keep a message that the host has formatted, and printed."""
+    log.current.keep(line)
 
 
 @functools.cache

@@ -17,10 +17,10 @@ from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 from fmpy.sundials import CVodeSolver
 
+from .. import log
 from .. import port as ports
 from ..port import Port
 from ..variables import Variable
-from . import log
 from .base import Slave
 from .fmi2 import Fmi2
 from .fmi3 import Fmi3
@@ -58,7 +58,7 @@ class Solver:
         try:
             self._integrate(time, time + step)
         except Exception as problem:
-            log.note(self._fmu.instanceName.encode(), ERROR, f"solving by CVode failed: {problem}".encode())
+            log.current.keep(f"solving by CVode failed: {problem}".encode(), self._fmu.instanceName.encode())
             return ERROR
         return 0
 

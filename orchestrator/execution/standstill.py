@@ -1,0 +1,67 @@
+"""Simulations that stand still: told while they do, and ended before the limit of a long one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from ..fmi.trace import Place
+from .time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, Spent
+
+PATIENCE = 10.0
+"""Seconds at one place after which a simulation stands still: a whole one of 26 s computes for a second or two, so that
+a machine must be very busy before one that goes on is taken for one that does not."""
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """The simulation of a task has been at ``place`` for ``seconds``; if it goes on like that, it is ended in
+    ``remaining`` [s], when the ``limit`` was reached. ``remaining`` is infinite while it gets no processor."""
+
+    place: Place
+    seconds: float
+    remaining: float
+    limit: str
+
+
+@dataclass(frozen=True)
+class Lookout:
+    """Where a task was at the last look: the ``place``, ``since`` when [s], and what it had ``spent`` before; whether
+    its standstill there is ``told``."""
+
+    task: int = -1
+    place: Place | None = None
+    since: float = 0.0
+    spent: Spent = Spent()
+    told: bool = False
+
+    def after(self, task: int, place: Place, time: float, spent: Spent) -> Lookout:
+        """The same after a look at the ``time`` [s]."""
+        if (task, place) == (self.task, self.place):
+            return self
+        return Lookout(task, place, time, spent)
+
+    def here(self, spent: Spent) -> Spent:
+        """What of ``spent`` was spent at the place."""
+        return Spent(spent.processor - self.spent.processor, spent.waited - self.spent.waited)
+
+    def standstill(self, time: float, spent: Spent, limit: float, longest: float) -> Standstill | None:
+        """What is to be told at the ``time`` [s] of a task that has ``spent`` so much of its time ``limit`` [s], and
+        may spend the ``longest`` time [s] at a place; None if nothing is."""
+        seconds, here = time - self.since, self.here(spent)
+        if self.told or self.place is None or seconds < PATIENCE:
+            return None
+        left = min(limit - spent.processor, longest - here.processor)
+        wait = WAITING * min(limit - spent.waited / WAITING, longest - here.waited / WAITING)
+        ends = ((left, here.processor, PROCESSOR_REACHED), (wait, here.waited, WAITING_REACHED))
+        remaining, reached = min((_until(*end[:2], seconds), end[2]) for end in ends)
+        return Standstill(self.place, seconds, remaining, reached)
+
+    def silent(self) -> Lookout:
+        """The same, told."""
+        return replace(self, told=True)
+
+
+def _until(left: float, used: float, seconds: float) -> float:
+    """Seconds until what is ``left`` is used up, of which so much was ``used`` in the last ``seconds``."""
+    return max(left, 0.0) * seconds / used if used > 0.0 else math.inf

@@ -1,0 +1,81 @@
+"""Which controllers need a process for each simulation, as a study finds out; what is stored remembers it."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from ..errors import InputError
+from ..execution.store import Store
+from ..loop.carry_over import WORDS, CarryOver
+from ..pairing.pairing import Pairing
+from .requests import Batch
+
+EVERY = 100
+"""Simulations of which one is repeated in a fresh process, beside one of the first batch."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class Processes:
+    """What is ``found`` of each controller, by the SHA-256 of its bytes, and how many of its simulations shared
+    processes: ``grouped`` in all, ``repeated`` when one was last repeated."""
+
+    found: dict[str, CarryOver] = field(default_factory=dict)
+    grouped: dict[str, int] = field(default_factory=dict)
+    repeated: dict[str, int] = field(default_factory=dict)
+
+    def of(self, pairing: Pairing, known: Store) -> Pairing:
+        """The ``pairing`` as it has to be run; an earlier run, whose results are ``known``, may have found that out."""
+        key = pairing.controller.sha256
+        if key not in self.found and (record := known.get([_key(pairing)])):
+            with suppress(ValueError):  # a record that makes no sense is none
+                self.found[key] = CarryOver(record[_key(pairing)].decode())
+        separate = self.found.get(key, CarryOver.NOT_TESTED).separates and not pairing.isolated
+        return replace(pairing, separate=True) if separate else pairing
+
+    def batch(self, batch: Batch, known: Store) -> Batch:
+        """The ``batch`` as it has to be run."""
+        return replace(
+            batch, entries=tuple(replace(entry, pairing=self.of(entry.pairing, known)) for entry in batch.entries)
+        )
+
+    def is_due(self, batch: Batch) -> bool:
+        """Whether a case of ``batch`` is to be repeated."""
+        keys = {entry.pairing.controller.sha256 for entry in batch.entries}
+        return any(key not in self.repeated or self.grouped.get(key, 0) - self.repeated[key] >= EVERY for key in keys)
+
+    def count(self, batch: Batch, repeated: bool) -> None:
+        """A ``batch`` has been run."""
+        for entry in batch.entries:
+            key = entry.pairing.controller.sha256
+            if repeated:
+                self.repeated[key] = self.grouped.get(key, 0)
+            if not entry.pairing.is_separate:
+                self.grouped[key] = self.grouped.get(key, 0) + len(entry.cases)
+
+    def take(self, pairing: Pairing, found: CarryOver, known: Store) -> None:
+        """It is ``found`` of the controller of a ``pairing``, also for a later run that finds the same results.
+
+        Raises :class:`InputError` if results of it have been used already that may be wrong.
+        """
+        key = pairing.controller.sha256
+        if found is CarryOver.NOT_TESTED:
+            return
+        self.found[key] = found
+        if not found.separates:
+            return
+        known.put(_key(pairing), pairing.controller.name, found.value.encode())
+        what = f"{pairing.controller.name}: {WORDS[found]}"
+        if self.grouped.get(key):
+            message = f"{what}. This was found after {self.grouped[key]} simulations, whose results may be wrong."
+            raise InputError(message, "state-passes", pairing.controller.name)
+        logger.warning("%s. Each simulation has a process of its own.", what)
+
+
+def _key(pairing: Pairing) -> str:
+    """The key of what is stored of a controller: not that of a case."""
+    return hashlib.sha256(f"carry-over {pairing.controller.sha256} {pairing.controller.way}".encode()).hexdigest()
