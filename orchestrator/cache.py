@@ -7,9 +7,10 @@ import functools
 import hashlib
 import logging
 import os
+import re
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -21,12 +22,43 @@ VARIABLE = "FLEXIBLE_MANIPULATOR_CACHE"
 """Environment variable that moves the cache elsewhere."""
 
 PACKAGE = Path(__file__).resolve().parent
-OWN = (PACKAGE.parent / "plant_fmu" / "flexible_manipulator", PACKAGE.parent / "controller_fmu" / "pid")
-COMPILED = (PACKAGE / "fmi", PACKAGE / "loop", PACKAGE / "benchmark" / "one_pass.py", PACKAGE / "jit.py", *OWN)
-"""Sources of the compiled code."""
+ROOT = PACKAGE.parent
+"""The folder of the project's packages."""
 
-COMPUTING = ("fmi", "loop", "benchmark", "jit.py"), ("numpy", "numba", "fmpy")
-"""Sources and libraries that numbers may change with; FMPy brings the solver of Model Exchange."""
+PACKAGES = (PACKAGE.name, "controller_fmu", "plant_fmu", "build_fmus")
+"""The project's top packages and module."""
+
+OWN = (ROOT / "plant_fmu" / "flexible_manipulator", ROOT / "controller_fmu" / "pid")
+"""Sources that become part of FMUs, and of which functions are compiled; no module of this package imports them all."""
+
+BY_NAME = ("orchestrator.fmi.slaves.plant_law", "orchestrator.fmi.slaves.pid_law")
+"""Modules that are loaded by their names, so that no import statement leads to them."""
+
+COMPILED = ("orchestrator.loop.warm_up", "orchestrator.benchmark.one_pass", *BY_NAME)
+"""Modules that compile; with what they import, the sources of the compiled code."""
+
+COMPUTING = ("orchestrator.execution.worker", "orchestrator.pairing.work", *BY_NAME)
+"""What runs in a worker; with what they import, the sources that numbers may change with."""
+
+LIBRARIES = ("numpy", "numba", "fmpy")
+"""Libraries that numbers may change with; FMPy brings the solver of Model Exchange."""
+
+CERTIFYING = ("orchestrator.study.verify", "orchestrator.study.engine", *COMPUTING)
+"""Modules that, with what they import, a certificate goes through."""
+
+NATIVE = (".c", ".h", ".exe", ".json", ".toml")
+"""Files beside Python modules that numbers may change with."""
+
+IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(?P<dots>\.*)(?P<base>[\w.]*)[ \t]+import[ \t]+(?P<names>\([^)]*\)|[^\n]*)"
+    r"|import[ \t]+(?P<modules>[^\n]*))",
+    re.MULTILINE,
+)
+"""An import statement anywhere in a module, in functions as well. Parsing the modules would take ten times as long, at
+the start of each command; a line of a docstring that looks like one adds at most a file too many."""
+
+FOR_TYPES = re.compile(r"^if TYPE_CHECKING:.*\n(?:[ \t]+[^\n]*\n|\n)+", re.MULTILINE)
+"""Imports that never happen while something is computed."""
 
 SYSTEM = ("/bin", "/dev", "/etc", "/gnu", "/lib", "/lib32", "/lib64", "/libx32", "/nix", "/proc", "/sbin", "/usr")
 """The system's own folders, on Linux."""
@@ -78,27 +110,88 @@ def compiled_code_folder() -> Path:
     Numba itself looks only at the file of the function it compiles, and would run stale machine code after a change in
     a helper from another module.
     """
-    return cache_folder() / "numba" / source_hash(COMPILED)[:16]
+    return cache_folder() / "numba" / source_hash([*closure(*COMPILED), *OWN])[:16]
 
 
 @functools.cache
 def computing_code() -> tuple[str, ...]:
-    """What numbers are computed by: the hash of this package's sources concerned, and the versions of libraries."""
-    sources, libraries = COMPUTING
-    return source_hash(PACKAGE / name for name in sources), *map(metadata.version, libraries)
+    """What numbers are computed by: the hash of the sources concerned, and the versions of libraries."""
+    return source_hash([*closure(*COMPUTING), *OWN]), *map(metadata.version, LIBRARIES)
 
 
 @functools.cache
 def code_hash() -> str:
-    """SHA-256 of all sources that a result goes through, and of the versions of libraries."""
-    rooms = source_hash(PACKAGE / name for name in ("execution", "pairing", "study", "codec.py"))
-    return hashlib.sha256(repr((rooms, computing_code())).encode()).hexdigest()
+    """SHA-256 of all sources that a certificate goes through, and of the versions of libraries."""
+    return hashlib.sha256(repr((source_hash(closure(*CERTIFYING)), computing_code())).encode()).hexdigest()
+
+
+def closure(*modules: str) -> list[Path]:
+    """The files of ``modules`` and of all that they import of this project, directly or not, with the files of
+    NATIVE kinds in the same packages.
+
+    A list kept by hand had missed modules: results of changed code were then taken from the store as if nothing had
+    changed.
+    """
+    waiting, reached = list(modules), dict[str, Path]()
+    while waiting:
+        name = waiting.pop()
+        file = _file_of(name)
+        if name not in reached and file is not None:
+            reached[name] = file
+            waiting += [*_imports(name, file), name.rpartition(".")[0]]
+    packages = {file.parent for file in reached.values()} - {PACKAGE, ROOT}
+    others = {file for package in packages for file in _natives(package)}
+    return sorted({*reached.values(), *others})
+
+
+@functools.cache
+def _file_of(module: str) -> Path | None:
+    """The file of a module of this project; None for another one, or for a name that is no module.
+
+    ``orchestrator`` itself only lists the public names, so that every module would lead to all others.
+    """
+    if module == PACKAGE.name or module.partition(".")[0] not in PACKAGES:
+        return None
+    path = os.path.join(ROOT, *module.split("."))
+    return next((Path(file) for file in (f"{path}.py", f"{path}/__init__.py") if os.path.isfile(file)), None)
+
+
+@functools.cache
+def _imports(module: str, file: Path) -> tuple[str, ...]:
+    """What may be modules among the names that ``module`` imports."""
+    package = module.split(".") if file.stem == "__init__" else module.split(".")[:-1]
+    names: list[str] = []
+    for line in IMPORT.finditer(FOR_TYPES.sub("", file.read_text(encoding="utf-8"))):
+        if line["modules"] is not None:
+            names += _names(line["modules"])
+            continue
+        above = package[: len(package) + 1 - len(line["dots"])] if line["dots"] else []
+        base = ".".join([*above, *filter(None, [line["base"]])])
+        if base.startswith(PACKAGES):
+            names += [base, *(f"{base}.{name}" for name in _names(line["names"]))]
+    return tuple(names)
+
+
+def _names(text: str) -> Iterator[str]:
+    """The names of ``a, b as c`` in one line or in brackets, without comments."""
+    plain = re.sub(r"#[^\n]*", "", text).strip("() \t\n,")
+    yield from (part.split()[0] for part in plain.split(",") if part.split())
+
+
+def _natives(package: Path) -> Iterator[Path]:
+    """The files of NATIVE kinds of a package, also in its folders that are no packages."""
+    with os.scandir(package) as entries:
+        for entry in entries:
+            if entry.name.endswith(NATIVE):
+                yield Path(entry.path)
+            elif entry.is_dir() and entry.name != "__pycache__" and not os.path.isfile(f"{entry.path}/__init__.py"):
+                yield from _natives(Path(entry.path))
 
 
 @functools.cache
 def plant_hash() -> str:
     """SHA-256 of the manipulator's sources."""
-    return source_hash([PACKAGE.parent / "plant_fmu"])
+    return source_hash([ROOT / "plant_fmu"])
 
 
 def source_hash(sources: Iterable[Path]) -> str:

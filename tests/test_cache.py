@@ -1,12 +1,18 @@
 """Where things are kept, and the name of what is made from sources: it changes with every change that can matter, and
 with no other."""
 
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from hostile.commands import command, finished
 from support.refusals import refusal
+from test_rooms import imported, modules
 
 from orchestrator import cache
-from orchestrator.cache import VARIABLE, cache_folder, compiled_code_folder, source_hash
+from orchestrator.cache import VARIABLE, cache_folder, closure, compiled_code_folder, source_hash
 from orchestrator.errors import EnvironmentFault
 
 
@@ -46,6 +52,64 @@ def test_compiled_code_and_place_do_not_matter(sources, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     moved = sources.rename(tmp_path / "elsewhere" / "package")
     assert source_hash([moved]) == before
+
+
+def without_types(file: Path) -> str:
+    """The source of a module without the imports that are for type checkers alone."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            node.body = [ast.Pass()]
+    return ast.unparse(tree)
+
+
+def test_the_closure_has_all_that_import_statements_name():
+    """Against the parser: the closure looks for lines that begin like an import."""
+    files = {module.removesuffix(".__init__"): file for module, file in modules()}
+    for name, file in files.items():
+        names = imported(f"{name}.__init__" if file.stem == "__init__" else name, without_types(file))
+        named = {name if name in files else name.rpartition(".")[0] for name in names}
+        assert named & {*files} <= {*cache._imports(name, file)}, name
+
+
+CASE = """
+import sys
+from pathlib import Path
+from orchestrator.benchmark import protocol as protocols
+from orchestrator.benchmark.cases import cases
+from orchestrator.codec import pack
+from orchestrator.execution import worker
+from orchestrator.fmi.archive import open_archive
+from orchestrator.fmi.slaves import load
+from orchestrator.loop.setup import Setup
+from orchestrator.pairing import work
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+before = {*sys.modules}
+work.prepare()
+quick = protocols.load("quick")
+case = cases(quick, NOMINAL, 0)[0]
+plant, controller = (load(open_archive(Path(file))) for file in sys.argv[1:])
+work.judge_case(plant, controller, pack(work.CaseTask(quick, Setup(), case)))
+for name, module in list(sys.modules.items()):
+    file = getattr(module, "__file__", None)
+    if name.startswith(("orchestrator.", "plant_fmu.", "controller_fmu.", "build_fmus")) and file:
+        print(file)
+"""
+
+
+ASKING = ("benchmark/cases.py", "benchmark/nominal.py", "version.py")
+"""What the program above or the package itself needs, and no worker."""
+
+
+@pytest.mark.parametrize("build", [("plant_file", "pid_file"), ("quick_plant_file", "quick_pid_file")])
+def test_whatever_a_case_loads_is_in_the_closure(build, request):
+    """Also what is loaded by its name, which no import statement shows."""
+    files = [str(request.getfixturevalue(name)) for name in build]
+    done = subprocess.run([sys.executable, "-c", CASE, *files], capture_output=True, text=True, check=True)
+    loaded = {Path(line) for line in done.stdout.splitlines()} - {cache.PACKAGE / name for name in ASKING}
+    assert len(loaded) > 50
+    assert loaded <= {*closure(*cache.COMPUTING)}
 
 
 def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, caplog):

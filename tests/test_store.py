@@ -79,21 +79,78 @@ def test_whatever_the_result_depends_on_changes_the_key(change, own):
     ), "limits do not count"
 
 
-@pytest.mark.parametrize("change", ["fmi", "loop", "benchmark", "numpy", "numba", "fmpy"])
-def test_other_code_has_another_key(change, own, monkeypatch, tmp_path):
+@pytest.fixture
+def edited(monkeypatch, tmp_path):
+    """A copy of the project's sources, which the keys are made of."""
+    ignored = shutil.ignore_patterns("__pycache__", "*.fmu")
+    for name in cache.PACKAGES[:-1]:
+        shutil.copytree(cache.ROOT / name, tmp_path / name, ignore=ignored)
+    shutil.copy(cache.ROOT / "build_fmus.py", tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(cache, "OWN", tuple(tmp_path / path.relative_to(cache.ROOT) for path in cache.OWN))
+        patch.setattr(cache, "ROOT", tmp_path)
+        patch.setattr(cache, "PACKAGE", tmp_path / "orchestrator")
+        forget()
+        yield tmp_path
+    forget()
+
+
+def forget():
+    """What is remembered of sources, which do not change while a program runs."""
+    for function in (cache.computing_code, cache.code_hash, cache._file_of, cache._imports):
+        function.cache_clear()
+
+
+@pytest.mark.parametrize("library", cache.LIBRARIES)
+def test_another_library_has_another_key(library, own, monkeypatch):
     before, installed = keys(own), cache.metadata.version
-    if change in cache.COMPUTING[1]:
-        monkeypatch.setattr(cache.metadata, "version", lambda name: "0" if name == change else installed(name))
-    else:
-        ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(cache.PACKAGE, tmp_path / "edited", ignore=ignored)
-        (tmp_path / "edited" / change / "__init__.py").open("a").write("# edited\n")
-        monkeypatch.setattr(cache, "PACKAGE", tmp_path / "edited")
-    cache.computing_code.cache_clear()
+    monkeypatch.setattr(cache.metadata, "version", lambda name: "0" if name == library else installed(name))
+    forget()
     try:
         assert not before & keys(own)
     finally:
-        cache.computing_code.cache_clear()
+        forget()
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        "plant_fmu/flexible_manipulator/formulas.py",  # of which the loop's noise is made
+        "orchestrator/codec.py",
+        "orchestrator/exact_time.py",
+        "orchestrator/execution/worker.py",  # restores the rounding mode between two cases
+        "orchestrator/fmi/host/host.c",
+        "orchestrator/fmi/slaves/pid_law.py",  # is loaded by its name
+        "orchestrator/loop/closed_loop.py",
+    ],
+)
+def test_a_changed_source_has_another_key_and_another_certificate(file, own, edited):
+    before, certificate = keys(own), cache.code_hash()
+    changed = edited / file
+    changed.write_bytes(changed.read_bytes() + b"\n")
+    forget()
+    assert not before & keys(own)
+    assert cache.code_hash() != certificate
+
+
+def test_one_byte_of_any_source_changes_what_is_named_by_it(edited):
+    for modules in (cache.COMPILED, cache.COMPUTING, cache.CERTIFYING):
+        sources = cache.closure(*modules)
+        before = cache.source_hash(sources)
+        for file in sources:
+            content = file.read_bytes()
+            file.write_bytes(content + b"\n")
+            assert cache.source_hash(sources) != before, file
+            file.write_bytes(content)
+        assert cache.source_hash(sources) == before
+
+
+def test_what_is_not_computed_with_keeps_the_key(own, edited):
+    before = keys(own)
+    for file in ("orchestrator/cli/evaluate.py", "orchestrator/views/latex.py", "orchestrator/version.py"):
+        (edited / file).open("a").write("\n")
+    forget()
+    assert keys(own) == before
 
 
 def test_protocols_share_the_cases_that_are_equal(own):
