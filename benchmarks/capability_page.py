@@ -24,7 +24,7 @@ def table() -> str:
     """The three tables."""
     lines = []
     for title, rows in PARTS:
-        lines += [f"### {title}", "", "| name | FMI | | how it shows |", "|---|---|---|---|", *map(_row, rows), ""]
+        lines += [f"## {title}", "", "| name | FMI | | how it shows |", "|---|---|---|---|", *map(_row, rows), ""]
     return "\n".join(lines)
 
 

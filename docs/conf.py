@@ -59,6 +59,8 @@ CONTENTS = {
         "/controller_fmu/starters/*/README",
         "/examples/**",
         "interface",
+        "capabilities",
+        "bug-reports",
     ],
     "Reference": ["protocol", "timing", "plant", "api", "results", "paper"],
     "Controllers": ["/controller_fmu/*/README"],
