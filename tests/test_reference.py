@@ -55,6 +55,32 @@ def test_fmpy_computes_the_trajectory(name, folder, fmu_folder, tmp_path):
     assert all(np.ptp(expected[variable]) > 0.0 for variable in expected.dtype.names if variable[0] in "qX")
 
 
+IN_MODEL_EXCHANGE = """
+import sys, fmpy, numpy
+fmu, inputs, target, holds = sys.argv[1:]
+given = fmpy.read_csv(inputs)
+ends = given[:-1].copy()
+ends["time"] = given["time"][1:]
+held = numpy.stack([given[:-1], ends], axis=1).reshape(-1)
+options = {"solver": "CVode", "relative_tolerance": 1e-7, "output_interval": given["time"][1], "record_events": False}
+found = fmpy.simulate_fmu(fmu, input=held if holds == "True" else given, stop_time=given["time"][-1], **options)
+fmpy.write_csv(target, found)
+"""
+
+
+@pytest.mark.needs("compiler")
+@pytest.mark.parametrize(
+    ("holds", "least", "most"), [(True, 0.0, 3e-4), (False, 3e-3, 0.1)], ids=["held", "interpolated"]
+)
+def test_model_exchange_comes_near_it_if_inputs_are_held(holds, least, most, folder, fmu_folder, tmp_path):
+    name = "FlexibleManipulatorNative"
+    files = built(f"{name}_me2", fmu_folder), folder / f"{name}_in.csv"
+    expected = read_csv(folder / f"{name}_ref.csv")
+    run(IN_MODEL_EXCHANGE, *files, tmp_path / "found.csv", holds)
+    found = read_csv(tmp_path / "found.csv")
+    assert least <= max(np.abs(found[q] - expected[q]).max() for q in ("q_m[1]", "q_m[2]")) <= most
+
+
 @pytest.mark.needs("compiler")
 def test_it_is_that_of_the_manipulator_in_python(folder, plant_file, tmp_path):
     run(IN_PYTHON, plant_file, tmp_path)
