@@ -115,7 +115,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
             yield from failed(check, outcome)
             if isinstance(outcome, Done):
                 yield from outcome.value
-    found_time = computing_time(case, own)
+    found_time = computing_time(case, own) if responses else None  # one that cannot be loaded has been told already
     if found_time is not None:
         yield from dynamic.cost(found_time, float(T_s), FULL_LENGTH, pairing.timeout)
 

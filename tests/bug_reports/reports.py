@@ -526,7 +526,7 @@ REPORTS = (
                 lambda files: {**files, f"binaries/{PLATFORM}/libother.so": other_library("libother.so")},
             )
         ),
-        "libother.so: cannot open shared object file",
+        "it needs libother.so, which the FMU has in",
     ),
     Report(
         "PySimulator/PySimulator#53",
