@@ -204,7 +204,7 @@ def test_a_run_over_tls(local, certificate, tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "what"),
-    [("orchestrator/loop/__init__.py", "other-code"), ("plant_fmu/flexible_manipulator/__init__.py", "other-plant")],
+    [("orchestrator/loop/__init__.py", "other-code"), ("plant_fmu/manipulator_fmu.py", "other-plant")],
 )
 def test_workers_with_other_sources_are_refused_before_the_first_job(file, what, own, tmp_path):
     clone = copied_packages(tmp_path / "clone")
