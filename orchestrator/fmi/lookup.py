@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from fmpy.model_description import ModelDescription
 
@@ -12,16 +12,22 @@ from .values import check_limits, typed
 from .variables import REAL_TYPES, Variable, repeated_names, variables
 
 
-def find_values(description: ModelDescription, given: Mapping[str, Scalar], what: str) -> dict[Variable, list[Scalar]]:
+def find_values(
+    description: ModelDescription, given: Mapping[str, Scalar], what: str, driven: Collection[Variable] = ()
+) -> dict[Variable, list[Scalar]]:
     """Values of parameters and inputs given by name, scalars or single elements ``K_p[1]`` of arrays, as their types
     take them. Elements of an array that are not given keep their start values.
 
-    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, and as :func:`.typed` and
-    :func:`.check_limits`.
+    Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, also for an input that is
+    ``driven``, which would not keep the value; and as :func:`.typed` and :func:`.check_limits`.
     """
     found: dict[Variable, list[Scalar]] = {}
     for name, value in given.items():
         variable, element = place(description, name, what)
+        if variable in driven:
+            message = f"{what}: {name} cannot be set: it is an input that the benchmark drives."
+            settable = [other.name for other in variables(description).values() if other.can_be_set]
+            raise unknown(message, "not-settable", what, name, [other for other in settable if other != name])
         elements = found.setdefault(variable, list(variable.start) or [_zero(variable)] * variable.size)
         elements[element] = typed(variable, value, what)
         check_limits(variable, elements[element], what)

@@ -127,7 +127,8 @@ def start_values(
     """What a controller is given before initialization, parameters, and within it, inputs, of which those that nothing
     drives keep their values; ``first`` as in :func:`prepared`."""
     what = f"The controller {controller.name}"
-    given = find_values(controller.description, setup.parameters, what)
+    driven = [v for bound in binding.values() for v in bound.variables if v.causality == "input"]
+    given = find_values(controller.description, setup.parameters, what, driven)
     before = {variable: values for variable, values in given.items() if variable.causality == "parameter"}
     within = {variable: values for variable, values in given.items() if variable.causality == "input"}
     T_s = sample_time_parameter(controller, setup)

@@ -56,9 +56,9 @@ def simulate(
     """
     what = f"The plant {plant.archive.name}"
     binding = bind(plant.archive.description, PLANT, what)
-    parameters = find_values(plant.archive.description, dict(scenario.parameters), what)
+    driven = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
+    parameters = find_values(plant.archive.description, dict(scenario.parameters), what, driven)
     observed = find_outputs(plant.archive.description, observe, what)
-    inputs = [variable for name in ("u_m", "u_d", "F") for variable in binding[name].variables]
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
     trace.current.reset()
 
@@ -72,7 +72,7 @@ def simulate(
             record = _record(scenario, plant.get(outputs), steady, parts)
             if watch is not None:
                 watch(record)
-            plant_port = plant.port(inputs, outputs)
+            plant_port = plant.port(driven, outputs)
             raw = loop.Exit(*loop.run(plant_port, controller_port, parts, record))
             names = [variable.name for variable in observed]
             if raw.reason == loop.FINISHED:
