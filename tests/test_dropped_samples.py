@@ -188,9 +188,9 @@ def test_a_variation_sets_both_and_ideal_removes_them():
     assert repr(wanted) == "Variation(dropout=0.25, jitter=Fraction(1, 16000))"
 
 
-@pytest.mark.parametrize("dropout", [-0.1, 1.1, math.nan])
-def test_what_is_no_probability_is_refused(dropout):
-    assert refusal(Variation, dropout=dropout).what == "bad-dropout"
+@pytest.mark.parametrize(("dropout", "what"), [(-0.1, "bad-dropout"), (1.1, "bad-dropout"), (math.nan, "bad-number")])
+def test_what_is_no_probability_is_refused(dropout, what):
+    assert refusal(Variation, dropout=dropout).what == what
 
 
 def test_a_jitter_beyond_a_sample_is_refused_by_the_loop(probe):

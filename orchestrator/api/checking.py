@@ -103,7 +103,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
     if isinstance(rest, Done):
         yield from dynamic.carry_over(shown)
     if responses:
-        (again,) = run(own, work.answer, [structs.replace(tasks[timings.STEP], reset_first=True)], torques)
+        (again,) = run(own, work.answer, [structs.replace(tasks[timings.STEP], after_reset=True)], torques)
         yield from failed(dynamic.RESET_CHECK, again)
         if isinstance(again, Done):
             yield from dynamic.reset(responses[timings.STEP], again.value)

@@ -115,7 +115,7 @@ def carry_over(shown: CarryOver) -> Iterator[Finding]:
 
 
 def reset(new: np.ndarray, again: np.ndarray) -> Iterator[Finding]:
-    """An instance that was initialized and reset must answer like a ``new`` one."""
+    """An instance that has run and was reset must answer like a ``new`` one."""
     if np.array_equal(new, again, equal_nan=True):
         yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
     else:

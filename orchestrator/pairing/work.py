@@ -66,7 +66,7 @@ class ScenarioTask(Struct, frozen=True, tag=True):
 class AnswerTask(Struct, frozen=True, tag=True):
     """What a controller answers at rest, in the steady state of motor angles [rad], torques [N.m] and link angles
     [rad], to each of the ``errors`` of shape (N, 2) [rad], with the ``initial_error`` [rad] during initialization.
-    With ``reset_first``, its instance is initialized and reset before."""
+    With ``after_reset``, they are those of an instance that has answered once and was reset."""
 
     setup: Setup
     q_m: Pair
@@ -75,7 +75,7 @@ class AnswerTask(Struct, frozen=True, tag=True):
     sample_time: Fraction
     errors: np.ndarray
     initial_error: Finite = 0.0
-    reset_first: bool = False
+    after_reset: bool = False
 
 
 class Beginning(Struct, frozen=True):
@@ -257,10 +257,15 @@ def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory)
 def _answers(controller: Slave, wanted: AnswerTask) -> np.ndarray:
     from ..loop.probe import answers
 
-    with controller.resetting() if wanted.reset_first else contextlib.nullcontext():
-        return answers(
-            controller, wanted.setup, _steady(wanted), wanted.sample_time, wanted.errors, wanted.initial_error
-        )
+    return answers(
+        controller,
+        wanted.setup,
+        _steady(wanted),
+        wanted.sample_time,
+        wanted.errors,
+        wanted.initial_error,
+        after_reset=wanted.after_reset,
+    )
 
 
 def _steady(wanted: AnswerTask) -> Steady:

@@ -39,7 +39,6 @@ class Slave(ABC):
     """How the compiled loop steps it, see :mod:`orchestrator.fmi.port`."""
 
     with_sizes = False
-    _reset_first = False
     _stop_time = 0.0
     calls: Mapping[str, str]
     """FMI names of the functions behind "set", "step" and "get"."""
@@ -120,14 +119,10 @@ class Slave(ABC):
     def _reset(self, stop_time: float) -> None:
         """Bring the instance back to where ``_instantiate`` left it."""
 
-    @contextmanager
-    def resetting(self) -> Iterator[None]:
-        """Within, every new instance is initialized and reset before it is used."""
-        self._reset_first = True
-        try:
-            yield
-        finally:
-            self._reset_first = False
+    def reset(self) -> None:
+        """Bring the instance back to before its initialization."""
+        with self._modules.in_place(), self._reported("reset"):
+            self._reset(self._stop_time)
 
     @contextmanager
     def instantiated(self, stop_time: float) -> Iterator[Slave]:
@@ -167,12 +162,6 @@ class Slave(ABC):
 
     def initialize(self, before: Values, within: Values) -> None:
         """Initialize with the values ``before`` (parameters) and ``within`` initialization mode (inputs)."""
-        if self._reset_first:  # after the same initialization: an FMU may refuse one without values
-            self.set(before)
-            with self._modules.in_place():
-                self._initialize(within)
-                with self._reported("reset"):
-                    self._reset(self._stop_time)
         self.set(before)
         # pythonfmu drops a reference too many where a slave raises in exitInitializationMode; a later collection of
         # garbage may end the process, so one that has met a refusal does without.
