@@ -108,12 +108,13 @@ def value_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator
         ]
         text = f"nothing drives {_some(words)}: held at the start value"
         yield Finding(Severity.WARNING, "inputs", text, what="undriven-input", value=next(iter(start)))
+    T_s = sample_time_parameter(archive, setup)
     connected = {variable for bound in binding.values() for variable in bound.variables}
     further = [
         _described(variable)
         for variable in variables(archive.description).values()
-        if variable.can_be_set and variable.causality == "parameter" and variable not in connected
-        if variable is not sample_time_parameter(archive, setup)
+        if variable.causality == "parameter" and variable.can_be_set and variable not in connected
+        if variable is not T_s
     ]
     if further:
         yield Finding(Severity.OK, "can be set", _some(further, MOST_LISTED))

@@ -14,6 +14,8 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import ModelDescription, ValidationError
 
+from ..fmi.description import uncollected
+
 FIRST, KINDS, LONGEST = 3, 10, 500
 """Problems of one kind that are named, kinds that are, and characters of a problem."""
 
@@ -64,7 +66,8 @@ def _illegal_names(description: ModelDescription) -> list[str]:
 
 def _invalid(file: Path) -> list[str]:
     try:
-        fmpy.read_model_description(str(file), validate=True, validate_model_structure=True)
+        with uncollected():  # as for read_description
+            fmpy.read_model_description(str(file), validate=True, validate_model_structure=True)
     except ValidationError as invalid:
         problems = invalid.problems
     except Exception as failure:  # FMPy's validation itself trips over some descriptions

@@ -7,6 +7,7 @@ threads nor its memory. On Linux it adopts whatever outlives a worker, and ends 
 from __future__ import annotations
 
 import errno
+import gc
 import importlib
 import os
 import shutil
@@ -17,9 +18,11 @@ import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 
+from ..errors import InputError
+from ..fmi.archive import reopen
 from . import read_only
 from .lean import lean_imports
-from .messages import DESCRIPTORS, NUMBER, REQUEST, readable, write_all
+from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
 
 LOOK = 1.0
@@ -63,6 +66,7 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
                 message, descriptors, _, _ = socket.recv_fds(requests, len(REQUEST), DESCRIPTORS)
                 if not message:
                     return
+                _read(read_frame(control, Described))
                 _fork(descriptors, workers, scratch)
     finally:
         for pid in workers:
@@ -81,6 +85,14 @@ def _wake_up() -> int:
     for number in (signal.SIGCHLD, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
     return awake
+
+
+def _read(described: Described) -> None:
+    """Read the descriptions that the next workers need, once for all of them."""
+    for fmu in described.fmus:
+        with suppress(InputError, OSError):  # the worker says what is wrong
+            reopen(fmu.name, fmu.sha256, fmu.folder, fmu.way)
+    gc.freeze()  # a worker's look for garbage would copy all of it
 
 
 def _fork(descriptors: list[int], workers: dict[int, _Worker], scratch: str) -> None:

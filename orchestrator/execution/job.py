@@ -12,7 +12,7 @@ import msgspec
 from ..codec import NonNegative, Struct
 from ..fmi.archive import Archive
 from ..fmi.trace import Place
-from .messages import Failed, FmuFiles, Order
+from .messages import Described, Failed, FmuFiles, Order
 from .standstill import Standstill
 
 
@@ -34,8 +34,10 @@ class Job:
     ----------
     work : str
         ``"module:function"``; ``function(plant, controller, task)`` gets the two loaded slaves and a packed task and
-        returns a packed value. If the module has a function ``prepare()``, it is called once where workers are forked
-        from.
+        returns a packed value.
+    prepared_by : str
+        The module that the process which workers are forked from imports, that of ``work`` if it is empty. If it has a
+        function ``prepare()``, that is called there once. Jobs of one such module share the process.
     decode : callable
         ``decode(index, value)`` gives the value of a task from what a worker sent; raises
         :class:`~orchestrator.codec.Malformed` if that is not what the task can come to.
@@ -75,6 +77,7 @@ class Job:
     give_up: bool = False
     separate: bool = False
     longest_call: float = math.inf
+    prepared_by: str = ""
     on_standstill: Callable[[int, Standstill], None] = lambda index, standstill: None
 
     def rest(self, first: int) -> Job:
@@ -88,12 +91,15 @@ class Job:
             on_standstill=lambda index, standstill: self.on_standstill(first + index, standstill),
         )
 
+    def described(self) -> Described:
+        """The two FMUs, of which a fork server reads the descriptions once for all workers."""
+        both = (self.plant, self.controller)
+        return Described(tuple(FmuFiles(fmu.name, fmu.sha256, str(fmu.folder), way=fmu.way) for fmu in both))
+
     def order(self, isolated: tuple[str, ...] = ()) -> Order:
         """What is sent to a worker; ``isolated`` is the command that starts a process for the controller."""
-        plant, controller = (
-            FmuFiles(archive.name, archive.sha256, str(archive.folder), digests, archive.way)
-            for archive, digests in ((self.plant, self.plant.digests), (self.controller, {}))
-        )
+        plant, controller = self.described().fmus
+        plant = msgspec.structs.replace(plant, digests=self.plant.digests)
         return Order(plant, controller, self.work, self.tasks, isolated, self.core)
 
 

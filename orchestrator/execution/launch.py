@@ -24,7 +24,7 @@ from ..fmi.choice import WINE
 from . import sandbox
 from .interpreter import program
 from .job import Job
-from .messages import NUMBER, REQUEST, frame, readable
+from .messages import NUMBER, REQUEST, Described, frame, readable
 from .process_tree import ProcessTree, exit_code
 from .shared_trace import SharedTrace
 
@@ -161,10 +161,10 @@ class ForkServer:
             far.close()
             self._resources = stack.pop_all()
 
-    def request(self, descriptors: tuple[int, ...]) -> None:
+    def request(self, descriptors: tuple[int, ...], described: Described) -> None:
         """Ask for a worker; raises :class:`OSError` if the server is gone."""
         with self._lock:
-            socket.send_fds(self._control, [REQUEST], list(descriptors))
+            socket.send_fds(self._control, [REQUEST, frame(described)], list(descriptors))
 
     def close(self) -> str:
         """End the server, and with it all its workers; returns what it printed, which is nothing while it works."""
@@ -234,11 +234,11 @@ class _ForkedProcess:
         words = ""
         for _ in range(ATTEMPTS):
             # A worker with an isolated controller starts a sandbox, which takes rights that a protected one gives up.
-            server = _fork_server(job.work.partition(":")[0], not job.isolated)
+            server = _fork_server(job.prepared_by or job.work.partition(":")[0], not job.isolated)
             self._status, far = socket.socketpair()
             try:
                 with far, suppress(OSError):
-                    server.request((*descriptors, far.fileno()))
+                    server.request((*descriptors, far.fileno()), job.described())
                 pid = self._number(stop)
             except BaseException:  # interrupted, or not wanted any more
                 self._status.close()

@@ -26,7 +26,8 @@ LENGTH = struct.Struct("!I")
 
 REQUEST, DESCRIPTORS = b".", 4
 """What asks a fork server for a worker: a byte, and with it the descriptors of the worker's channel, output and trace,
-and of where to send its process number (or the negative error number) and later its exit code, each as a NUMBER."""
+and of where to send its process number (or the negative error number) and later its exit code, each as a NUMBER. A
+frame with the :class:`Described` FMUs follows."""
 
 NUMBER = struct.Struct("!i")
 
@@ -43,6 +44,12 @@ class FmuFiles(Struct, frozen=True):
     folder: str
     digests: dict[str, str] = {}
     way: Literal["native", "source", "wine"] = "native"
+
+
+class Described(Struct, frozen=True):
+    """The FMUs whose descriptions the worker will need."""
+
+    fmus: tuple[FmuFiles, ...]
 
 
 class Order(Struct, frozen=True):

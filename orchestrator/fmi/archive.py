@@ -145,9 +145,14 @@ def open_archive(file: Path, wanted: Way | None = None) -> Archive:
     return archive
 
 
+@functools.lru_cache(maxsize=4)
 def reopen(name: str, sha256: str, folder: str, way: Way = "native") -> Archive:
-    """The FMU that :func:`open_archive` has extracted to ``folder``, in another process."""
+    """The FMU that :func:`open_archive` has extracted to ``folder``, in another process.
+
+    What has been read is kept, for the processes that are forked from this one: to read 100,000 variables takes 2.4 s.
+    """
     description = read_description(Path(folder))
+    variables(description)
     return Archive(Path(name), sha256, Path(folder), description, _kind(name, description), way=way)
 
 

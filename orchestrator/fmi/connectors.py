@@ -169,7 +169,10 @@ Spelled = Mapping[str, Sequence[tuple[int, Variable]]]
 def _spelled(description: ModelDescription) -> Spelled:
     """The variables of an FMU by their spelling: it is bound for each simulation, and may have 100,000."""
     found: dict[str, list[tuple[int, Variable]]] = {}
+    connectable = {causality for connector in (*PLANT, *CONTROLLER) for causality in connector.causalities}
     for variable in variables(description).values():
+        if variable.causality not in connectable:
+            continue
         name = spelling(variable.name, variable.size > 1)
         if name is not None:
             found.setdefault(name.base, []).append((name.index, variable))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import io
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import fmpy
@@ -41,19 +42,27 @@ def read_description(file: Path) -> ModelDescription:
     root = _root(file, documents)
     refuse_unsupported(root, file.name)
     _put_right(root)
-    collecting = gc.isenabled()
-    gc.disable()  # of 100,000 variables all stay, and looking for garbage among them takes as long as reading them
     try:
         if root.get("fmiVersion") is None:
             raise ValueError("it has no fmiVersion")
         if root.find("ModelVariables") is None:
             raise ValueError("it has no ModelVariables")
         changed = {**documents, DESCRIPTION: etree.tostring(root, encoding="utf-8")}
-        return fmpy.read_model_description(_archive(changed), validate=False)
+        with uncollected():  # of 100,000 variables all stay, and looking for garbage takes as long as reading them
+            return fmpy.read_model_description(_archive(changed), validate=False)
     except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
         message += "Check it with: python -m fmpy validate."
         raise InputError(message, "bad-description", file.name) from problem
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Within, no garbage is looked for."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
     finally:
         if collecting:
             gc.enable()

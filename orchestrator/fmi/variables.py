@@ -6,9 +6,9 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from ..codec import Scalar
@@ -31,8 +31,7 @@ GIVEN = ("parameter", "input")
 """Causalities of variables that can be set."""
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(msgspec.Struct, frozen=True):
     """A scalar (size 1) or an array of an FMU; ``unit`` is the declared name, None if there is none.
 
     ``start`` holds the declared start values, one per element, or nothing; of a Binary, hexadecimal digits. ``items``

@@ -32,7 +32,7 @@ def answers(
     Raises :class:`~orchestrator.errors.FmuError` if a call fails.
     """
     q_m, step = np.array(steady.q_m_ref), float(sample_time)
-    first = (steady.q_m_ref[0] - initial_error, steady.q_m_ref[1])
+    first = (steady.q_m_ref[0] - initial_error, steady.q_m_ref[1] - initial_error)
 
     def answered(port: Port) -> np.ndarray:
         torques = np.empty_like(errors)

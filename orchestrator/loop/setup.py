@@ -110,8 +110,8 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     The exact name takes precedence over others that spell the same, as with connectors; raises
     :class:`~orchestrator.errors.InputError` if there are several of these.
     """
-    scalars = [v for v in variables(controller.description).values() if v.is_real and v.size == 1]
-    parameters = [v for v in scalars if v.causality == "parameter"]
+    known = variables(controller.description).values()
+    parameters = [v for v in known if v.causality == "parameter" and v.is_real and v.size == 1]
     alike = [v for v in parameters if _is_sample_time(v)]
     candidates = [v for v in alike if v.name == SAMPLE_TIME] or alike
     if any(v.name in setup.parameters for v in candidates):

@@ -99,6 +99,7 @@ class Pairing:
             largest,
             *own,
             separate=self.separate,
+            prepared_by=work.__name__,
             on_standstill=lambda index, standstill: tell_standstill(standstill, "The controller's process"),
         )
 
