@@ -40,9 +40,9 @@ from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.documents.results import Results  # noqa: E402
 from orchestrator.pairing.reference import in_c  # noqa: E402
 from orchestrator.search.findings import BUDGET  # noqa: E402
-from orchestrator.study import evaluate as study  # noqa: E402
-from orchestrator.study.requests import Study  # noqa: E402
-from orchestrator.study.worst_case import answer_of, worst_case  # noqa: E402
+from orchestrator.study.evaluate import EvaluationStudy, SpreadStudy  # noqa: E402
+from orchestrator.study.requests import Requests, inside  # noqa: E402
+from orchestrator.study.worst_case import RobustnessStudy  # noqa: E402
 
 FIGURES = ROOT / "docs" / "leaderboard.json"
 FMUS = Path("build", "fmus")
@@ -69,6 +69,9 @@ CODE = ("fmi", "loop", "benchmark", "jit.py")
 """What of the package computes the figures."""
 
 
+EVALUATION = EvaluationStudy(recordings=False)
+
+
 def evaluate(
     name: str, folder: Path, before: Figures | None = None, budgets: Sequence[int] = BUDGETS
 ) -> dict[str, Any]:
@@ -77,18 +80,18 @@ def evaluate(
     return Benchmark().engine(folder / name).run(studied(name, folder / name, before, budgets))
 
 
-def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[int]) -> Study[dict[str, Any]]:
+def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[int]) -> Requests[dict[str, Any]]:
     """The study of it, made of others, whose files are in ``folder``."""
     controller, searched, hashes = built(name), searched_as(name), {}
     for plant in ("native", "python") if before is None else ("native",):
-        run = yield from study.evaluate(Benchmark(plant=plant), controller, recordings=False, inside=plant)
+        run = yield from inside(plant, EVALUATION.ask(Benchmark(plant=plant), controller))
         hashes[plant] = hashlib.sha256((folder / plant / "cases.csv").read_bytes()).hexdigest()
     assert len(set(hashes.values())) == 1, "the native plant gives other results"
     results, strict = run.results, Benchmark("strict")
-    listed = yield from study.evaluate(strict, searched, recordings=False, inside="strict")
+    listed = yield from inside("strict", EVALUATION.ask(strict, searched))
     found = yield from _agreed(strict, searched, budgets)
     if before is None:
-        seeds = yield from study.spread(Benchmark(), searched, SEEDS, recordings=False, inside="seeds")
+        seeds = yield from inside("seeds", SpreadStudy(SEEDS, EVALUATION).ask(Benchmark(), searched))
         over = {"count": len(SEEDS), "cost": seeds.cost, "requirements": seeds.requirements}
         spread = json.loads(to_json(over))
     else:
@@ -110,11 +113,11 @@ def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[i
     }
 
 
-def _agreed(strict: Benchmark, searched: Controller, budgets: Sequence[int]) -> Study[Robustness]:
+def _agreed(strict: Benchmark, searched: Controller, budgets: Sequence[int]) -> Requests[Robustness]:
     """A search with the first of the budgets at which independent starts agree and a failure or a V above its target
     is found, or the last."""
     for budget in budgets:
-        found = yield from answer_of(worst_case(strict, searched, budget, restarts=STARTS, inside="strict"))
+        found = yield from inside("strict", RobustnessStudy(budget, restarts=STARTS).ask(strict, searched))
         if agree(found.starts) and not meets(_found(found)):
             break
     return found

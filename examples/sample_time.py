@@ -3,19 +3,23 @@
 python examples/sample_time.py my_controller.fmu --protocol quick --times 0.00025,0.0005,0.001
 """
 
-from dataclasses import replace
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import ClassVar
 
 from orchestrator.benchmark.scorecard import score
 from orchestrator.cli.guard import guarded
 from orchestrator.cli.study import StudyCommand
-from orchestrator.cli.values import time
 from orchestrator.documents.document import Comparable, Document, Row
 from orchestrator.pairing.controller import Controller
 from orchestrator.pairing.testbed import Testbed
+from orchestrator.study.declaration import Study, option
 from orchestrator.study.heads import head
-from orchestrator.study.requests import Batch, Entry, Now, Save, Study, rehearsed
+from orchestrator.study.requests import Batch, Entry, Now, Requests, Save, rehearsed
 from orchestrator.views.table import Column, Plot, Series, Summary, Table
 from orchestrator.views.units import MILLIMETRE, MILLISECOND
 
@@ -47,34 +51,31 @@ class SampleTimes(Document, Comparable, kw_only=True):
         return tuple(zip(columns, self.B5, strict=True))
 
 
-def sample_times(testbed: Testbed, controller: Controller, times: list[Fraction]) -> Study[SampleTimes]:
-    """The cases that B5 is measured in, at each of ``times`` [s]."""
-    begin, found = (yield Now()), []
-    for each in times:
-        controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=each))
-        measured = tuple(case for case in cases if "B5" in case.test.criteria)
-        yield from rehearsed(pairing, measured[0])
-        (runs,) = yield Batch((Entry(testbed.rules, pairing, measured),))
-        own = head(testbed, controller, pairing, T_s, begin, (yield Now()))
-        found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
-    document = SampleTimes(schema=SampleTimes.SCHEMA, head=own, times=tuple(map(float, times)), B5=tuple(found))
-    yield Save(document)
-    return document
+@dataclass(frozen=True)
+class SampleTimeStudy(Study[SampleTimes]):
+    """B5 against the controller's sample time."""
+
+    command, suffix = "sample_time", "-sample-times"
+
+    times: Sequence[Fraction | float | str] = option((), "sample times [s], such as 0.0005,0.001", required=True)
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[SampleTimes]:
+        """The cases that B5 is measured in, at each of the times."""
+        begin, found = (yield Now()), []
+        for each in self.times:
+            controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=each))
+            measured = tuple(case for case in cases if "B5" in case.test.criteria)
+            yield from rehearsed(pairing, measured[0])
+            (runs,) = yield Batch((Entry(testbed.rules, pairing, measured),))
+            own = head(testbed, controller, pairing, T_s, begin, (yield Now()))
+            found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
+        times = tuple(map(float, self.times))
+        document = SampleTimes(schema=SampleTimes.SCHEMA, head=own, times=times, B5=tuple(found))
+        yield Save(document)
+        return document
 
 
-def times_option(parser) -> None:
-    parser.add_argument("--times", type=lambda text: [time(each) for each in text.split(",")], required=True)
-
-
-main = StudyCommand(
-    name="sample_time",
-    help="B5 against the controller's sample time.",
-    examples=__doc__ or "",
-    study=lambda bench, controller, given, folder: sample_times(bench, controller, given.times),
-    options=times_option,
-    suffix=lambda given: "-sample-times",
-    program="python examples/sample_time.py",
-).main
+main = StudyCommand(SampleTimeStudy, "B5 by sample time.", __doc__ or "", program="python examples/sample_time.py").main
 
 if __name__ == "__main__":
     raise SystemExit(guarded(main))

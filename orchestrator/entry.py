@@ -206,9 +206,6 @@ def _file_or_other(name: str, value: Any) -> Any:
     return path(name, found) if isinstance(found, str | os.PathLike) else value
 
 
-OPTIONS: dict[str, Enter] = {"only": texts, "recordings": switch, "keep_going": switch, "force": switch}
-"""Of an evaluation, where another function hands them on."""
-
 RULES: dict[str, Enter] = {
     "bool": switch,
     "int": whole,
@@ -237,7 +234,7 @@ RULES: dict[str, Enter] = {
     "Friction": text,
     "Order": text,
     "Way": text,
-    "Unpack[Options]": lambda name, value: {key: OPTIONS.get(key, _as_it_is)(key, item) for key, item in value.items()},
+    "Sequence[Fraction | float | str]": _sequence(time),
 }
 """By annotation, without ``None``."""
 
@@ -246,11 +243,14 @@ OBJECTS = {
     "Case",
     "Controller",
     "Entropy",
+    "EvaluationStudy",
     "OnEvent",
     "OnProgress",
     "OnResult",
     "OnSeed",
     "OnTrial",
+    "Study[Any]",
+    "Study[T]",
     "Variation",
     "Verification",
 }

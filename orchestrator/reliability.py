@@ -1,4 +1,4 @@
-"""``python -m orchestrator.reliability``: see :mod:`orchestrator.cli.reliability`."""
+"""``python -m orchestrator.reliability``: see :mod:`orchestrator.cli.studies`."""
 
 from .cli.guard import run
 

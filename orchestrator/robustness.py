@@ -1,4 +1,4 @@
-"""``python -m orchestrator.robustness``: see :mod:`orchestrator.cli.robustness`."""
+"""``python -m orchestrator.robustness``: see :mod:`orchestrator.cli.studies`."""
 
 from .cli.guard import run
 

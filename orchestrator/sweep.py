@@ -1,4 +1,4 @@
-"""``python -m orchestrator.sweep``: see :mod:`orchestrator.cli.sweep`."""
+"""``python -m orchestrator.sweep``: see :mod:`orchestrator.cli.studies`."""
 
 from .cli.guard import run
 

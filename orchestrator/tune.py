@@ -1,4 +1,4 @@
-"""``python -m orchestrator.tune``: see :mod:`orchestrator.cli.tune`."""
+"""``python -m orchestrator.tune``: see :mod:`orchestrator.cli.studies`."""
 
 from .cli.guard import run
 

@@ -16,6 +16,12 @@ from orchestrator import Benchmark, Controller, InputError, Variation, entry
 from orchestrator.api import benchmark as api
 from orchestrator.documents.document import Comparable, Document
 from orchestrator.study import stored
+from orchestrator.study.evaluate import EvaluationStudy, SpreadStudy
+from orchestrator.study.reliability import ReliabilityStudy
+from orchestrator.study.sweep import SweepStudy
+from orchestrator.study.tune import TuningStudy
+from orchestrator.study.verify import VerificationStudy
+from orchestrator.study.worst_case import RobustnessStudy
 
 CHECKED_BY_ITSELF = {"compare", "controller_from_mlp", "controller_from_state_space"}
 """Functions whose arguments are documents, or arrays of any spelling."""
@@ -127,7 +133,9 @@ SPELLED = {
     "Friction": word,
     "Order": word,
     "Way": word,
-    "Unpack[Options]": flag.map(lambda pair: tuple({"keep_going": value} for value in pair)),
+    "Sequence[Fraction | float | str]": with_plain(
+        st.just(("0.5", "0.001")), lambda values: spelled_sequence(values, spelled_time)
+    ),
 }
 """By annotation: values and other spellings of them."""
 
@@ -185,10 +193,8 @@ def test_numpy_spells_the_same_as_python(name, data):
 
 def received(function, arguments):
     """What a function gets for arguments, by its parameters."""
-    options = arguments.get("options", {})
-    others = dict.fromkeys(hints(function).keys() - parameters(function).keys()) | arguments
-    others.pop("options", None)
-    return entry.border(function.__wrapped__)(None, **others, **options).arguments
+    others = dict.fromkeys(hints(function).keys() - parameters(function).keys() - {"options"}) | arguments
+    return entry.border(function.__wrapped__)(None, **others).arguments
 
 
 def shape(value):
@@ -207,6 +213,13 @@ FIELDS = {
     Variation: tuple(
         each for each in inspect.signature(Variation).parameters if each not in ("angle_bits", "torque_bits", "dropout")
     ),
+    EvaluationStudy: ("only", "recordings", "keep_going", "force"),
+    SpreadStudy: ("seeds",),
+    RobustnessStudy: ("budget", "minutes", "protocol", "only", "restarts", "from_list", "recordings"),
+    ReliabilityStudy: ("draws", "more"),
+    TuningStudy: ("vary", "trials", "objective", "strict", "robust", "search_seed"),
+    SweepStudy: ("values", "objective"),
+    VerificationStudy: ("count", "strict", "protocol"),
 }
 
 

@@ -21,7 +21,7 @@ from orchestrator.errors import InputError
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.draws import members
 from orchestrator.search.member import names
-from orchestrator.study.reliability import reliability
+from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import Batch
 
 CONFIDENCE = 0.99
@@ -112,7 +112,7 @@ def test_the_bound_covers_a_known_probability_of_failure():
     """In 99 of 100 samples at least, up to chance: an exact binomial test."""
     bench, covered = Benchmark("quick"), 0
     for seed in range(100):
-        study = reliability(replace(bench, seed=seed), Controller(), 30, 0.2, CONFIDENCE, "box")
+        study = ReliabilityStudy(0.2, CONFIDENCE, draws=30).ask(replace(bench, seed=seed), Controller())
         found = answered(study, Sampled())
         assert {entry.judged for entry in found.requirements.values()} == {30}
         covered += found.requirements["A1"].bound >= 0.1
@@ -121,7 +121,7 @@ def test_the_bound_covers_a_known_probability_of_failure():
 
 def test_failures_quantiles_and_progress():
     player = Sampled()
-    found = answered(reliability(Benchmark("quick"), Controller(), 100, 0.05, CONFIDENCE, "box"), player)
+    found = answered(ReliabilityStudy(0.05, CONFIDENCE, draws=100).ask(Benchmark("quick"), Controller()), player)
     failed = {failure.draw for failure in found.requirements["A1"].failures}
     known = {n for n in range(100) if dict(members(PAPER, "box", 0, n)[0].deviations)["m[1]"] > 0.8}
     assert failed == known and 0 < len(failed) < 30
@@ -130,16 +130,16 @@ def test_failures_quantiles_and_progress():
     assert found.cost.bound is None and found.cost.largest is None and found.cost.median == pytest.approx(100.0)
     assert [(batch.before, batch.total) for batch in player.of(Batch)] == [(0, 600), (384, 600)]
     assert found.completeness == "complete" and not found.rank.holds
-    lost = answered(reliability(Benchmark("quick"), Controller(), 2, 0.5, 0.5, "box"), Player(status=Status.LOST))
+    lost = answered(
+        ReliabilityStudy(0.5, 0.5, draws=2).ask(Benchmark("quick"), Controller()), Player(status=Status.LOST)
+    )
     assert lost.completeness == "not judged" and lost.requirements["A3"].bound == 1.0
 
 
 def test_numbers_that_are_none_are_refused():
-    bench = Benchmark("quick")
-    for name, wrong in (("draws", 0), ("probability", 1.0), ("confidence", 0.0)):
-        options = {"draws": 3, "probability": 0.01, "confidence": 0.99, "distribution": "box", name: wrong}
-        error = refusal(answered, reliability(bench, Controller(), **options), Player(), kind=InputError)
-        assert error.what == "bad-number" and error.where == name
+    for name, wrong in (("draws", 0), ("probability", 1.0), ("confidence", 0.0), ("more", 0), ("distribution", "ball")):
+        error = refusal(ReliabilityStudy, **{name: wrong}, kind=InputError)
+        assert error.what == ("bad-option" if name == "distribution" else "bad-number") and error.where == name
 
 
 @pytest.mark.slow

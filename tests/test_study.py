@@ -12,7 +12,7 @@ from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
-from orchestrator.benchmark.draws import Entropy, fresh
+from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.metrics import expected, named
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
@@ -26,10 +26,10 @@ from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
 from orchestrator.study.dry_run import on_target
 from orchestrator.study.engine import Engine
-from orchestrator.study.evaluate import evaluate, spread
+from orchestrator.study.evaluate import EvaluationStudy, SpreadStudy
 from orchestrator.study.processes import Processes
 from orchestrator.study.rehearsal import Rehearsal
-from orchestrator.study.reliability import reliability
+from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import (
     Batch,
     Entry,
@@ -44,10 +44,10 @@ from orchestrator.study.requests import (
     TimeSteps,
     TrialDone,
 )
-from orchestrator.study.sweep import sweep
-from orchestrator.study.tune import tune
-from orchestrator.study.verify import verify
-from orchestrator.study.worst_case import answer_of, worst_case
+from orchestrator.study.sweep import SweepStudy
+from orchestrator.study.tune import TuningStudy
+from orchestrator.study.verify import VerificationStudy
+from orchestrator.study.worst_case import RobustnessStudy, worst_case
 
 
 class Player:
@@ -87,7 +87,7 @@ def quick():
 
 def test_an_evaluation_saves_its_results_before_it_records(quick):
     player = Player()
-    found = answered(evaluate(quick, Controller()), player)
+    found = answered(EvaluationStudy().ask(quick, Controller()), player)
     assert found.complete and found.cost == 0.0 and len(found.cases) == quick.rules.case_count
     kinds = [type(request) for request in player.asked]
     assert kinds.index(Save) < kinds.index(Record) < len(kinds) - 1 and kinds[-1] is Save
@@ -96,7 +96,7 @@ def test_an_evaluation_saves_its_results_before_it_records(quick):
 
 def test_a_spread_is_an_evaluation_for_each_seed_in_its_folder(quick):
     player = Player()
-    found = answered(spread(quick, Controller(), [3, 5, 3], recordings=False), player)
+    found = answered(SpreadStudy([3, 5, 3], EvaluationStudy(recordings=False)).ask(quick, Controller()), player)
     assert [score.seed for score in found.seeds] == [3, 5] == [event.seed for event in player.events(SeedDone)]
     assert [save.inside for save in player.of(Save)] == ["seed-3", "", "seed-5", ""]
 
@@ -107,13 +107,13 @@ def test_a_spread_is_an_evaluation_for_each_seed_in_its_folder(quick):
 )
 def test_a_spread_says_how_its_cases_ended(quick, status, completeness):
     """Also where no requirement counts them; what was not asked for is no failure."""
-    study = spread(quick, Controller(), [3, 5], only="c00.compliant.noise", recordings=False)
+    study = SpreadStudy([3, 5], EvaluationStudy("c00.compliant.noise", recordings=False)).ask(quick, Controller())
     assert answered(study, Player(status=status)).completeness == completeness
 
 
 def test_a_sweep_has_the_values_that_its_figures_depend_on(quick):
     player = Player(lambda entry: entry.pairing.setup.parameters["K_p[1]"])
-    found = answered(sweep(quick, Controller(), {"K_p[1]": (30.0, 10.0, 20.0)}), player)
+    found = answered(SweepStudy({"K_p[1]": (30.0, 10.0, 20.0)}, "quick").ask(quick, Controller()), player)
     assert found.best is not None and found.best.values == {"K_p[1]": 10.0}
     assert [event.done for event in player.events(TrialDone)] == [1, 2, 3]
     assert all(entry.patience == 1 for request in player.of(Batch) for entry in request.entries)
@@ -122,7 +122,7 @@ def test_a_sweep_has_the_values_that_its_figures_depend_on(quick):
 @pytest.mark.needs("optuna", "cmaes")
 def test_a_tuning_evaluates_its_best_candidate(quick):
     player = Player(lambda entry: abs(entry.pairing.setup.parameters["K_p[1]"] - 50.0))
-    study = tune(quick, Controller(), {"K_p[1]": (20.0, 80.0)}, "quick", "quick", 30, 0, "random", 1, None)
+    study = TuningStudy({"K_p[1]": (20.0, 80.0)}, 30, "quick", "quick", sampler="random").ask(quick, Controller())
     found = answered(study, player)
     assert found.best is not None and abs(found.parameters["K_p[1]"] - 50.0) < 5.0
     saved = {save.inside for save in player.of(Save)}
@@ -131,15 +131,20 @@ def test_a_tuning_evaluates_its_best_candidate(quick):
 
 def test_a_search_stops_when_its_time_is_over(quick):
     player = Player()
-    found, shown = answered(worst_case(quick, Controller(), 2000, minutes=0.01), player)
+    found, shown = answered(worst_case(quick, Controller(), RobustnessStudy(2000, minutes=0.01)), player)
     assert not found.complete and not found.margins and found.radius is None
     assert found.simulations < 1000 and found.cost == 0.0 and shown
     assert [event.stage for event in player.events(StageDone)][:2] == ["list", "other noise"]
 
 
+def verification(bench, beside, draws=None):
+    """The requests of a verification with two draws, in the protocol of ``bench``."""
+    return VerificationStudy(draws, 2, strict=False, beside=beside, protocol=bench.protocol).ask(bench, Controller())
+
+
 def test_a_verification_draws_for_the_controller_and_its_references(quick):
     player = Player()
-    found = answered(verify(quick, Controller(), fresh(), 2, False, ("TunedPID",), False), player)
+    found = answered(verification(quick, ("TunedPID",)), player)
     assert [draw.seed for draw in found.draws] == [draw.seed for draw in found.references["TunedPID"].draws]
     own, reference = player.of(Batch)
     assert own.entries[0].pairing.isolated and not reference.entries[0].pairing.isolated
@@ -156,14 +161,14 @@ def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, c
         return player(request)
 
     with caplog.at_level(logging.WARNING, "orchestrator"):
-        found = answered(verify(quick, Controller(), fresh(), 2, False, (), False), answer)
+        found = answered(verification(quick, ()), answer)
     tried = [each.entries[0].cases for each in (*disturbed, *player.of(Batch))]
     assert found.repetitions == 2 and len({cases[0].scenario.sensor.noise.seed for cases in tried}) == 3
     assert caplog.text.count("begins again") == 2
     other = EnvironmentFault("no disk")
     for problem in (other, EnvironmentFault("killed", OUTSIDE)):
         with pytest.raises(EnvironmentFault):
-            answered(verify(quick, Controller(), fresh(), 2, False, (), False), raising(problem, Player()))
+            answered(verification(quick, ()), raising(problem, Player()))
 
 
 def raising(problem, player):
@@ -178,7 +183,7 @@ def raising(problem, player):
 def test_a_study_ends_with_a_controller_that_does_not_survive_its_first_sample(quick):
     failure = on_target(quick.rules, quick.cases[0], Status.CRASHED)
     player = Player(rehearsal=Rehearsal(failure=failure))
-    assert refusal(answered, sweep(quick, Controller(), {"K_p[1]": (1.0,)}), player, kind=Crash)
+    assert refusal(answered, SweepStudy({"K_p[1]": (1.0,)}, "quick").ask(quick, Controller()), player, kind=Crash)
     assert not player.of(Batch)
 
 
@@ -220,7 +225,7 @@ def test_a_controller_that_hangs_early_is_not_timed(time, asked):
             return [[CaseRun(case, named(case, hung)) for case in entry.cases] for entry in request.entries]
 
     player = Hanging()
-    answered(evaluate(Benchmark("quick"), Controller(), recordings=False), player)
+    answered(EvaluationStudy(recordings=False).ask(Benchmark("quick"), Controller()), player)
     assert bool(player.of(TimeSteps)) is asked
 
 
@@ -313,13 +318,13 @@ def studies(folder):
     vary, values = {"K_p[1]": (20.0, 80.0), "z_p[2]": (0.6, 0.99)}, {"K_p[1]": (30.0, 60.0, 90.0), "z_p[2]": (0.8, 0.9)}
     short_bench = Benchmark(short, workers=2)
     return {
-        "evaluation": lambda own: evaluate(bench, pid),
-        "spread": lambda own: spread(bench, pid, (3, 5, 8), keep_going=True),
-        "search": lambda own: answer_of(worst_case(bench, pid, 150, protocol=tiny, recordings=True)),
-        "sweep": lambda own: sweep(short_bench, pid, values),
-        "sample": lambda own: reliability(short_bench, pid, 70, 0.01, 0.99, "box"),
-        "tuning": lambda own: tune(bench, pid, vary, short, short, 30, 60, "cmaes", 1, own and own / "study.log"),
-        "verification": lambda own: verify(bench, pid, Entropy("0" * 64), 2, False, ("TunedPID",), False),
+        "evaluation": lambda own: EvaluationStudy().ask(bench, pid, own),
+        "spread": lambda own: SpreadStudy((3, 5, 8), EvaluationStudy(keep_going=True)).ask(bench, pid, own),
+        "search": lambda own: RobustnessStudy(150, protocol=tiny).ask(bench, pid, own),
+        "sweep": lambda own: SweepStudy(values, short).ask(bench, pid, own),
+        "sample": lambda own: ReliabilityStudy(draws=70).ask(short_bench, pid, own),
+        "tuning": lambda own: TuningStudy(vary, 30, short, short, robust=60).ask(bench, pid, own),
+        "verification": lambda own: verification(bench, ("TunedPID",), Entropy("0" * 64)),
     }
 
 

@@ -285,7 +285,7 @@ def test_without_a_candidate_that_holds_the_nearest_is_told_with_what_failed(tmp
         ({"u_m0[1]": (0.0, 1.0)}, {}, "connector-parameter"),
         ({"K_p[1]": (2.0, 1.0)}, {}, "bad-range"),
         ({"K_p[1]": (0.0, 1.0, "log")}, {}, "bad-range"),
-        (VARY, {"sampler": "oracle"}, "no-sampler"),
+        (VARY, {"sampler": "oracle"}, "bad-option"),
         (VARY, {"trials": 0}, "bad-number"),
     ],
 )

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..documents.document import Shown
-from ..documents.standard import USUAL
 from ..entry import entered
 from ..errors import InputError
 from ..pairing.controller import Controller, Given
 from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
-from ..search.findings import BUDGET
 from ..views.table import Column, Summary, Table
 
 # Imports inside functions: each use case is loaded when it is first used. All of them take longer than a simulation.
 
-if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them take longer than a simulation
-    from typing_extensions import Unpack
-
+if TYPE_CHECKING:
     from ..benchmark.case import Case
-    from ..benchmark.draws import Entropy
     from ..benchmark.linearization import Friction
-    from ..benchmark.reliability import Distribution
     from ..benchmark.variation import Variation
     from ..conformance.finding import Finding
     from ..documents.evaluation import Evaluation
@@ -40,8 +33,9 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     from ..documents.verification import Verification
     from ..pairing.runs import CaseRun
     from ..search.candidates import Range, Trial
+    from ..study.declaration import Study
+    from ..study.dry_run import Plan
     from ..study.engine import Engine, OnEvent
-    from ..study.evaluate import Options
     from ..study.requests import Event, OnResult
     from .linear_loop import LinearLoop
     from .linear_model import LinearModel
@@ -50,6 +44,8 @@ if TYPE_CHECKING:  # each use case is loaded when it is first used: all of them 
     OnSeed = Callable[[int, Evaluation], None]
     OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
     OnTrial = Callable[[Trial, int, int], None]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -123,56 +119,64 @@ class Benchmark(Testbed, Shown):
         return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0])
 
     @entered
-    def evaluate(
+    def run(
         self,
+        study: Study[T],
         controller: Given = None,
         *,
-        only: Sequence[str] | str = (),
         folder: str | Path | None = None,
-        recordings: bool = True,
-        keep_going: bool = False,
-        force: bool = False,
         on_result: OnResult | None = None,
-    ) -> Evaluation:
-        """Run the protocol.
+        on_event: OnEvent | None = None,
+    ) -> T:
+        """Run a study under these conditions, and give its document.
 
         Parameters
         ----------
+        study : Study
+            With its options, such as ``ReliabilityStudy(probability=0.001)``.
         controller : Controller or path, optional
             By default the paper's PID.
-        only : str or sequence of str
-            Patterns with ``*`` and ``?``; only cases whose name matches one are run.
         folder : path, optional
-            Where finished cases are stored as they come and found again, so that an interrupted evaluation goes on;
-            the evaluation is saved there, too. By default nothing is written.
-        recordings : bool
-            Whether the cases that a report shows are simulated once more and recorded.
-        keep_going : bool
-            Whether to run on after three failures or two timeouts of one kind, and to run again what failed before.
-        force : bool
-            Whether to run again what an earlier run has finished.
+            Where finished simulations are stored as they come and found again, so that an interrupted study goes on;
+            the document is saved there, too. By default nothing is written.
         on_result : callable, optional
             ``on_result(result, done, total)`` is called for each case.
-
-        Returns
-        -------
-        Evaluation
+        on_event : callable, optional
+            ``on_event(event)`` is called for each event of the study, such as a finished stage of a search.
 
         Raises
         ------
         InputError
-            If controller, patterns or folder cannot be used.
-        FmuError
-            If the controller refuses its first sample.
+            If controller, protocol, options or folder cannot be used.
+        FmuError, Crash
+            If the controller refuses, or does not survive, its first sample.
         EnvironmentFault
-            If this machine or the cluster fails; what is finished is kept in ``folder``.
+            If this machine or the cluster fails, or a package is missing; what is finished is kept in ``folder``.
         """
-        from ..study.evaluate import evaluate
+        place = None if study.on_this_machine or folder is None else Path(folder)
+        engine = self.engine(place, on_result, on_event, study.on_this_machine)
+        return engine.run(study.ask(self, Controller.of(controller), place))
 
-        study = evaluate(
-            self, Controller.of(controller), only=only, recordings=recordings, keep_going=keep_going, force=force
-        )
-        return self.engine(folder, on_result).run(study)
+    @entered
+    def plan(self, study: Study[Any], controller: Given = None, *, folder: str | Path | None = None) -> Plan:
+        """What :meth:`run` would simulate, and how long that would take. Nothing is written."""
+        place = None if study.on_this_machine or folder is None else Path(folder)
+        engine = self.engine(place, here=study.on_this_machine)
+        return engine.plan(study.ask(self, Controller.of(controller), place))
+
+    @entered
+    def evaluate(
+        self,
+        controller: Given = None,
+        *,
+        folder: str | Path | None = None,
+        on_result: OnResult | None = None,
+        **options: Any,
+    ) -> Evaluation:
+        """:meth:`run` the protocol once; the options are those of an :class:`.EvaluationStudy`."""
+        from ..study.evaluate import EvaluationStudy
+
+        return self.run(EvaluationStudy(**options), controller, folder=folder, on_result=on_result)
 
     @entered
     def spread(
@@ -183,163 +187,51 @@ class Benchmark(Testbed, Shown):
         folder: str | Path | None = None,
         on_seed: OnSeed | None = None,
         on_result: OnResult | None = None,
-        **options: Unpack[Options],
+        **options: Any,
     ) -> Spread:
-        """Run the protocol once with each of ``seeds``, whatever ``seed`` is: mean and standard deviation of V and of
-        each criterion, and for how many seeds each requirement holds.
+        """:meth:`run` the protocol once with each of ``seeds``, whatever ``seed`` is, as a :class:`.SpreadStudy`.
 
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID.
-        seeds : iterable of int
-            Base seeds, by default 0 to 9.
-        folder : path, optional
-            Each seed is evaluated in its own folder ``seed-N`` in it, as by :meth:`evaluate`; the spread over those
-            that are finished is saved there after each.
-        on_seed : callable, optional
-            ``on_seed(seed, evaluation)`` is called after each seed.
-        on_result : callable, optional
-            As in :meth:`evaluate`.
-        **options
-            ``only``, ``recordings``, ``keep_going`` and ``force`` of :meth:`evaluate`.
-
-        Returns
-        -------
-        Spread
-
-        Raises
-        ------
-        InputError, FmuError, EnvironmentFault
-            As :meth:`evaluate`, or for no seed at all.
+        The options are those of :meth:`evaluate`. Each seed is evaluated in its own folder ``seed-N`` in ``folder``;
+        ``on_seed(seed, evaluation)`` is called after each.
         """
-        from ..study.evaluate import spread
+        from ..study.evaluate import EvaluationStudy, SpreadStudy
         from ..study.requests import SeedDone
 
-        return self.engine(folder, on_result, _told(SeedDone, on_seed)).run(
-            spread(self, Controller.of(controller), seeds, **options)
-        )
+        study = SpreadStudy(seeds, EvaluationStudy(**options))
+        return self.run(study, controller, folder=folder, on_result=on_result, on_event=_told(SeedDone, on_seed))
 
     @entered
     def robustness(
         self,
         controller: Given = None,
         *,
-        budget: int = BUDGET,
-        minutes: float = math.inf,
-        protocol: str | Path = "strict",
-        only: Sequence[str] = (),
-        from_list: bool = True,
-        restarts: int = 1,
         folder: str | Path | None = None,
-        recordings: bool = True,
         on_progress: OnProgress | None = None,
+        **options: Any,
     ) -> Robustness:
-        """Search for the worst case: is there an arm within the tolerances for which the controller fails, and which?
+        """:meth:`run` a search for the worst case; the options are those of a :class:`.RobustnessStudy`.
 
-        Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still
-        have one.
-
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID.
-        budget : int
-            Simulated time that is not exceeded, in whole cases: a short simulation costs its share of the longest
-            test's 26 s. What is simulated until 60 s in doubt about its verdict does not cost more. Each stage has its
-            share; ``Robustness.cut_short`` names those that wanted more.
-        minutes : float
-            Time after which what was found is confirmed, and margins and radius are left out.
-        protocol : str or path
-            A protocol that draws nothing; its cases are the list that the search begins with.
-        only : sequence of str
-            What to search for, of ``"B5"``, ``"B6"``, ``"B7"`` and the tests of A1 and A2 such as ``"delay_2"``; by
-            default everything.
-        from_list : bool
-            Whether to begin with it, or with the nominal system alone.
-        restarts : int
-            Independent starts of the search for V, which share its budget; ``Robustness.starts`` holds what each found.
-        folder : path, optional
-            Where finished simulations are stored as they come and found again; the answer is saved there, too.
-        recordings : bool
-            Whether the worst cases, and the nominal arm beside them, are simulated once more and recorded in ``folder``
-            for its report: up to twelve simulations beside the budget.
-        on_progress : callable, optional
-            ``on_progress(stage, simulations, spent, cost, worst)`` is called after each stage and round.
-
-        Returns
-        -------
-        Robustness
-
-        Raises
-        ------
-        InputError
-            If controller, protocol or folder cannot be used, or the budget is too small for the list.
-        FmuError
-            If the controller refuses its first sample.
-        Crash
-            If it hangs, or ends its process, in its first sample.
-        EnvironmentFault
-            If this machine or the cluster fails; what is finished is kept in ``folder``.
+        ``on_progress(stage, simulations, spent, cost, worst)`` is called after each stage and round.
         """
         from ..study.requests import StageDone
-        from ..study.worst_case import answer_of, worst_case
+        from ..study.worst_case import RobustnessStudy
 
-        own = recordings and folder is not None
-        study = answer_of(
-            worst_case(self, Controller.of(controller), budget, minutes, protocol, only, from_list, restarts, own)
-        )
-        return self.engine(folder, None, _told(StageDone, on_progress)).run(study)
+        study = RobustnessStudy(**options)
+        return self.run(study, controller, folder=folder, on_event=_told(StageDone, on_progress))
 
     @entered
     def reliability(
         self,
         controller: Given = None,
         *,
-        draws: int | None = None,
-        probability: float = 0.01,
-        confidence: float = 0.99,
-        distribution: Distribution = "box",
         folder: str | Path | None = None,
         on_result: OnResult | None = None,
+        **options: Any,
     ) -> Reliability:
-        """How likely a failure is at most: independent draws of arm, pose, direction of the force, sweep and noise.
+        """:meth:`run` a sample of independent draws; the options are those of a :class:`.ReliabilityStudy`."""
+        from ..study.reliability import ReliabilityStudy
 
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID.
-        draws : int, optional
-            By default as many as bound the probability of failure by ``probability`` if none fails. Draw k depends on
-            k, the seed and the distribution alone.
-        probability, confidence : float
-            Of the bounds of the criteria; the confidence also of those of the probabilities of failure.
-        distribution : "box" or "corners"
-            Of the uncertain parameters: uniform within Table 1, or each at one of its two ends.
-        folder : path, optional
-            Where finished simulations are stored as they come and found again; the answer is saved there, too.
-        on_result : callable, optional
-            ``on_result(result, done, total)`` is called for each case.
-
-        Returns
-        -------
-        Reliability
-
-        Raises
-        ------
-        InputError
-            If controller, numbers, protocol or folder cannot be used.
-        FmuError, Crash
-            If the controller refuses, or does not survive, its first sample.
-        EnvironmentFault
-            If this machine or the cluster fails; what is finished is kept in ``folder``.
-        """
-        from ..benchmark.reliability import draws_needed
-        from ..study.reliability import reliability
-
-        count = draws_needed(probability, confidence) if draws is None else draws
-        study = reliability(self, Controller.of(controller), count, probability, confidence, distribution)
-        return self.engine(folder, on_result).run(study)
+        return self.run(ReliabilityStudy(**options), controller, folder=folder, on_result=on_result)
 
     @entered
     def tune(
@@ -347,76 +239,21 @@ class Benchmark(Testbed, Shown):
         controller: Given = None,
         vary: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]] | None = None,
         *,
-        trials: int = 200,
-        objective: str | Path = "tuning",
-        strict: str | Path = "strict",
-        robust: int = 0,
-        sampler: str = "cmaes",
-        search_seed: int = 1,
         folder: str | Path | None = None,
         on_trial: OnTrial | None = None,
+        **options: Any,
     ) -> Tuning:
-        """Search for parameters of a controller that make V small while A1 to A3 hold.
+        """:meth:`run` a search for parameters: ``{"K_p[1]": (20, 80, "log"), "z_p[1]": (0.8, 0.99)}``.
 
-        Candidates are tried in a short protocol, and the best of them in this benchmark's own one, again and again:
-        what fails there is added to the short one. It needs the packages Optuna and cmaes (the extra ``tuning``).
-
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID. The search begins at its values.
-        vary : mapping
-            Ranges by parameter name, in the FMU's units: ``{"K_p[1]": (20, 80, "log"), "z_p[1]": (0.8, 0.99)}``.
-        trials : int
-            Candidates.
-        objective : str or path
-            The short protocol. V counts, and 4 for each factor e by which a limit cycle exceeds what A3 allows.
-        strict : str or path
-            The protocol whose list the best candidate is tried on, and a search for the worst case begins with.
-        robust : int
-            Budget, in whole cases, of a search for the worst case of each candidate that holds the whole protocol, as
-            :meth:`robustness` makes it; what it finds is added to the objective, too. None by default.
-        sampler : str
-            Of Optuna: ``"cmaes"``, ``"tpe"`` or ``"random"``.
-        search_seed : int
-            Seed of the sampler.
-        folder : path, optional
-            Where finished simulations are stored as they come and found again: the same call goes on with an
-            interrupted search, and comes to the same answer. Answer, parameters (``best.toml``), Optuna's study, and
-            the evaluations of the best candidate are saved there, too.
-        on_trial : callable, optional
-            ``on_trial(trial, done, total)`` is called for each candidate.
-
-        Returns
-        -------
-        Tuning
-
-        Raises
-        ------
-        InputError
-            If controller, ranges, protocol or folder cannot be used.
-        FmuError, Crash
-            If the controller refuses, or does not survive, its first sample at the values that the search begins with.
-        EnvironmentFault
-            If Optuna is missing, or this machine or the cluster fails; what is finished is kept in ``folder``.
+        The options are those of a :class:`.TuningStudy`. The search begins at the controller's values;
+        ``on_trial(trial, done, total)`` is called for each candidate. Beside the document, parameters (``best.toml``),
+        Optuna's study, and the evaluations of the best candidate are saved in ``folder``.
         """
-        from ..search.proposals import STUDY
         from ..study.requests import TrialDone
-        from ..study.tune import tune
+        from ..study.tune import TuningStudy
 
-        study = tune(
-            self,
-            Controller.of(controller),
-            vary or {},
-            objective,
-            strict,
-            trials,
-            robust,
-            sampler,
-            search_seed,
-            None if folder is None else Path(folder) / STUDY,
-        )
-        return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
+        study = TuningStudy(vary or {}, **options)
+        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
 
     @entered
     def sweep(
@@ -424,100 +261,31 @@ class Benchmark(Testbed, Shown):
         controller: Given = None,
         values: Mapping[str, Sequence[float]] | None = None,
         *,
-        objective: str | Path = "tuning",
         folder: str | Path | None = None,
         on_trial: OnTrial | None = None,
+        **options: Any,
     ) -> Sweep:
-        """V and stability over a grid of parameter values: every combination of them.
+        """:meth:`run` a grid of parameter values: ``{"K_p[1]": [20, 40, 80], "z_p[1]": [0.8, 0.9]}``.
 
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID.
-        values : mapping
-            Values by parameter name, in the FMU's units: ``{"K_p[1]": [20, 40, 80], "z_p[1]": [0.8, 0.9]}``.
-        objective : str or path
-            The protocol that they are tried in, with this benchmark's seed.
-        folder : path, optional
-            Where finished simulations are stored as they come and found again; the answer is saved there, too.
-        on_trial : callable, optional
-            ``on_trial(trial, done, total)`` is called for each combination.
-
-        Returns
-        -------
-        Sweep
-
-        Raises
-        ------
-        InputError
-            If controller, values, protocol or folder cannot be used.
-        FmuError, Crash
-            If the controller refuses, or does not survive, its first sample at its own values.
-        EnvironmentFault
-            If this machine or the cluster fails; what is finished is kept in ``folder``.
+        The options are those of a :class:`.SweepStudy`; ``on_trial(trial, done, total)`` is called for each
+        combination.
         """
         from ..study.requests import TrialDone
-        from ..study.sweep import sweep
+        from ..study.sweep import SweepStudy
 
-        study = sweep(replace(self, protocol=objective), Controller.of(controller), values or {})
-        return self.engine(folder, None, _told(TrialDone, on_trial)).run(study)
+        study = SweepStudy(values or {}, **options)
+        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
 
     @entered
-    def verify(
-        self,
-        controller: Given = None,
-        *,
-        draws: Entropy | None = None,
-        count: int = 3,
-        strict: bool = True,
-        beside: Sequence[str] = USUAL,
-        protocol: str | Path = "verification",
-        on_result: OnResult | None = None,
-    ) -> Verification:
-        """Evaluate where the controller can reach neither judge nor draws: the result one can trust.
+    def verify(self, controller: Given = None, *, on_result: OnResult | None = None, **options: Any) -> Verification:
+        """:meth:`run` a verification; the options are those of a :class:`.VerificationStudy`.
 
-        The controller runs in a new process for each simulation, in the sandbox where there is one; plant, noise and
-        judge are in a process that never loads it. The draws are made after its FMU has been read. It runs on this
-        machine, and nothing is written.
-
-        Parameters
-        ----------
-        controller : Controller or path, optional
-            By default the paper's PID.
-        draws : Entropy, optional
-            What the draws follow from: :func:`~orchestrator.benchmark.draws.from_beacon` gives the bits of a public
-            beacon; fresh ones of this machine by default.
-        count : int
-            Number of draws.
-        strict : bool
-            Whether to run the worst poses of the protocol ``strict`` as well, moved by the first draw.
-        beside : sequence of str
-            The references, out of ``"DiagonalPID"``, ``"TunedPID"``, ``"DitheredLQG"``, ``"ManipulatorLQG"``.
-        protocol : str or path
-            What is run once per draw.
-        on_result : callable, optional
-            ``on_result(result, done, total)`` is called for each case, those of the references included.
-
-        Returns
-        -------
-        Verification
-            The certificate: mean and spread over the draws beside those of the references, and what repeats it.
-
-        Raises
-        ------
-        InputError
-            If the controller cannot be used, a reference is unknown, or there is no sandbox though one was asked for.
-        FmuError
-            If the controller refuses its first sample.
-        EnvironmentFault
-            If this machine fails.
+        The document is the certificate: mean and spread over the draws beside those of the references, and what
+        repeats it.
         """
-        from ..study.engine import can_fence
-        from ..study.verify import verify
+        from ..study.verify import VerificationStudy
 
-        same, sandboxed = replace(self, protocol=protocol), self.sandbox or can_fence()
-        study = verify(same, Controller.of(controller), draws, count, strict, tuple(beside), sandboxed)
-        return self.engine(None, on_result, here=True).run(study)
+        return self.run(VerificationStudy(**options), controller, on_result=on_result)
 
     @entered
     def repeat(
@@ -528,11 +296,10 @@ class Benchmark(Testbed, Shown):
         :func:`~orchestrator.documents.verification.differences` compares the two. Raises :class:`InputError` if the FMU
         is another one, and what :meth:`verify` raises.
         """
-        from ..study.engine import can_fence
         from ..study.verify import repeat
 
-        file, sandboxed = None if controller is None else Path(controller), self.sandbox or can_fence()
-        return self.engine(None, on_result, here=True).run(repeat(self, certificate, file, sandboxed))
+        file = None if controller is None else Path(controller)
+        return self.engine(None, on_result, here=True).run(repeat(self, certificate, file))
 
     @entered
     def simulate(self, controller: Given = None, case: Case | str = "c07.compliant.disturbance") -> Simulation:

@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 import msgspec
 
 from ..codec import Finite, Natural, NonNegative, Struct
-from ..errors import InputError
 
 Probability = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
@@ -57,19 +56,9 @@ def probability_bound(failures: int, draws: int, confidence: float) -> float:
     return 1.0 if failures >= draws else float(beta.ppf(confidence, failures + 1, draws - failures))
 
 
-def check_probabilities(probability: float, confidence: float) -> None:
-    """Raise :class:`InputError` unless both lie between 0 and 1, where a finite number of draws says something."""
-    for name, value in (("probability", probability), ("confidence", confidence)):
-        if not 0.0 < value < 1.0:
-            raise InputError(f"The {name} must lie between 0 and 1, not {value:g}.", "bad-number", name, value)
-
-
 def draws_needed(probability: float, confidence: float, failures: int = 0) -> int:
-    """The smallest number of draws with so many failures that bounds the probability of failure by ``probability``.
-
-    Raises :class:`InputError` for a probability or a confidence that no number of draws gives.
-    """
-    check_probabilities(probability, confidence)
+    """The smallest number of draws with so many failures that bounds the probability of failure by ``probability``;
+    both lie between 0 and 1."""
     low, high = failures, max(1, failures)
     while probability_bound(failures, high, confidence) > probability:
         low, high = high, 2 * high

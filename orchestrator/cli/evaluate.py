@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..api.benchmark import Benchmark
 from ..documents.evaluation import Evaluation
@@ -13,12 +14,13 @@ from ..documents.files import CASES, REPORT, TRAJECTORIES, seed_folder
 from ..documents.spread import Spread
 from ..errors import InputError
 from ..pairing.controller import Controller
-from ..study.evaluate import Options, evaluate, spread
-from ..study.requests import Event, SeedDone, Study
+from ..study.declaration import Study
+from ..study.evaluate import EvaluationStudy, SpreadStudy
+from ..study.requests import Event, SeedDone
 from ..views.units import number
 from . import outputs
 from .output import tell_written
-from .study import StudyCommand
+from .study import StudyCommand, study_of
 from .values import Parser
 
 EXAMPLES = """examples:
@@ -48,20 +50,7 @@ def _options(parser: Parser) -> None:
         default=argparse.SUPPRESS,
         help="the same as --protocol quick",
     )
-    parser.add_argument(
-        "--only",
-        action="append",
-        default=[],
-        metavar="PATTERN",
-        help="only cases whose name matches, with * and ?; may be given again",
-    )
     parser.add_argument("--list", action="store_true", help="print the names of the protocol's cases, and run nothing")
-    parser.add_argument("--force", action="store_true", help="run again what an earlier run has finished")
-    parser.add_argument(
-        "--keep-going",
-        action="store_true",
-        help="do not give up after three failures of one kind, or two timeouts, and run again what failed before",
-    )
     outputs.add_options(parser)
 
 
@@ -71,16 +60,9 @@ def _check(given: argparse.Namespace) -> None:
         raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 
-def _study(
-    bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path
-) -> Study[Evaluation] | Study[Spread]:
-    shared: Options = {
-        "only": given.only,
-        "recordings": outputs.need_recordings(given),
-        "keep_going": given.keep_going,
-        "force": given.force,
-    }
-    return spread(bench, controller, given.seeds, **shared) if given.seeds else evaluate(bench, controller, **shared)
+def _study(given: argparse.Namespace) -> EvaluationStudy | SpreadStudy:
+    one = study_of(EvaluationStudy, given, recordings=outputs.need_recordings(given))
+    return SpreadStudy(given.seeds, one) if given.seeds else one
 
 
 def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
@@ -104,22 +86,23 @@ def _files(found: Evaluation | Spread, folder: Path, given: argparse.Namespace) 
 class EvaluateCommand(StudyCommand):
     """The command ``evaluate``; it can also list the cases."""
 
-    def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
+    def run(
+        self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path, study: Study[Any]
+    ) -> int:
         """See :meth:`.StudyCommand.run`."""
         if given.list:
             print("\n".join(case.id for case in bench.cases))
             return 0
-        return super().run(bench, controller, given, folder)
+        return super().run(bench, controller, given, folder, study)
 
 
 main = EvaluateCommand(
-    name="evaluate",
-    help="Evaluate a controller FMU on the flexible-manipulator benchmark.",
-    examples=EXAMPLES,
-    study=_study,
+    EvaluationStudy,
+    "Evaluate a controller FMU on the flexible-manipulator benchmark.",
+    EXAMPLES,
     options=_options,
+    study=_study,
     check=_check,
-    suffix=lambda given: "-seeds" if given.seeds else "",
     several_seeds=True,
     on_event=_on_event,
     files=_files,

@@ -45,6 +45,7 @@ REMEDIES = {
     "small-budget": "Give a larger one (--budget, or --robust of tune), or --no-list.",
     "no-optuna": "It is needed for tuning only.",
     "no-pyarrow": "It is needed for --parquet only.",
+    "no-sample": "Draw one first, without --more.",
     "no-run": "Give the folder of a run, such as runs/DiagonalPID-paper.",
     "unstable-system": "Or take it as it is: --unstable.",
     "standstill": "--timeout shortens this.",
@@ -112,8 +113,12 @@ class _Notes(logging.Handler):
         print(f"{prefix}{message}" + (f" ({advice})" if advice else ""), file=sys.stderr)
 
 
-def run(module: str, arguments: Sequence[str] | None = None) -> int:
-    """Run ``main`` of a module of this package, guarded: what ``python -m`` and the console command call.
+STUDIES = ("robustness", "reliability", "tune", "sweep")
+"""Commands without a module of their own."""
+
+
+def run(name: str, arguments: Sequence[str] | None = None) -> int:
+    """Run a command, guarded: what ``python -m`` and the console command call.
 
     A Ctrl-C during the imports, which take a second, leads to no traceback either.
     """
@@ -121,8 +126,11 @@ def run(module: str, arguments: Sequence[str] | None = None) -> int:
     try:
         from importlib import import_module
 
-        room = import_module(f".{module}", __package__)
-        command = getattr(room, "clean", room.main)
+        if name in STUDIES:
+            command = import_module(".studies", __package__).COMMANDS[name].main
+        else:
+            room = import_module(f".{name}", __package__)
+            command = getattr(room, "clean", room.main)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

@@ -89,7 +89,7 @@ def _parser() -> Parser:
     group = parser.add_argument_group(STATE_SPACE)
     group.add_argument(
         "--sample-time",
-        type=number(positive=True),
+        type=number(above=0.0),
         metavar="SECONDS",
         dest="T_s",
         help="the sample time, where the file has none, or that to sample a continuous controller with",

@@ -124,7 +124,7 @@ def add_controller(
     )
     parser.add_argument(
         "--timeout",
-        type=number(most=MOST, positive=True),
+        type=number(most=MOST, above=0.0),
         default=60.0,
         metavar="SECONDS",
         help="processor time limit of a simulation of 26 s, and of each step of the check; shorter simulations get a "
@@ -133,7 +133,7 @@ def add_controller(
     )
     parser.add_argument(
         "--memory-limit",
-        type=number(most=MOST, positive=True),
+        type=number(most=MOST, above=0.0),
         default=2048.0,
         metavar="MB",
         help="memory that a simulation's process may use (default: 2048)",
@@ -155,7 +155,7 @@ def add_cluster(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument(
         "--wait",
-        type=number(most=MOST, positive=True),
+        type=number(most=MOST, above=0.0),
         default=WAIT,
         metavar="SECONDS",
         help=f"how long to wait for a silent cluster, or one without workers (default: {WAIT:g})",

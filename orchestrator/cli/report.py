@@ -12,8 +12,9 @@ from ..documents.files import REPORT
 from ..documents.sweep import Sweep
 from ..errors import InputError
 from ..text import printable
-from . import output, outputs, sweep
+from . import output, outputs
 from .loading import Loaded, finished
+from .studies import sweep_files
 from .values import Parser
 
 EXAMPLES = """examples:
@@ -62,9 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _write(found: Loaded, folder: Path, without: bool) -> list[str]:
-    written = (
-        [] if without or not isinstance(found, Sweep) else list(sweep.write_files(found, folder, argparse.Namespace()))
-    )
+    written = [] if without or not isinstance(found, Sweep) else list(sweep_files(found, folder, argparse.Namespace()))
     if without:
         return written
     found.report(folder / REPORT, folder)

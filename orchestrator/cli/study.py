@@ -1,16 +1,17 @@
-"""What the commands of all studies share: options, the run or its plan, files, and the exit code."""
+"""The commands of all studies: their options, the run or its plan, files, and the exit code."""
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..api.benchmark import Benchmark
 from ..codec import to_json
@@ -18,42 +19,102 @@ from ..documents.document import Comparable, Document
 from ..documents.evaluation import Evaluation
 from ..documents.files import REPORT
 from ..pairing.controller import Controller
+from ..study.declaration import Option, Study, default
 from ..study.dry_run import Plan
-from ..study.requests import Event, Study
+from ..study.requests import Event
 from ..text import file_name, shortened
 from . import options, output
 from .guard import EXIT_CODES, EXIT_OK
 from .progress import progress
-from .values import Parser
+from .values import MOST, Parser, grid_values, natural, number, seeds, time, variation
 
 Found = Document | Evaluation
+Kind = TypeVar("Kind", bound=Study[Any])
 
 LONGEST_NAME = 60
 """Characters of parameters in a folder's name; more become a hash."""
 
 
+READERS: dict[str, Callable[[str], Any]] = {
+    "Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]": variation,
+    "Mapping[str, Sequence[float]]": grid_values,
+    "Iterable[int]": seeds,
+    "Sequence[Fraction | float | str]": lambda text: [time(each) for each in text.split(",")],
+}
+"""What reads a word of the command line, by the annotation of the field that it is for."""
+
+
+def add_fields(parser: argparse.ArgumentParser, study: type[Study[Any]]) -> None:
+    """Add an option for each field of ``study`` that the command asks for."""
+    groups: dict[str, argparse._ActionsContainer] = {"": parser}
+    for each in fields(study):
+        told = each.metadata["option"]
+        if not told.asked:
+            continue
+        if told.exclude not in groups:
+            groups[told.exclude] = parser.add_mutually_exclusive_group()
+        place, word = groups[told.exclude], (told.word or each.name).replace("_", "-")
+        kind, value = str(each.type), default(each)
+        if kind == "bool":
+            flag, action = (f"--no-{word}", "store_false") if value else (f"--{word}", "store_true")
+            place.add_argument(flag, dest=each.name, action=action, help=told.off or told.help)
+            continue
+        several = kind.startswith(("Mapping", "Sequence[str]"))
+        bare = several or value in (None, math.inf) or told.required
+        place.add_argument(
+            f"--{word}",
+            dest=each.name,
+            action="append" if several else "store",
+            default=[] if several else value,
+            type=_reader(kind, told),
+            choices=told.choices or None,
+            required=told.required,
+            metavar=told.metavar or None,
+            help=told.help + ("; may be given again" if several else "") + ("" if bare else f" (default: {value})"),
+        )
+
+
+def _reader(kind: str, told: Option) -> Callable[[str], Any]:
+    if kind in READERS:
+        return READERS[kind]
+    if kind.startswith("int"):
+        return natural(int(told.least or 0))
+    if kind == "float":
+        return number(most=MOST, above=told.above, below=told.below)
+    return str
+
+
+def study_of(kind: type[Kind], given: argparse.Namespace, **rest: Any) -> Kind:
+    """The study that the options of the command describe; ``rest`` are fields that it does not ask for."""
+    values = dict(rest)
+    for each in fields(kind):
+        if each.metadata["option"].asked:
+            value = getattr(given, each.name)
+            values[each.name] = options.varied(value) if str(each.type).startswith("Mapping") else value
+    if kind.protocol_option:
+        values[kind.protocol_option] = given.protocol
+    if "recordings" in {each.name for each in fields(kind)}:
+        values.setdefault("recordings", not given.no_report)
+    return kind(**values)
+
+
 @dataclass(frozen=True)
 class StudyCommand:
-    """A command that runs a study and shows its document.
+    """A command that runs a study of a ``kind`` and shows its document.
 
-    ``options`` adds the options that are its own; ``study`` makes the study of what was given, ``check`` looks for what
-    contradicts itself before. Its results stand in a folder named after controller and protocol, with a ``suffix``.
-    ``protocol`` is the default. ``tell`` puts events into words; without it there is a progress bar. ``files`` writes
-    what belongs to the document beside it and the report, and gives the names. ``here`` runs on this machine alone, and
-    neither takes simulations from the folder nor keeps any there. ``program`` is how it is started, if not by
-    ``python -m``.
+    ``options`` adds what the study itself does not have; ``study`` makes the study of what was given, ``check`` looks
+    for what contradicts itself before. ``tell`` puts events into words; without it there is a progress bar. ``files``
+    writes what belongs to the document beside it and the report, and gives the names. ``program`` is how it is started,
+    if not by ``python -m``.
     """
 
-    name: str
+    kind: type[Study[Any]]
     help: str
-    examples: str
-    study: Callable[[Benchmark, Controller, argparse.Namespace, Path], Study[Any]]
+    examples: str = ""
     options: Callable[[Parser], None] = lambda parser: None
+    study: Callable[[argparse.Namespace], Study[Any]] | None = None
     check: Callable[[argparse.Namespace], None] = lambda given: None
-    suffix: Callable[[argparse.Namespace], str] = lambda given: ""
-    protocol: str = "paper"
     several_seeds: bool = False
-    here: bool = False
     tell: Callable[[], Callable[[Event], str]] | None = None
     on_event: Callable[[argparse.Namespace, Path, Event], None] = lambda given, folder, event: None
     files: Callable[[Any, Path, argparse.Namespace], Sequence[str]] = lambda found, folder, given: ()
@@ -62,14 +123,17 @@ class StudyCommand:
 
     def parser(self) -> Parser:
         """The parser of its options."""
-        parser = Parser(self.name, self.help, f"{self.examples}\n{EXIT_CODES}", self.program)
+        kind = self.kind
+        protocols = [default(each) for each in fields(kind) if each.name == kind.protocol_option]
+        parser = Parser(kind.command, self.help, f"{self.examples}\n{EXIT_CODES}", self.program)
         options.add_controller(parser)
-        options.add_protocol(parser, self.several_seeds, self.protocol)
+        options.add_protocol(parser, self.several_seeds, *protocols)
+        add_fields(parser, kind)
         self.options(parser)
         options.add_jobs(parser)
-        if not self.here:
+        if not kind.on_this_machine:
             options.add_cluster(parser)
-        place = f"runs/CONTROLLER-PROTOCOL{self.suffix(argparse.Namespace(seeds=None))}"
+        place = f"runs/CONTROLLER-PROTOCOL{kind.suffix}"
         parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help=f"where to write (default: {place})")
         if self.report:
             parser.add_argument("--no-report", action="store_true", help="write no report.html")
@@ -85,16 +149,17 @@ class StudyCommand:
         self.check(given)
         command = f"{self.parser().prog} {shlex.join(words)}".strip()
         bench, controller = replace(options.benchmark(given), command=command), options.controller(given)
-        folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given)}{self.suffix(given)}"
-        return self.run(bench, controller, given, folder)
+        study = study_of(self.kind, given) if self.study is None else self.study(given)
+        folder = given.output_dir or Path("runs") / f"{folder_name(bench, controller, given)}{study.suffix}"
+        return self.run(bench, controller, given, folder, study)
 
-    def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
+    def run(
+        self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path, study: Study[Any]
+    ) -> int:
         """Run the study, print its document, and write its files into ``folder``."""
         options.announce(bench, controller)
-        study = self.study(bench, controller, given, folder)
-        store = None if self.here else folder
         if given.dry_run:
-            return show_plan(bench.engine(store, here=self.here).plan(study), given.json)
+            return show_plan(bench.plan(study, controller, folder=folder), given.json)
         say = None if self.tell is None else self.tell()
 
         def on_event(event: Event) -> None:
@@ -102,8 +167,9 @@ class StudyCommand:
                 print(say(event), file=sys.stderr)
             self.on_event(given, folder, event)
 
-        with progress(None if self.here else bench.rules) if say is None else nullcontext() as on_result:
-            found = bench.engine(store, on_result, on_event, here=self.here).run(study)
+        rules = None if study.on_this_machine else bench.rules
+        with progress(rules) if say is None else nullcontext() as on_result:
+            found = bench.run(study, controller, folder=folder, on_result=on_result, on_event=on_event)
         written = [*self.files(found, folder, given), *self._report(found, folder, given)]
         name = found.results.FILE if isinstance(found, Evaluation) else found.FILE
         output.tell_written(folder, [name, *written])

@@ -140,9 +140,14 @@ def seeds(text: str) -> tuple[int, ...]:
 
 
 def number(
-    least: float = -math.inf, infinite: bool = False, most: float = math.inf, positive: bool = False
+    least: float = -math.inf,
+    infinite: bool = False,
+    most: float = math.inf,
+    above: float | None = None,
+    below: float | None = None,
 ) -> Callable[[str], float]:
-    """The type of an option: a finite number (or ``infinite``, too) from ``least`` to ``most``."""
+    """The type of an option: a finite number (or ``infinite``, too) from ``least`` to ``most``, ``above`` and ``below``
+    what is given."""
 
     def parse(text: str) -> float:
         try:
@@ -151,8 +156,12 @@ def number(
             value = math.nan
         if math.isnan(value) or (math.isinf(value) and not infinite):
             raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
-        if value < least or (positive and value <= 0):
-            raise argparse.ArgumentTypeError(f"{text} is not above 0" if positive else f"{text} is below {least:g}")
+        if above is not None and value <= above:
+            raise argparse.ArgumentTypeError(f"{text} is not above {above:g}")
+        if below is not None and value >= below:
+            raise argparse.ArgumentTypeError(f"{text} is not below {below:g}")
+        if value < least:
+            raise argparse.ArgumentTypeError(f"{text} is below {least:g}")
         if value > most:
             raise argparse.ArgumentTypeError(f"{text} is above {most:g}")
         return value

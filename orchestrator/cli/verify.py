@@ -6,29 +6,30 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..api.benchmark import Benchmark
 from ..benchmark.draws import from_beacon
 from ..bounded import read
 from ..documents.files import prepare_folder, write_bytes
-from ..documents.standard import USUAL
+from ..documents.standard import PROTOCOL, USUAL
 from ..documents.verification import Verification, differences
 from ..errors import InputError
 from ..execution.interpreter import is_clean, run_clean
 from ..pairing.controller import Controller
 from ..pairing.reference import IN_C
-from ..study.engine import can_fence
-from ..study.requests import CaseChecked, Event, Study
-from ..study.verify import verify
+from ..study.declaration import Study
+from ..study.requests import CaseChecked, Event
+from ..study.verify import VerificationStudy
 from ..text import printable
 from . import output
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_NOT_STANDARD, EXIT_OK
 from .output import free
 from .progress import progress
-from .study import StudyCommand
+from .study import StudyCommand, study_of
 from .values import Parser
 
-FRESH, ALL, PROTOCOL, DRAWS = "fresh", "all", "verification", 3
+FRESH, ALL = "fresh", "all"
 
 LARGEST = 4096
 """Bytes that the JSON of a round of drand may have."""
@@ -59,12 +60,6 @@ def _options(parser: Parser) -> None:
         help="when the controller or its SHA-256 was published, such as 2027-01-31T12:00:00Z: the round must be later",
     )
     parser.add_argument(
-        "--no-strict",
-        dest="strict",
-        action="store_false",
-        help="leave out the worst poses of the protocol strict, which are 108 of 318 simulations per controller",
-    )
-    parser.add_argument(
         "--beside",
         nargs="+",
         choices=(*IN_C, ALL),
@@ -78,12 +73,10 @@ def _options(parser: Parser) -> None:
     )
 
 
-def _study(bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> Study[Verification]:
-    if not given.dry_run:
-        prepare_folder(folder)
+def _study(given: argparse.Namespace) -> Study[Verification]:
     draws = None if given.draws == FRESH else from_beacon(_round(given.draws), given.published or "")
     beside = tuple(IN_C) if ALL in given.beside else tuple(given.beside)
-    return verify(bench, controller, draws, DRAWS, given.strict, beside, bench.sandbox or can_fence())
+    return study_of(VerificationStudy, given, draws=draws, beside=beside)
 
 
 def _check(given: argparse.Namespace) -> None:
@@ -115,12 +108,18 @@ def _round(draws: str) -> str:
 class VerifyCommand(StudyCommand):
     """The command ``verify``; it can also repeat a certificate."""
 
-    def run(self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path) -> int:
+    def run(
+        self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path, study: Study[Any]
+    ) -> int:
         """See :meth:`.StudyCommand.run`."""
         if given.repeat:
             return _repeat(bench, given)
-        # A certificate with fresh draws cannot be made again: none is overwritten.
-        return super().run(bench, controller, given, folder if given.output_dir else free(folder))
+        if not given.output_dir:
+            # A certificate with fresh draws cannot be made again: none is overwritten.
+            folder = free(folder if given.protocol == PROTOCOL else folder.with_name(f"{folder.name}-verification"))
+        if not given.dry_run:
+            prepare_folder(folder)
+        return super().run(bench, controller, given, folder, study)
 
 
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
@@ -158,15 +157,12 @@ def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
 
 
 COMMAND = VerifyCommand(
-    name="verify",
-    help="Verify a controller with draws that it cannot know, and write a certificate.",
-    examples=EXAMPLES,
-    study=_study,
+    VerificationStudy,
+    "Verify a controller with draws that it cannot know, and write a certificate.",
+    EXAMPLES,
     options=_options,
+    study=_study,
     check=_check,
-    suffix=lambda given: "" if getattr(given, "protocol", PROTOCOL) == PROTOCOL else "-verification",
-    protocol=PROTOCOL,
-    here=True,
     files=_files,
     on_event=_on_event,
     report=False,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import EnvironmentFault, InputError
+from ..errors import EnvironmentFault
 from .candidates import Range
 
 # Imports inside functions: Optuna is optional.
@@ -32,9 +32,6 @@ class Proposals:
     def __init__(
         self, vary: Mapping[str, Range], start: Mapping[str, float], sampler: str, seed: int, record: Path | None
     ) -> None:
-        if sampler not in SAMPLERS:
-            message = f"There is no sampler {sampler}. Choose from {', '.join(SAMPLERS)}."
-            raise InputError(message, "no-sampler", "", sampler, SAMPLERS)
         optuna = _optuna()
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         samplers = optuna.samplers

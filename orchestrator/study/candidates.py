@@ -13,7 +13,7 @@ from ..fmi.variables import variables
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
 from ..search.candidates import Trial, measured, trial
-from .requests import Study, side_by_side
+from .requests import Requests, side_by_side
 
 
 def attempt(
@@ -23,7 +23,7 @@ def attempt(
     cases: Sequence[Case],
     asked: Sequence[tuple[int, dict[str, float]]],
     worst: float = math.inf,
-) -> Study[list[Trial]]:
+) -> Requests[list[Trial]]:
     """Trials of numbered candidates, each with its pairing, in ``cases``, judged by the rules; those whose V alone
     exceeds ``worst`` are cut short."""
     performance, requirements = measured(cases)

@@ -20,7 +20,7 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from . import batch, rehearsal, stored
 from .batch import Execute
-from .requests import Batch, Entry, Instant, Now, Record, Rehearse, Request, Study
+from .requests import Batch, Entry, Instant, Now, Record, Rehearse, Request, Requests
 
 ENOUGH = 100_000
 """Simulations after which a study is not played any further."""
@@ -41,7 +41,7 @@ class Plan(Struct):
     workers: int
 
 
-def plan(study: Study[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
+def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
     """What ``study`` would do with what is stored in ``folder``; the first sample of one case is simulated, which
     refuses what the study would refuse, and one whole case to measure the time.
 

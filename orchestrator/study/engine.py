@@ -33,11 +33,12 @@ from .requests import (
     Event,
     Instant,
     Now,
+    Place,
     Record,
     Rehearse,
     Request,
+    Requests,
     Save,
-    Study,
     Tell,
     TimeSteps,
     Write,
@@ -79,11 +80,11 @@ class Engine:
     on_run: OnRun | None = None
     on_event: OnEvent | None = None
 
-    def plan(self, study: Study[Any]) -> Plan:
+    def plan(self, study: Requests[Any]) -> Plan:
         """What ``study`` would run, without running it; nothing is written."""
         return plan(study, self.execute, self.processes, self.folder)
 
-    def run(self, study: Study[T]) -> T:
+    def run(self, study: Requests[T]) -> T:
         """The document of ``study``. The folder is first touched when the study, which has checked its input by then,
         asks for something; what is finished is kept however this ends."""
         spent = _Spent()
@@ -120,6 +121,8 @@ class Engine:
             case Write(name, text):
                 if self.folder is not None:
                     remove(self.folder / name) if text is None else write_text(self.folder / name, text)
+            case Place(name):
+                return None if self.folder is None else self.folder / name
             case Now():
                 begin = datetime.now(timezone.utc).isoformat(timespec="seconds")
                 return Instant(

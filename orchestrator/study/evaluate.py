@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TypedDict
+from pathlib import Path
 
 from msgspec.structs import asdict
 
@@ -23,94 +23,92 @@ from ..pairing.controller import Controller
 from ..pairing.records import loop_delay
 from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
+from .declaration import Study, described, option
 from .heads import head
-from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Save, SeedDone, Study, Tell, TimeSteps
+from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Requests, Save, SeedDone, Tell, TimeSteps, inside
 from .selection import shown
 
 
-class Options(TypedDict, total=False):
-    """Options of an evaluation that hold for every seed."""
+@described
+@dataclass(frozen=True)
+class EvaluationStudy(Study[Evaluation]):
+    """A protocol, run once."""
 
-    only: Sequence[str] | str
-    recordings: bool
-    keep_going: bool
-    force: bool
+    command = "evaluate"
 
-
-def evaluate(
-    testbed: Testbed,
-    controller: Controller,
-    *,
-    only: Sequence[str] | str = (),
-    recordings: bool = True,
-    keep_going: bool = False,
-    force: bool = False,
-    inside: str = "",
-) -> Study[Evaluation]:
-    """See :meth:`.Benchmark.evaluate`; it is saved in the folder ``inside`` the study's."""
-    controller, pairing, sample_time, all_cases = testbed.prepared(controller)
-    cases, protocol = _chosen(all_cases, only), testbed.rules
-    begin = yield Now()
-    rehearsal = yield Rehearse(pairing, cases[0])
-    patience = None if keep_going else STRIKES
-    (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, force, rehearsal.failure),))
-    # Afterwards, since a controller that hangs early would take a time limit more.
-    is_timed = rehearsal.failure is None and not any(_hangs_early(run, sample_time) for run in runs)
-    computing_time = (yield TimeSteps(pairing, cases[0])) if is_timed else None
-    end = yield Now()
-    found = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
-    listed = tuple(run.result for run in runs)
-    results = Results(
-        schema=Results.SCHEMA,
-        head=found,
-        **asdict(score(found.rules, listed)),
-        cases=listed,
-        loop_delay=loop_delay(protocol, sample_time, rehearsal.timing),
+    only: Sequence[str] | str = option((), "only cases whose name matches, with * and ?", metavar="PATTERN")
+    recordings: bool = option(
+        True, "whether the cases that a report shows are simulated once more and recorded", asked=False
     )
-    evaluation = Evaluation(results)
-    yield Save(evaluation, inside)  # before the recordings: whatever happens now, the results are there
-    if recordings:
-        wanted = shown(protocol, testbed.nominal, testbed.seed, runs, results.scorecard)
-        evaluation = Evaluation(results, (yield Record(pairing, tuple(wanted))))
-        yield Save(evaluation, inside)
-    return evaluation
+    keep_going: bool = option(
+        False,
+        "do not give up after three failures of one kind, or two timeouts, and run again what failed before",
+    )
+    force: bool = option(False, "run again what an earlier run has finished")
 
-
-def spread(
-    testbed: Testbed,
-    controller: Controller,
-    seeds: Iterable[int],
-    *,
-    only: Sequence[str] | str = (),
-    recordings: bool = True,
-    keep_going: bool = False,
-    force: bool = False,
-    inside: str = "",
-) -> Study[Spread]:
-    """See :meth:`.Benchmark.spread`; each seed is evaluated in a folder of its own."""
-    wanted = tuple(dict.fromkeys(seeds))
-    if not wanted:
-        raise InputError("At least one seed is needed.", "bad-number")
-    found, begin = [], (yield Now())
-    controller, pairing, sample_time, _ = testbed.prepared(controller)
-    for seed in wanted:
-        own = f"{inside}/{seed_folder(seed)}" if inside else seed_folder(seed)
-        evaluation = yield from evaluate(
-            replace(testbed, seed=seed),
-            controller,
-            only=only,
-            recordings=recordings,
-            keep_going=keep_going,
-            force=force,
-            inside=own,
-        )
-        found.append(evaluation.results)
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Evaluation]:
+        """The requests of an evaluation: cases, and recordings of those that a report shows."""
+        controller, pairing, sample_time, all_cases = testbed.prepared(controller)
+        cases, protocol = _chosen(all_cases, self.only), testbed.rules
+        begin = yield Now()
+        rehearsal = yield Rehearse(pairing, cases[0])
+        patience = None if self.keep_going else STRIKES
+        (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, self.force, rehearsal.failure),))
+        # Afterwards, since a controller that hangs early would take a time limit more.
+        is_timed = rehearsal.failure is None and not any(_hangs_early(run, sample_time) for run in runs)
+        computing_time = (yield TimeSteps(pairing, cases[0])) if is_timed else None
         end = yield Now()
-        own_head = head(testbed, controller, pairing, sample_time, begin, end, several_seeds=True)
-        result = spread_of(wanted, found, own_head)
-        yield Save(result, inside)
-        yield Tell(SeedDone(seed, evaluation))
-    return result
+        found = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
+        listed = tuple(run.result for run in runs)
+        results = Results(
+            schema=Results.SCHEMA,
+            head=found,
+            **asdict(score(found.rules, listed)),
+            cases=listed,
+            loop_delay=loop_delay(protocol, sample_time, rehearsal.timing),
+        )
+        evaluation = Evaluation(results)
+        yield Save(evaluation)  # before the recordings: whatever happens now, the results are there
+        if self.recordings:
+            wanted = shown(protocol, testbed.nominal, testbed.seed, runs, results.scorecard)
+            evaluation = Evaluation(results, (yield Record(pairing, tuple(wanted))))
+            yield Save(evaluation)
+        return evaluation
+
+
+@described
+@dataclass(frozen=True)
+class SpreadStudy(Study[Spread]):
+    """A protocol, run once with each of several seeds: mean and standard deviation of V and of each criterion, and for
+    how many seeds each requirement holds."""
+
+    command = "evaluate"
+    suffix = "-seeds"
+
+    seeds: Iterable[int] = option(
+        lambda: range(10), "evaluate with each of these, such as 0-9 or 0,3,5-7: mean and standard deviation"
+    )
+    evaluation: EvaluationStudy = option(
+        EvaluationStudy, "what is done with each seed, in a folder of its own", asked=False
+    )
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Spread]:
+        """The requests of an evaluation for each seed."""
+        wanted = tuple(dict.fromkeys(self.seeds))
+        if not wanted:
+            raise InputError("At least one seed is needed.", "bad-number")
+        found, begin = [], (yield Now())
+        controller, pairing, sample_time, _ = testbed.prepared(controller)
+        for seed in wanted:
+            asked = self.evaluation.ask(replace(testbed, seed=seed), controller)
+            evaluation = yield from inside(seed_folder(seed), asked)
+            found.append(evaluation.results)
+            end = yield Now()
+            own_head = head(testbed, controller, pairing, sample_time, begin, end, several_seeds=True)
+            result = spread_of(wanted, found, own_head)
+            yield Save(result)
+            yield Tell(SeedDone(seed, evaluation))
+        return result
 
 
 def _hangs_early(run: CaseRun, sample_time: Fraction) -> bool:

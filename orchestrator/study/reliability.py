@@ -3,78 +3,112 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_args
 
 from ..benchmark.protocol import Protocol
-from ..benchmark.reliability import Distribution, Failing, Failure, check_probabilities, failing, quantile
+from ..benchmark.reliability import Distribution, Failing, Failure, draws_needed, failing, quantile
 from ..benchmark.results import CaseResult
 from ..benchmark.scorecard import outcome
 from ..benchmark.tally import UNJUDGED
 from ..documents.commands import member_command, setting
+from ..documents.files import RELIABILITY
 from ..documents.reliability import Reliability
 from ..errors import InputError
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.draws import members
 from ..search.member import Member, case_of, parameters
+from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Save, Study, rehearsed
+from .requests import Batch, Entry, Now, Requests, Save, rehearsed
 
 AT_ONCE = 64
 """Draws in a batch."""
 
 
-def reliability(
-    testbed: Testbed,
-    controller: Controller,
-    draws: int,
-    probability: float,
-    confidence: float,
-    distribution: Distribution,
-) -> Study[Reliability]:
-    """See :meth:`.Benchmark.reliability`."""
-    check_probabilities(probability, confidence)
-    if draws < 1:
-        raise InputError(f"The number of draws must be positive, not {draws}.", "bad-number", "draws", draws)
-    controller, pairing, T_s, listed = testbed.prepared(controller)
-    protocol, nominal = testbed.rules, testbed.nominal
-    begin = yield Now()
-    yield from rehearsed(pairing, listed[0])
-    sample = [members(protocol, distribution, testbed.seed, number) for number in range(draws)]
-    found: list[list[CaseResult]] = []
-    total = sum(map(len, sample))
-    while len(found) < draws:
-        chunk = sample[len(found) : len(found) + AT_ONCE]
-        cases = [case_of(member, protocol, nominal) for drawn in chunk for member in drawn]
-        at_rate = tuple(replace(case, scenario=replace(case.scenario, sample_time=T_s)) for case in cases)
-        before = sum(map(len, found))
-        (runs,) = yield Batch((Entry(protocol, pairing, at_rate, patience=None),), before, total)
-        results = iter(run.result for run in runs)
-        found += [[next(results) for _ in drawn] for drawn in chunk]
-    end = yield Now()
-    made = head(testbed, controller, pairing, T_s, begin, end)
+@described
+@dataclass(frozen=True)
+class ReliabilityStudy(Study[Reliability]):
+    """How likely a failure is at most: independent draws of arm, pose, direction of the force, sweep and noise."""
 
-    def command(member: Member) -> str:
-        return member_command(setting(made), member, parameters(member, protocol, nominal))
+    command = "reliability"
+    suffix = "-reliability"
 
-    figures = {name: [_value(name, results) for results in found] for name in protocol.criteria}
-    costs = [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
-    answer = Reliability(
-        schema=Reliability.SCHEMA,
-        head=made,
-        distribution=distribution,
-        draws=draws,
-        probability=probability,
-        confidence=confidence,
-        requirements={
-            name: _failing(protocol, name, sample, found, command, confidence)
-            for name in sorted({each for test in protocol.tests for each in test.requirements})
-        },
-        criteria={name: quantile(values, probability, confidence) for name, values in figures.items()},
-        cost=quantile(costs, probability, confidence),
+    probability: float = option(
+        0.01,
+        "of failure, and of a draw beyond the bounds of the criteria; with the confidence it says how many draws there "
+        "are",
+        above=0,
+        below=1,
     )
-    yield Save(answer)
-    return answer
+    confidence: float = option(0.99, "of the bounds", above=0, below=1)
+    distribution: Distribution = option(
+        "box",
+        "of the uncertain parameters: uniform within Table 1, or each at one of its ends",
+        choices=get_args(Distribution),
+    )
+    draws: int | None = option(
+        None,
+        "so many draws instead; draw k depends on k, the seed and the distribution alone",
+        least=1,
+        metavar="N",
+        exclude="size",
+    )
+    more: int | None = option(None, "so many draws more than the folder has", least=1, metavar="N", exclude="size")
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Reliability]:
+        """The requests of a sample, in batches of draws."""
+        draws = self._count(folder)
+        controller, pairing, T_s, listed = testbed.prepared(controller)
+        protocol, nominal = testbed.rules, testbed.nominal
+        begin = yield Now()
+        yield from rehearsed(pairing, listed[0])
+        sample = [members(protocol, self.distribution, testbed.seed, number) for number in range(draws)]
+        found: list[list[CaseResult]] = []
+        total = sum(map(len, sample))
+        while len(found) < draws:
+            chunk = sample[len(found) : len(found) + AT_ONCE]
+            cases = [case_of(member, protocol, nominal) for drawn in chunk for member in drawn]
+            at_rate = tuple(replace(case, scenario=replace(case.scenario, sample_time=T_s)) for case in cases)
+            before = sum(map(len, found))
+            (runs,) = yield Batch((Entry(protocol, pairing, at_rate, patience=None),), before, total)
+            results = iter(run.result for run in runs)
+            found += [[next(results) for _ in drawn] for drawn in chunk]
+        end = yield Now()
+        made = head(testbed, controller, pairing, T_s, begin, end)
+
+        def command(member: Member) -> str:
+            return member_command(setting(made), member, parameters(member, protocol, nominal))
+
+        figures = {name: [_value(name, results) for results in found] for name in protocol.criteria}
+        costs = [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
+        answer = Reliability(
+            schema=Reliability.SCHEMA,
+            head=made,
+            distribution=self.distribution,
+            draws=draws,
+            probability=self.probability,
+            confidence=self.confidence,
+            requirements={
+                name: _failing(protocol, name, sample, found, command, self.confidence)
+                for name in sorted({each for test in protocol.tests for each in test.requirements})
+            },
+            criteria={name: quantile(values, self.probability, self.confidence) for name, values in figures.items()},
+            cost=quantile(costs, self.probability, self.confidence),
+        )
+        yield Save(answer)
+        return answer
+
+    def _count(self, folder: Path | None) -> int:
+        """The number of draws; more than in an earlier sample, those of it are included."""
+        if self.more is None:
+            return draws_needed(self.probability, self.confidence) if self.draws is None else self.draws
+        file = None if folder is None else folder / RELIABILITY
+        if file is None or not file.is_file():
+            raise InputError("There is no sample that draws could be added to.", "no-sample", folder or "")
+        return Reliability.load(file).draws + self.more
 
 
 def _value(name: str, results: Sequence[CaseResult]) -> float | None:

@@ -7,11 +7,12 @@ it can be tried with any function that answers, and one study can be part of ano
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 from typing import Protocol as Interface
 
+from ..asking import translated
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
@@ -117,6 +118,13 @@ class Write:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Asks for the path of a file ``name`` in the study's folder that the study keeps itself; None if there is none."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Now:
     """Asks for the present :class:`Instant`."""
 
@@ -185,12 +193,23 @@ Event = SeedDone | StageDone | TrialDone | CaseChecked
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Called with each result as it arrives, the number of results so far, and their total number."""
-Request = Batch | Rehearse | TimeSteps | Record | Save | Write | Now | Tell
-Study = Generator[Request, Any, T]
-"""A study that returns a ``T``."""
+Request = Batch | Rehearse | TimeSteps | Record | Save | Write | Place | Now | Tell
+Requests = Generator[Request, Any, T]
+"""The requests of a study, or of a part of one, that returns a ``T``."""
 
 
-def rehearsed(pairing: Pairing, case: Case) -> Study[Rehearsal]:
+def inside(folder: str, asked: Requests[T]) -> Requests[T]:
+    """The requests ``asked`` of a study in a ``folder`` inside that of another one."""
+
+    def moved(request: Request) -> Requests[Any]:
+        if isinstance(request, Save):
+            request = replace(request, inside="/".join(filter(None, (folder, request.inside))))
+        return (yield request)
+
+    return translated(asked, moved)
+
+
+def rehearsed(pairing: Pairing, case: Case) -> Requests[Rehearsal]:
     """Rehearse a case; raises :class:`Crash` if the process does not come through the first sample."""
     rehearsal: Rehearsal = yield Rehearse(pairing, case)
     if rehearsal.failure is not None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from ..benchmark.results import rules
 from ..documents.sweep import Sweep
@@ -14,35 +15,54 @@ from ..pairing.testbed import Testbed
 from ..search.candidates import Trial
 from ..search.proposals import GENERATION
 from .candidates import attempt, values_of
+from .declaration import Study, described, option
 from .heads import head
-from .requests import Now, Save, Study, Tell, TrialDone, rehearsed
+from .requests import Now, Requests, Save, Tell, TrialDone, rehearsed
 
 
-def sweep(testbed: Testbed, controller: Controller, given: Mapping[str, Sequence[float]]) -> Study[Sweep]:
-    """See :meth:`.Benchmark.sweep`."""
-    values = {name: tuple(map(float, each)) for name, each in given.items()}
-    if not values or not all(values.values()):
-        raise InputError("Nothing varies: at least one parameter with its values is needed.", "nothing-varies")
-    if bad := [name for name, each in values.items() if not all(map(math.isfinite, each))]:
-        raise InputError(f"The values of {bad[0]} are not finite.", "bad-number", bad[0])
-    controller, pairing, T_s, cases = testbed.prepared(controller)
-    values_of(controller, values)
-    own = rules(testbed.rules)
-    begin = yield Now()
-    yield from rehearsed(pairing, cases[0])
-    grid = [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
-    trials: list[Trial] = []
-    while asked := list(enumerate(grid))[len(trials) : len(trials) + GENERATION]:
-        benches = [testbed.pairing(controller.with_parameters(chosen)) for _, chosen in asked]
-        for each in (yield from attempt(testbed.rules, own, benches, cases, asked)):
-            trials.append(each)
-            yield Tell(TrialDone(each, len(trials), len(grid)))
-    end = yield Now()
-    found = Sweep(
-        schema=Sweep.SCHEMA,
-        head=head(testbed, controller, pairing, T_s, begin, end),
-        values=values,
-        trials=tuple(trials),
+@described
+@dataclass(frozen=True)
+class SweepStudy(Study[Sweep]):
+    """V and stability over a grid of parameter values: every combination of them."""
+
+    command = "sweep"
+    suffix = "-sweep"
+    protocol_option = "objective"
+
+    values: Mapping[str, Sequence[float]] = option(
+        dict,
+        "a parameter and its values, evenly spaced or as a list such as 0.8,0.9,0.95, in the unit the FMU has for it; "
+        "every combination is tried",
+        word="vary",
+        metavar="NAME=LOW:HIGH:COUNT[:log]",
+        required=True,
     )
-    yield Save(found)
-    return found
+    objective: str | Path = option("tuning", "the protocol that they are tried in", asked=False)
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Sweep]:
+        """The requests of a sweep, generation by generation."""
+        testbed = replace(testbed, protocol=self.objective)
+        values = {name: tuple(each) for name, each in self.values.items()}
+        if not values or not all(values.values()):
+            raise InputError("Nothing varies: at least one parameter with its values is needed.", "nothing-varies")
+        controller, pairing, T_s, cases = testbed.prepared(controller)
+        values_of(controller, values)
+        own = rules(testbed.rules)
+        begin = yield Now()
+        yield from rehearsed(pairing, cases[0])
+        grid = [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+        trials: list[Trial] = []
+        while asked := list(enumerate(grid))[len(trials) : len(trials) + GENERATION]:
+            benches = [testbed.pairing(controller.with_parameters(chosen)) for _, chosen in asked]
+            for each in (yield from attempt(testbed.rules, own, benches, cases, asked)):
+                trials.append(each)
+                yield Tell(TrialDone(each, len(trials), len(grid)))
+        end = yield Now()
+        found = Sweep(
+            schema=Sweep.SCHEMA,
+            head=head(testbed, controller, pairing, T_s, begin, end),
+            values=values,
+            trials=tuple(trials),
+        )
+        yield Save(found)
+        return found

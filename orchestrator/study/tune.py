@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..benchmark.protocol import names
 from ..benchmark.results import Requirement
 from ..documents.commands import simulate_command
 from ..documents.head import Head
@@ -19,13 +20,14 @@ from ..errors import Crash, FmuError, InputError
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.candidates import Range, Trial, check_range
-from ..search.proposals import Proposals
+from ..search.proposals import SAMPLERS, STUDY, Proposals
 from .candidates import values_of
-from .evaluate import evaluate, spread
+from .declaration import Study, described, option
+from .evaluate import EvaluationStudy, SpreadStudy
 from .heads import head
-from .requests import Now, Save, Study, Write, rehearsed
+from .requests import Now, Place, Requests, Save, Write, inside, rehearsed
 from .tuner import Judge, Tuner, Verdict
-from .worst_case import sought, worst_case
+from .worst_case import RobustnessStudy, sought, worst_case
 
 logger = logging.getLogger(__name__)
 
@@ -42,88 +44,120 @@ BEST = "best.toml"
 """The best candidate's parameters, as a file of parameters."""
 
 
-def tune(
-    goal: Testbed,
-    controller: Controller,
-    given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]],
-    objective: str | Path,
-    strict: str | Path,
-    trials: int,
-    robust: int,
-    sampler: str,
-    search_seed: int,
-    record: Path | None,
-) -> Study[Tuning]:
-    """See :meth:`.Benchmark.tune`; ``record`` is the file of the sampler's own record, if there is to be one."""
-    short = replace(goal, protocol=objective, seed=goal.seed + SEED)
-    controller, pairing, T_s, cases = short.prepared(controller)
-    vary = ranges(given)
-    start = values_of(controller, vary)
-    if trials < 1:
-        raise InputError("At least one trial is needed.", "bad-number")
-    if not any(case.test.criteria for case in cases):
-        raise InputError(f"The protocol {objective} has no test that V is measured in.", "no-criteria", objective)
-    list_of = replace(goal, protocol=strict)
-    if robust:
-        sought(list_of.rules, list_of.prepared(controller)[3], robust, ())
-    begin_at = {name: own.rounded(start[name]) for name, own in vary.items()}
-    for name, own in vary.items():
-        if not own.low <= start[name] <= own.high:
-            logger.warning("%s is %g, out of its range: the search begins at %g.", name, start[name], begin_at[name])
+@described
+@dataclass(frozen=True)
+class TuningStudy(Study[Tuning]):
+    """Search for parameters of a controller that make V small while A1 to A3 hold.
 
-    begin = yield Now()
-    yield Write(BEST, None)  # of another search
-    proposals = Proposals(vary, begin_at, sampler, search_seed, record)
-    yield from rehearsed(short.pairing(controller.with_parameters(begin_at)), cases[0])
-    tuner = Tuner(
-        short.rules,
-        lambda values: short.pairing(controller.with_parameters(values)),
-        _judge(goal, controller, strict, robust),
-        proposals,
-        list(cases),
+    Candidates are tried in a short protocol, and the best of them in the benchmark's own one, again and again: what
+    fails there is added to the short one. It needs the packages Optuna and cmaes (the extra ``tuning``).
+    """
+
+    command = "tune"
+    suffix = "-tuning"
+
+    vary: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]] = option(
+        dict,
+        "a parameter and its range, in the unit the FMU has for it",
+        metavar="NAME=LOW:HIGH[:log]",
+        required=True,
     )
-    yield from tuner.search(trials)
-    best = yield from tuner.best()
-    found = None
-    if best is not None:
-        draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
-        held_out = yield from tuner.held_out(best, draws)
-        chosen = controller.with_parameters(best.values)
-        lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
-        yield Write(BEST, "".join(["[parameters]\n", *lines]))
-        whole = yield from evaluate(goal, chosen, inside=_name(best), keep_going=True)
-        others = [goal.seed + each for each in SEEDS]
-        seeds = yield from spread(goal, chosen, others, inside="seeds", recordings=False)
-        listed = yield from evaluate(list_of, chosen, inside="strict", recordings=False, keep_going=True)
-        broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
-        found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, _not_judged(listed.requirements))
-    end = yield Now()
-    tuning = Tuning(
-        schema=Tuning.SCHEMA,
-        head=head(goal, controller, pairing, T_s, begin, end),
-        objective=str(objective),
-        sampler=sampler,
-        search_seed=search_seed,
-        robust=robust,
-        vary=vary,
-        trials=tuple(tuner.trials),
-        judged=tuple(
-            Judged(
-                number,
-                after,
-                verdict.cost,
-                verdict.worst_cost,
-                verdict.broken,
-                tuple(line for _, line in verdict.counterexamples),
-                verdict.reasons,
+    trials: int = option(200, "candidates", least=1, metavar="N")
+    objective: str | Path = option(
+        "tuning",
+        f"the short protocol that candidates are tried in, one of: {', '.join(names())}; or a protocol file; V counts, "
+        "and 4 for each factor e by which a limit cycle exceeds what A3 allows",
+        metavar="NAME",
+    )
+    strict: str | Path = option(
+        "strict",
+        "the protocol whose list the best candidate is tried on, and a search for the worst case begins with",
+        asked=False,
+    )
+    robust: int = option(
+        0,
+        "search for the worst case of the best candidates, with a budget of so many whole cases each, at least the 839 "
+        "of the strict list, and count what is found",
+        least=0,
+        metavar="N",
+    )
+    sampler: str = option("cmaes", "of Optuna", choices=SAMPLERS)
+    search_seed: int = option(1, "of the sampler", least=0, metavar="N")
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Tuning]:
+        """The requests of a tuning; the sampler keeps its own record in the study's folder."""
+        short = replace(testbed, protocol=self.objective, seed=testbed.seed + SEED)
+        controller, pairing, T_s, cases = short.prepared(controller)
+        vary = ranges(self.vary)
+        start = values_of(controller, vary)
+        if not any(case.test.criteria for case in cases):
+            raise InputError(
+                f"The protocol {self.objective} has no test that V is measured in.", "no-criteria", self.objective
             )
-            for number, (after, verdict) in tuner.judged.items()
-        ),
-        best=found,
-        importance=proposals.importance(),
-    )
-    yield Save(tuning)
-    return tuning
+        list_of = replace(testbed, protocol=self.strict)
+        if self.robust:
+            sought(list_of.rules, list_of.prepared(controller)[3], self.robust, ())
+        begin_at = {name: own.rounded(start[name]) for name, own in vary.items()}
+        for name, own in vary.items():
+            if not own.low <= start[name] <= own.high:
+                logger.warning(
+                    "%s is %g, out of its range: the search begins at %g.", name, start[name], begin_at[name]
+                )
+
+        begin = yield Now()
+        yield Write(BEST, None)  # of another search
+        proposals = Proposals(vary, begin_at, self.sampler, self.search_seed, (yield Place(STUDY)))
+        yield from rehearsed(short.pairing(controller.with_parameters(begin_at)), cases[0])
+        tuner = Tuner(
+            short.rules,
+            lambda values: short.pairing(controller.with_parameters(values)),
+            _judge(testbed, controller, self.strict, self.robust),
+            proposals,
+            list(cases),
+        )
+        yield from tuner.search(self.trials)
+        best = yield from tuner.best()
+        found = None
+        if best is not None:
+            draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
+            held_out = yield from tuner.held_out(best, draws)
+            chosen = controller.with_parameters(best.values)
+            lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
+            yield Write(BEST, "".join(["[parameters]\n", *lines]))
+            whole = yield from inside(_name(best), EvaluationStudy(keep_going=True).ask(testbed, chosen))
+            others = SpreadStudy([testbed.seed + each for each in SEEDS], EvaluationStudy(recordings=False))
+            seeds = yield from inside("seeds", others.ask(testbed, chosen))
+            whole_list = EvaluationStudy(recordings=False, keep_going=True)
+            listed = yield from inside("strict", whole_list.ask(list_of, chosen))
+            broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
+            found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, _not_judged(listed.requirements))
+        end = yield Now()
+        tuning = Tuning(
+            schema=Tuning.SCHEMA,
+            head=head(testbed, controller, pairing, T_s, begin, end),
+            objective=str(self.objective),
+            sampler=self.sampler,
+            search_seed=self.search_seed,
+            robust=self.robust,
+            vary=vary,
+            trials=tuple(tuner.trials),
+            judged=tuple(
+                Judged(
+                    number,
+                    after,
+                    verdict.cost,
+                    verdict.worst_cost,
+                    verdict.broken,
+                    tuple(line for _, line in verdict.counterexamples),
+                    verdict.reasons,
+                )
+                for number, (after, verdict) in tuner.judged.items()
+            ),
+            best=found,
+            importance=proposals.importance(),
+        )
+        yield Save(tuning)
+        return tuning
 
 
 def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]) -> dict[str, Range]:
@@ -146,11 +180,12 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
     """What tries a candidate on the whole protocol and, with a budget of ``robust`` whole cases, searches for its worst
     case."""
 
-    def verdict(trial: Trial) -> Study[Verdict]:
+    def verdict(trial: Trial) -> Requests[Verdict]:
         candidate, own = controller.with_parameters(trial.values), _name(trial)
         _, _, _, cases = goal.prepared(candidate)
         try:
-            evaluation = yield from evaluate(goal, candidate, inside=own, recordings=False, keep_going=True)
+            whole = EvaluationStudy(recordings=False, keep_going=True)
+            evaluation = yield from inside(own, whole.ask(goal, candidate))
         except FmuError as refusal:  # at a pose that the objective does not have, so from now on it has it
             return Verdict(None, None, ("refused",), [(cases[0], "")], (f"The FMU refused {cases[0].id}: {refusal}",))
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
@@ -169,7 +204,8 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
             reasons = failure_reasons(evaluation.head, evaluation.requirements)
             return Verdict(evaluation.cost, None, tuple(broken), found, reasons)
         try:
-            answer, shown = yield from worst_case(goal, candidate, robust, protocol=strict, inside=own)
+            search = RobustnessStudy(budget=robust, protocol=strict, recordings=False)
+            answer, shown = yield from inside(own, worst_case(goal, candidate, search))
         except (FmuError, Crash) as refusal:
             ended = f"The search for the worst case ended: {refusal}"
             return Verdict(evaluation.cost, None, ("refused in strict",), found, (ended,))

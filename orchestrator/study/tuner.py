@@ -22,7 +22,7 @@ from ..pairing.pairing import Pairing
 from ..search.candidates import Trial, measured, trial
 from ..search.proposals import GENERATION, Proposals
 from .candidates import attempt
-from .requests import Study, Tell, TrialDone, side_by_side
+from .requests import Requests, Tell, TrialDone, side_by_side
 
 JUDGED_EVERY = 4
 """Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
@@ -45,7 +45,7 @@ class Verdict(NamedTuple):
     reasons: tuple[str, ...] = ()
 
 
-Judge = Callable[[Trial], Study[Verdict]]
+Judge = Callable[[Trial], Requests[Verdict]]
 """Tries a candidate on the whole protocol."""
 
 
@@ -69,7 +69,7 @@ class Tuner:
         tests = {test.name: test for test in (*map(test_rules, (case.test for case in self.cases)), *own.tests)}
         return structs.replace(own, tests=tuple(tests.values()))
 
-    def search(self, budget: int) -> Study[None]:
+    def search(self, budget: int) -> Requests[None]:
         """Try ``budget`` candidates, some of them on the whole protocol."""
         worst, generations = math.inf, 0
         while len(self.trials) < budget:
@@ -90,7 +90,7 @@ class Tuner:
             if len(self.cases) > known:
                 worst = math.inf  # the objective has become another one
 
-    def best(self) -> Study[Trial | None]:
+    def best(self) -> Requests[Trial | None]:
         """The best candidate that holds A1 to A3 on the whole protocol, of at most FINALISTS that are tried there."""
         for _ in range(FINALISTS):
             leaders = yield from self.leaders()
@@ -104,12 +104,12 @@ class Tuner:
         again = yield from self.attempt([(each.number, each.values) for each in good], math.inf)
         return min(again, key=lambda each: each.objective, default=None)
 
-    def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> Study[list[Trial]]:
+    def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> Requests[list[Trial]]:
         """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
         pairings = [self.pairing(values) for _, values in asked]
         return (yield from attempt(self.protocol, self.rules, pairings, self.cases, asked, worst))
 
-    def leaders(self) -> Study[list[Trial]]:
+    def leaders(self) -> Requests[list[Trial]]:
         """The best candidates in all of the objective's cases, best first."""
         ranked = sorted((each for each in self.trials if not each.cut_short), key=lambda each: each.objective)
         again = yield from self.attempt([(each.number, each.values) for each in ranked[:GENERATION]], math.inf)
@@ -122,7 +122,7 @@ class Tuner:
         entry = self.judged.get(candidate.number)
         return None if entry is None else not entry[1].broken
 
-    def holds(self, candidate: Trial) -> Study[bool]:
+    def holds(self, candidate: Trial) -> Requests[bool]:
         """The same, tried now if it has not been; what fails is added to the objective."""
         if candidate.number not in self.judged:
             verdict = yield from self.judge(candidate)
@@ -136,7 +136,7 @@ class Tuner:
                     self.cases.append(replace(case, configuration=pose, test=test))
         return not self.judged[candidate.number][1].broken
 
-    def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Study[Statistic]:
+    def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Requests[Statistic]:
         """V of the objective with other ``draws``, by seed, in place of its own; with the cases that were added."""
         pairing, own = self.pairing(candidate.values), self.rules
         added = [case for case in self.cases if case.configuration.index >= FIRST_ADDED]

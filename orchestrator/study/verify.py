@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msgspec import structs
@@ -18,7 +18,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
 from ..cache import code_hash
-from ..documents.standard import STRICT
+from ..documents.standard import COUNT, PROTOCOL, STRICT, USUAL
 from ..documents.verification import Verification
 from ..errors import EnvironmentFault, InputError
 from ..execution.interpreter import is_clean
@@ -28,10 +28,12 @@ from ..loop.sampling import controller_sample_time
 from ..loop.setup import effective
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
-from ..pairing.reference import reference
+from ..pairing.reference import IN_C, reference
 from ..pairing.testbed import Testbed
+from . import engine
+from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Rehearse, Study
+from .requests import Batch, Entry, Now, Rehearse, Requests
 from .witness import Witness, check
 
 logger = logging.getLogger(__name__)
@@ -40,32 +42,51 @@ ATTEMPTS = 3
 """Verifications that faults from outside may cost before that is given up."""
 
 
-def verify(
-    testbed: Testbed,
-    controller: Controller,
-    entropy: Entropy | None,
-    count: int,
-    strict: bool,
-    beside: Sequence[str],
-    sandboxed: bool,
-) -> Study[Verification]:
-    """See :meth:`.Benchmark.verify`; the protocol is that of ``testbed``, the controller may run ``sandboxed``.
+@described
+@dataclass(frozen=True)
+class VerificationStudy(Study[Verification]):
+    """Evaluate where the controller can reach neither judge nor draws: the result one can trust.
+
+    The controller runs in a new process for each simulation, in the sandbox where there is one; plant, noise and
+    judge are in a process that never loads it. The draws are made after its FMU has been read. It runs on this
+    machine, and nothing is written.
 
     What comes from outside, such as a process that somebody else ends, ends a verification without a result: the
     controller may have seen its draws. It is begun again with others, and the certificate counts that.
     """
-    if count < 1:
-        raise InputError(f"The number of draws must be positive, not {count}.", "bad-number", "count", count)
-    drawn = entropy or fresh()
-    for repetition in range(ATTEMPTS):
-        try:
-            wanted = count, strict, beside, sandboxed
-            return (yield from _verified(testbed, controller, drawn, repetition, *wanted))
-        except EnvironmentFault as problem:
-            if problem.what != OUTSIDE or repetition == ATTEMPTS - 1:
-                raise
-            logger.warning("%s The verification begins again, with other draws.", problem)
-    raise AssertionError("the last attempt raises or returns")
+
+    command = "verify"
+    protocol_option = "protocol"
+    on_this_machine = True
+
+    draws: Entropy | None = option(
+        None,
+        "what the draws follow from: :func:`~orchestrator.benchmark.draws.from_beacon` gives the bits of a public "
+        "beacon; fresh ones of this machine by default",
+        asked=False,
+    )
+    count: int = option(COUNT, "number of draws", least=1, asked=False)
+    strict: bool = option(
+        True,
+        "whether to run the worst poses of the protocol strict as well, moved by the first draw",
+        off="leave out the worst poses of the protocol strict, which are 108 of 318 simulations per controller",
+    )
+    beside: Sequence[str] = option(USUAL, "references beside the controller", choices=(*IN_C,), asked=False)
+    protocol: str | Path = option(PROTOCOL, "what is run once per draw", asked=False)
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Verification]:
+        """The requests of a verification."""
+        same, sandboxed = replace(testbed, protocol=self.protocol), testbed.sandbox or engine.can_fence()
+        drawn = self.draws or fresh()
+        for repetition in range(ATTEMPTS):
+            try:
+                wanted = self.count, self.strict, tuple(self.beside), sandboxed
+                return (yield from _verified(same, controller, drawn, repetition, *wanted))
+            except EnvironmentFault as problem:
+                if problem.what != OUTSIDE or repetition == ATTEMPTS - 1:
+                    raise
+                logger.warning("%s The verification begins again, with other draws.", problem)
+        raise AssertionError("the last attempt raises or returns")
 
 
 def _verified(
@@ -77,7 +98,7 @@ def _verified(
     strict: bool,
     beside: Sequence[str],
     sandboxed: bool,
-) -> Study[Verification]:
+) -> Requests[Verification]:
     paired = testbed.pairing(controller)
     own = replace(paired, setup=effective(paired.controller, paired.setup), isolated=True, sandbox=sandboxed)
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
@@ -91,7 +112,7 @@ def _verified(
     done = 0
     witness = Witness(protocol, own.controller.name, testbed.nominal)
 
-    def run(asked: Protocol, pairing: Pairing, chosen: Sequence[int]) -> Study[list[tuple[int, list[CaseResult]]]]:
+    def run(asked: Protocol, pairing: Pairing, chosen: Sequence[int]) -> Requests[list[tuple[int, list[CaseResult]]]]:
         """The results of each draw, with its seed."""
         nonlocal done
         interval, failure = (T_s, rehearsal.failure) if pairing is own else (None, None)
@@ -107,7 +128,7 @@ def _verified(
         results = (known[place].result for place in range(len(listing)))
         return [(seed, [next(results) for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
 
-    def tried(pairing: Pairing) -> Study[Tried]:
+    def tried(pairing: Pairing) -> Requests[Tried]:
         found, known = (yield from run(protocol, pairing, drawn)), rules(protocol)
         worst = (yield from run(listed, pairing, drawn[:1])) if listed else None
         return Tried(
@@ -142,7 +163,7 @@ def mixed(entropy: str, count: int) -> list[int]:
     return sorted(range(count), key=lambda place: hashlib.sha256(f"{entropy}\norder {place}".encode()).digest())
 
 
-def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandboxed: bool) -> Study[Verification]:
+def repeat(testbed: Testbed, certificate: Verification, file: Path | None) -> Requests[Verification]:
     """See :meth:`.Benchmark.repeat`."""
     record = certificate.controller
     library = record.library if record.library == WINE else None
@@ -156,4 +177,13 @@ def repeat(testbed: Testbed, certificate: Verification, file: Path | None, sandb
         plant_parameters=certificate.plant.parameters,
     )
     wanted = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
-    return (yield from _verified(same, controller, certificate.entropy, certificate.repetitions, *wanted, sandboxed))
+    return (
+        yield from _verified(
+            same,
+            controller,
+            certificate.entropy,
+            certificate.repetitions,
+            *wanted,
+            testbed.sandbox or engine.can_fence(),
+        )
+    )

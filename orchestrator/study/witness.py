@@ -15,7 +15,7 @@ from ..documents import case_file
 from ..errors import EnvironmentFault
 from ..loop.trajectory import Trajectory
 from ..recheck import Unreadable, recheck
-from .requests import CaseChecked, Study, Tell
+from .requests import CaseChecked, Requests, Tell
 
 logger = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ def _severities(result: CaseResult) -> dict[str, float]:
     return {reason: value for reason, value in found.items() if value is not None}
 
 
-def check(witness: Witness) -> Study[tuple[CheckedCase, ...]]:
+def check(witness: Witness) -> Requests[tuple[CheckedCase, ...]]:
     """The kept cases, computed anew by the second checker; each is told with its file.
 
     Raises :class:`EnvironmentFault` where it does not agree: then one of the two programs is wrong, and nothing is

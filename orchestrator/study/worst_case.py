@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..pairing import records
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search import answers
-from ..search.findings import Step
+from ..search.findings import BUDGET, Step
 from ..search.history import Ask, Asking, History
 from ..search.hunt import Hunt, least
 from ..search.margins import margins as margins_of
@@ -28,8 +28,9 @@ from ..search.member import NOMINAL, Member, case_of, of_case, parameters
 from ..search.radius import radius as radius_of
 from ..search.stages import search
 from ..search.target import Target, targets
+from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Record, Request, Save, StageDone, Study, Tell, rehearsed
+from .requests import Batch, Entry, Now, Record, Request, Requests, Save, StageDone, Tell, rehearsed
 from .selection import Shown
 
 
@@ -57,36 +58,59 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
     return wanted
 
 
-def answer_of(search: Study[tuple[Robustness, list[Shown]]]) -> Study[Robustness]:
-    """The document alone of :func:`worst_case`."""
-    found, _ = yield from search
-    return found
+@described
+@dataclass(frozen=True)
+class RobustnessStudy(Study[Robustness]):
+    """Search for the worst case: is there an arm within the tolerances for which the controller fails, and which?
+
+    Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still have
+    one.
+    """
+
+    command = "robustness"
+    suffix = "-robustness"
+    protocol_option = "protocol"
+
+    budget: int = option(BUDGET, "simulated time, in whole cases", least=1, metavar="N")
+    minutes: float = option(
+        math.inf, "time after which nothing new is searched, and margins and radius are left out", above=0, metavar="M"
+    )
+    protocol: str | Path = option(
+        "strict", "a protocol that draws nothing; its cases are the list that the search begins with", asked=False
+    )
+    only: Sequence[str] = option(
+        (), "what to search for: B5, B6, B7, or a test such as delay_2; by default everything", metavar="NAME"
+    )
+    restarts: int = option(1, "independent starts of the search for V, which share its budget", least=1, metavar="N")
+    from_list: bool = option(
+        True,
+        "whether to begin with the list, or with the nominal system alone",
+        word="list",
+        off="begin with the nominal system, not with the list",
+    )
+    recordings: bool = option(
+        True, "whether the worst cases, and the nominal arm beside them, are recorded for the report", asked=False
+    )
+
+    def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Robustness]:
+        """The requests of a search."""
+        wanted = replace(self, recordings=self.recordings and folder is not None)
+        found, _ = yield from worst_case(testbed, controller, wanted)
+        return found
 
 
 def worst_case(
-    testbed: Testbed,
-    controller: Controller,
-    budget: int,
-    minutes: float = math.inf,
-    protocol: str | Path = "strict",
-    only: Sequence[str] = (),
-    from_list: bool = True,
-    restarts: int = 1,
-    recordings: bool = False,
-    inside: str = "",
-) -> Study[tuple[Robustness, list[Shown]]]:
-    """See :meth:`.Benchmark.robustness`; and the worst cases, each followed by that of the nominal arm."""
-    if restarts < 1:
-        message = f"The number of restarts must be positive, not {restarts}."
-        raise InputError(message, "bad-number", "restarts", restarts)
-    own = replace(testbed, protocol=protocol)
+    testbed: Testbed, controller: Controller, study: RobustnessStudy
+) -> Requests[tuple[Robustness, list[Shown]]]:
+    """The document of a ``study``; and the worst cases, each followed by that of the nominal arm."""
+    own = replace(testbed, protocol=study.protocol)
     controller, pairing, T_s, cases = own.prepared(controller)
-    rules_of, listed = own.rules, cases if from_list else ()
-    wanted = sought(rules_of, listed, budget, only)
+    rules_of, listed = own.rules, cases if study.from_list else ()
+    wanted = sought(rules_of, listed, study.budget, study.only)
     setting = Setting(
         records.controller_record(pairing, controller),
         records.plant_record(testbed.manipulator, testbed.plant_parameters),
-        str(protocol),
+        str(study.protocol),
         testbed.seed,
         None if T_s == rules_of.sample_time else float(T_s),
     )
@@ -107,17 +131,17 @@ def worst_case(
             return [run.result for run in runs]
         yield Tell(StageDone(request.stage, request.simulations, request.spent, request.cost, request.worst))
         now = yield Now()
-        return now.seconds - begin.seconds < 60.0 * minutes
+        return now.seconds - begin.seconds < 60.0 * study.minutes
 
     poses = tuple(dict.fromkeys(of_case(each).q_a for each in cases))
     members = [of_case(each) for each in listed]
-    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, wanted, command, budget, restarts)
+    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, wanted, command, study.budget, study.restarts)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
     results, end = hunt.history.found.values(), (yield Now())
     found = Robustness(
         schema=Robustness.SCHEMA,
         head=head(own, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
-        budget=budget,
+        budget=study.budget,
         simulations=len(results),
         spent=hunt.history.spent,
         starts=tuple(hunt.starts),
@@ -128,9 +152,9 @@ def worst_case(
         path=tuple(hunt.path),
     )
     shown = [each for member, roles in hunt.shown.items() for each in _beside_nominal(member, roles, case)]
-    yield Save(found, inside)  # before the recordings: whatever happens now, the answer is there
-    if recordings:
-        yield Save(found, inside, (yield Record(pairing, tuple(shown))))
+    yield Save(found)  # before the recordings: whatever happens now, the answer is there
+    if study.recordings:
+        yield Save(found, recordings=(yield Record(pairing, tuple(shown))))
     return found, shown
 
 
