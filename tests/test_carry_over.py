@@ -4,6 +4,7 @@ import logging
 
 import pytest
 from exporters.description_edits import edited
+from support.python_controllers import python_controller
 from support.refusals import refusal
 from support.static_states import static_state_fmu
 
@@ -51,7 +52,7 @@ def figures(evaluation):
 @pytest.mark.parametrize(
     ("kept", "abilities", "found"),
     [
-        *((kept, {}, CarryOver.FOUND) for kept in (*PASSING, "AFTER_A_FORCE")),
+        *((kept, {}, CarryOver.FOUND) for kept in (*PASSING, "AFTER_A_FORCE", "BY_POSE", "COUNTED")),
         *((kept, DECLARED, CarryOver.DECLARED) for kept in PASSING),
         *((kept, {}, CarryOver.NONE) for kept in ("IN_THE_INSTANCE", "UNTIL_TERMINATION", "FOR_ALL_INSTANCES")),
     ],
@@ -84,6 +85,7 @@ def test_a_single_simulation_repeats_the_case(kept, made):
     [
         ("SINCE_LOADING", {}, "determinism", "warning", "passes from one simulation to the next"),
         ("SINCE_INSTANTIATION", {}, "determinism", "warning", "passes from one simulation to the next"),
+        ("COUNTED", {}, "determinism", "warning", "passes from one simulation to the next"),
         ("SINCE_LOADING", DECLARED, "instances", "note", "only one per process, as declared"),
         ("UNTIL_TERMINATION", {}, "determinism", "ok", ""),
         ("FOR_ALL_INSTANCES", {}, "instances", "note", "two at once disturb each other"),
@@ -171,3 +173,17 @@ def test_a_plant_of_one_instance_has_a_process_for_each_case(native_plant_file, 
     pairing = Benchmark("quick", plant=file).pairing(Controller(pid_c_file))
     job = pairing.raw_job("module:name", [TimingRecord()] * 3, (1.0,) * 3, lambda _, value: value)
     assert pairing.is_separate and [len(job.rest(first).tasks) for first in range(3)] == [1, 1, 1]
+
+
+def test_a_file_that_a_controller_leaves_in_its_own_folder_is_told_and_removed(tmp_path, caplog):
+    """Later cases find it, and an evaluation after this one would."""
+    body = "open(os.path.join(os.path.dirname(__file__), 'seen'), 'w').close(); self.law(); return True"
+    own, bench = (
+        Controller(python_controller(tmp_path, "Leaving", 45.0, 0.25e-3, "import os", step_body=body)),
+        Benchmark("quick"),
+    )
+    for told in ("has left resources/seen in its own folder", "had left resources/seen in its own folder: removed"):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING, "orchestrator"):
+            bench.evaluate(Controller(own.file), only="c00.compliant.noise", recordings=False)
+        assert told in caplog.text

@@ -1,6 +1,7 @@
 """Files with connector mappings and parameters: TOML, and SSP's SSM and SSV."""
 
 import functools
+import re
 from dataclasses import replace
 
 import pytest
@@ -79,6 +80,9 @@ def test_mappings(file):
     assert refused(read_mapping, path) == ("bad-mapping", "q_m[2]"), "a transformation is not dropped silently"
 
 
+SSV_TWICE = '<x><Parameter name="K"><Real value="1"/></Parameter><Parameter name="K"><Real value="2"/></Parameter></x>'
+SSM_TWICE = '<x><MappingEntry source="a" target="q_m"/><MappingEntry source="b" target="q_m"/></x>'
+
 WRONG_FILES = [
     (read_mapping, "names.toml", '"q_m[1]" = "In1"\n', "bad-mapping"),
     (read_mapping, "names.toml", "[map]\nq_m = 1\n", "bad-mapping"),
@@ -92,7 +96,10 @@ WRONG_FILES = [
     (read_parameters, "gains.toml", "[parameters]\nK_p = 2026-11-25\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters]\nK_p = [[1, 2]]\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters.K_p]\naxis1 = 45\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = []\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters\n", "bad-file"),
+    (read_parameters, "gains.ssv", SSV_TWICE, "repeated"),
+    (read_mapping, "names.ssm", SSM_TWICE, "repeated"),
     (read_parameters, "gains.ssv", "no XML", "bad-file"),
     (read_parameters, "gains.ssv", "<ParameterMapping/>", "bad-parameters"),
     *((read, f"absent.{suffix}", None, "no-file") for read in (read_mapping, read_parameters) for suffix in SUFFIXES),
@@ -149,8 +156,11 @@ UNITS = """<ssv:Units xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCom
 def with_unit(name, unit, value="45000"):
     """An SSV file that gives one more parameter in a unit."""
     parameter = f'<ssv:Parameter name="{name}"><ssv:Real value="{value}" unit="{unit}"/></ssv:Parameter>'
-    text = SSV.format(major=1, real="Real", integer="Integer", further=parameter)
-    return text.replace("</ssv:Parameters>", f"</ssv:Parameters>{UNITS}")
+    text = SSV.format(major=1, real="Real", integer="Integer", further="")
+    text = re.sub(rf'<ssv:Parameter name="{re.escape(name)}".*?</ssv:Parameter>', "", text, flags=re.DOTALL)
+    return text.replace("</ssv:Parameters>", f"{parameter}</ssv:Parameters>").replace(
+        "</ssv:Parameters>", f"</ssv:Parameters>{UNITS}"
+    )
 
 
 @pytest.mark.parametrize(

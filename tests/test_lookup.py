@@ -84,6 +84,45 @@ def test_a_sample_time_that_is_set_is_not_given_and_two_candidates_are_refused()
 
 
 @pytest.mark.parametrize(
+    ("name", "unit", "start", "accepted"),
+    [
+        ("Ts", "s", "0.00025", True),
+        ("Ts", "ms", "0.25", True),
+        ("Ts", None, None, True),
+        ("T_s", "s", "0.001", True),  # the exact name is the documented one
+        ("Ts", None, "0.25", False),  # in milliseconds, without a unit
+        ("setpointFilter.Ts", "s", "0.05", False),  # the time constant of a filter
+    ],
+)
+def test_a_parameter_that_only_spells_like_it_must_start_with_the_step(name, unit, start, accepted):
+    controller = replace(archive(), description=usual(variable(name, "parameter", unit, start=start)))
+    if accepted:
+        assert sample_time_parameter(controller, Setup()).name == name
+    else:
+        error = refusal(sample_time_parameter, controller, Setup())
+        assert (error.what, error.nearest) == ("ambiguous-sample-time", (name,))
+        assert sample_time_parameter(controller, Setup({name: float(start)})) is None
+
+
+def test_an_array_without_start_values_is_given_whole():
+    shown = description([variable("G", "parameter", kind="Float64", size=2)])
+    assert refusal(find_values, shown, {"G[1]": 45.0}, WHAT).what == "array-parameter"
+    assert list(find_values(shown, {"G[1]": 45.0, "G[2]": 1.0}, WHAT).values()) == [[45.0, 1.0]]
+
+
+def test_arrays_beyond_any_memory_are_refused():
+    shown = description([variable("G", "parameter", kind="Float64", size=3_000_000_000, start="0")])
+    assert refusal(variables, shown).what == "bad-description"
+
+
+@pytest.mark.parametrize("reference", [-1, 2**32, "0x10", None])
+def test_a_value_reference_has_32_bits(reference):
+    shown = usual()
+    shown.modelVariables[0].valueReference = reference
+    assert refusal(variables, shown).what == "bad-description"
+
+
+@pytest.mark.parametrize(
     ("fixed", "experiment", "chosen", "expected", "origin"),
     [
         (None, None, None, T_S, "benchmark"),

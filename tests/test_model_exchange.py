@@ -163,3 +163,11 @@ def test_a_controller_may_end_the_simulation_after_a_step(version, pid, probe_pl
     assert (ending.status, ending.time) == (Status.ERROR, 0.001)
     assert "Ending.fmu ended the simulation" in ending.message
     assert probed(probe_plant_file, controller, quiet(T_S, {})).latency is None, "nor can it be probed"
+
+
+def test_a_next_event_that_is_always_now_is_an_error_and_no_hang(version, pid, probe_plant_file, tmp_path):
+    now = "double component_next_event(const Component *component) { return component->memory->time; }"
+    file = with_functions(pid, tmp_path / "Stalling.fmu", {"component_next_event": now})
+    (trajectory,) = simulate_all(probe_plant_file, file, [quiet(Fraction(1, 100), {})])
+    assert trajectory.ending.status is Status.ERROR
+    assert "Stalling.fmu asks for event iterations without end" in trajectory.ending.message

@@ -75,6 +75,9 @@ def turned(**base_unit):
     [
         *(("wrong-unit", *units, ()) for units in (("m", "rad"), ("rad", "N.m"), ("N", "N.m"), ("1", "N.m"))),
         ("wrong-unit", "deg", "rad", (Unit("deg", BaseUnit(K=1)),)),
+        ("bad-unit", "deg", "rad", (Unit("deg", BaseUnit(rad=1)),)),  # the factor is missing
+        ("bad-unit", "deg", "rad", (Unit("deg", BaseUnit()),)),
+        ("bad-unit", "mN.m", "N.m", (Unit("mN.m", BaseUnit(**TORQUE)),)),
         ("wrong-unit", "N.m/deg", "N.m", (Unit("N.m/deg", BaseUnit(**TORQUE, rad=-1, factor=180 / math.pi)),)),
         *(("unknown-unit", unit, "rad", ()) for unit in ("rpm", "counts", "N.m/rad", "Rad")),
         ("unknown-unit", "furlong", "rad", (Unit("furlong", None),)),

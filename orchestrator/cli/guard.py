@@ -41,6 +41,7 @@ REMEDIES = {
     "no-case": "List them with: python -m orchestrator.evaluate --list.",
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
+    "left-files": "--sandbox keeps it from that.",
     "state-passes": "Do the same again: what is stored is not used, and each simulation has a process of its own.",
     "small-budget": "Give a larger one (--budget, or --robust of tune), or --no-list.",
     "no-optuna": "It is needed for tuning only.",

@@ -26,7 +26,19 @@ from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
 from .choice import SOURCE, WINE, Way, choose, has_sources
 from .description import read_description
-from .entries import MOST_BYTES, SMALL, Damaged, check_entries, extract, files_of, is_intact, refused, unpacked
+from .entries import (
+    COMPILED,
+    MOST_BYTES,
+    SMALL,
+    Damaged,
+    added_files,
+    check_entries,
+    extract,
+    files_of,
+    is_intact,
+    refused,
+    unpacked,
+)
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -67,6 +79,11 @@ class Archive:
         """Its contents, to be closed."""
         return zipfile.ZipFile(io.BytesIO(self.content) if self.content is not None else self.file)
 
+    def added(self) -> list[Path]:
+        """Files that it has left in its own folder."""
+        with self.opened() as archive:
+            return [file.relative_to(self.folder) for file in added_files(self.folder, archive)]
+
     @property
     def name(self) -> str:
         """File name, for messages."""
@@ -104,7 +121,7 @@ class Archive:
             return next((path for path in sorted(folder.glob("*")) if path.name.lower() == wanted.name.lower()), wanted)
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, "compiled" if self.way == SOURCE else ".", "binaries", platform, name)
+        return Path(self.folder, COMPILED if self.way == SOURCE else ".", "binaries", platform, name)
 
 
 def open_archive(file: Path, wanted: Way | None = None) -> Archive:
@@ -205,6 +222,9 @@ def _extract(file: Path, sha256: str) -> Path:
     folder = cache_folder() / "fmus" / sha256
     with zipfile.ZipFile(file) as opened:
         if is_intact(folder, opened):
+            for added in added_files(folder, opened):  # of an earlier run, which must not tell this one anything
+                logger.warning("%s had left %s in its own folder: removed.", file.name, added.relative_to(folder))
+                added.unlink(missing_ok=True)
             return folder
     scratch: Path | None = None
     try:

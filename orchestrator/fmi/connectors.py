@@ -10,6 +10,7 @@ from fmpy.model_description import ModelDescription
 
 from ..codec import Scalar
 from ..errors import InputError, unknown
+from .description import NEGATED
 from .names import ARRAY, canonical, spelling
 from .units import conversion
 from .variables import Variable, repeated_names, variables
@@ -169,7 +170,7 @@ Spelled = Mapping[str, Sequence[tuple[int, Variable]]]
 def _spelled(description: ModelDescription) -> Spelled:
     """The variables of an FMU by their spelling: it is bound for each simulation, and may have 100,000."""
     found: dict[str, list[tuple[int, Variable]]] = {}
-    connectable = {causality for connector in (*PLANT, *CONTROLLER) for causality in connector.causalities}
+    connectable = {NEGATED, *(causality for connector in (*PLANT, *CONTROLLER) for causality in connector.causalities)}
     for variable in variables(description).values():
         if variable.causality not in connectable:
             continue
@@ -197,7 +198,7 @@ def _find(
 def _by_spelling(connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str) -> list[Variable]:
     candidates: dict[int, list[Variable]] = {}
     for index, variable in spelled.get(canonical(connector.name), ()):
-        if variable.name in known and variable.causality in connector.causalities:
+        if variable.name in known and variable.causality in (*connector.causalities, NEGATED):
             candidates.setdefault(index, []).append(variable)
     arrays = candidates.pop(ARRAY, [])
     scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]

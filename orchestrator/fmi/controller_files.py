@@ -28,6 +28,9 @@ def read_mapping(file: Path) -> dict[str, str]:
         if not entries:
             message = f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which."
             raise InputError(message, "bad-mapping", file)
+        targets = [entry.get("target", "") for entry in entries]
+        if twice := [target for target in targets if targets.count(target) > 1]:
+            raise InputError(f"{file} maps {twice[0]} more than once.", "repeated", file, twice[0])
         for entry in entries:
             for child in entry.iterchildren(etree.Element):
                 target, kind = entry.get("target"), etree.QName(child).localname
@@ -61,6 +64,8 @@ def _table(file: Path, table: Any) -> dict[str, Scalar]:
     if not isinstance(table, Mapping):
         raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.', "bad-parameters", file)
     for name, value in table.items():
+        if value == []:
+            raise InputError(f"{file}: the list of values of {name} is empty.", "bad-parameters", file, name)
         for element in value if isinstance(value, list) else [value]:
             if not isinstance(element, bool | int | float | str):
                 message = f"{file}: the value of {name}, {element!r}, is neither a number nor true, false or a text."
@@ -79,6 +84,8 @@ def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
         if value is None:
             message = f"{file}: the parameter {name} has no value of a type that parameters have, such as Real."
             raise InputError(message, "bad-parameters", file, name)
+        if name in values:
+            raise InputError(f"{file} gives {name} more than once.", "repeated", file, name)
         values[name] = _number(file, name, value) if etree.QName(types[0]).localname in REAL_TYPES else value
         if unit := types[0].get("unit"):
             variable, _ = place(controller.description, name, f"The controller {controller.name}")

@@ -28,6 +28,9 @@ COMBINATIONS: Mapping[str, tuple[str, ...]] = {
 }
 """The variabilities that FMI 2.0 and 3.0 allow, by causality."""
 
+NEGATED = "negated alias"
+"""The causality that is read of an FMI 1.0 variable with the opposite sign of another one."""
+
 GIVEN = ("parameter", "structuralParameter", "input")
 """Causalities of variables whose initial value is given, not calculated."""
 
@@ -47,6 +50,7 @@ def read_description(file: Path) -> ModelDescription:
             raise ValueError("it has no fmiVersion")
         if root.find("ModelVariables") is None:
             raise ValueError("it has no ModelVariables")
+        _check_sizes(root)
         changed = {**documents, DESCRIPTION: etree.tostring(root, encoding="utf-8")}
         with uncollected():  # of 100,000 variables all stay, and looking for garbage takes as long as reading them
             return fmpy.read_model_description(_archive(changed), validate=False)
@@ -54,6 +58,19 @@ def read_description(file: Path) -> ModelDescription:
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
         message += "Check it with: python -m fmpy validate."
         raise InputError(message, "bad-description", file.name) from problem
+
+
+def _check_sizes(root: etree._Element) -> None:
+    """Raise :class:`ValueError` for an array whose size is that of a variable without a start value, or of none."""
+    starts: dict[str | None, str | None] = {}
+    for size in root.iterfind("ModelVariables/*/Dimension[@valueReference]"):
+        if not starts:
+            starts = {each.get("valueReference"): each.get("start") for each in root.iterfind("ModelVariables/*")}
+        reference, name = size.get("valueReference"), size.getparent().get("name")
+        if reference not in starts:
+            raise ValueError(f"the size of {name} is a variable that does not exist (value reference {reference})")
+        if starts[reference] is None:
+            raise ValueError(f"the size of {name} is a variable without a start value (value reference {reference})")
 
 
 @contextmanager
@@ -110,9 +127,9 @@ def _put_right(root: etree._Element) -> None:
     version = str(root.get("fmiVersion"))
     if version.startswith("1"):
         # FMPy drops this word. The variable has the value of another one with the opposite sign: were it bound as it
-        # stands, the loop would run with a wrong sign. As an internal variable it cannot be bound.
+        # stands, the loop would run with a wrong sign. With a causality of its own it cannot be bound.
         for variable in root.iterfind("ModelVariables/*[@alias='negatedAlias']"):
-            variable.set("causality", "internal")
+            variable.set("causality", NEGATED)
         return
     for variable in root.iterfind("ModelVariables/*"):
         causality = variable.get("causality", "local")

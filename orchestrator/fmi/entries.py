@@ -150,6 +150,19 @@ def extract(archive: zipfile.ZipFile, folder: Path) -> None:
                 target.write(piece)
 
 
+COMPILED = "compiled"
+"""Folder beside the files of an FMU for what is compiled of its sources."""
+
+
+def added_files(folder: Path, archive: zipfile.ZipFile) -> list[Path]:
+    """Files in ``folder`` that are not of the archive, nor compiled of what is."""
+    known, added = {folder / name for name in files_of(archive)}, []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if name not in (COMPILED, "__pycache__")]
+        added += [file for name in names if (file := Path(place, name)) not in known]
+    return sorted(added)
+
+
 def is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
     """Whether ``folder`` holds the archive's files as they are in it. An FMU may have written over its own, or a
     power cut may have left them empty. Files that came later, such as compiled code, do not count."""

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 from fmpy.model_description import ModelDescription
 
 from ..codec import Scalar
 from ..errors import InputError, unknown
 from .values import check_limits, typed
-from .variables import REAL_TYPES, Variable, repeated_names, variables
+from .variables import Variable, repeated_names, variables
+
+_MISSING: Any = object()
+"""An element of an array that has no value yet."""
 
 
 def find_values(
@@ -28,9 +32,14 @@ def find_values(
             message = f"{what}: {name} cannot be set: it is an input that the benchmark drives."
             settable = [other.name for other in variables(description).values() if other.can_be_set]
             raise unknown(message, "not-settable", what, name, [other for other in settable if other != name])
-        elements = found.setdefault(variable, list(variable.start) or [_zero(variable)] * variable.size)
+        elements = found.setdefault(variable, list(variable.start) or [_MISSING] * variable.size)
         elements[element] = typed(variable, value, what)
         check_limits(variable, elements[element], what)
+    for variable, elements in found.items():
+        if _MISSING in elements:
+            name = f"{variable.name}[{elements.index(_MISSING) + 1}]"
+            message = f"{what}: {name} has neither a value nor a start value. Give all elements of {variable.name}."
+            raise InputError(message, "array-parameter", what, name)
     return found
 
 
@@ -63,12 +72,6 @@ def place(description: ModelDescription, name: str, what: str) -> tuple[Variable
         )
         raise unknown(f"{message}and inputs can.", "not-settable", what, name, settable)
     raise unknown(f"{what} has no parameter or input {name}.", "no-parameter", what, name, settable)
-
-
-def _zero(variable: Variable) -> Scalar:
-    """What the elements of an array without start values are."""
-    zeros: dict[str, Scalar] = {"Boolean": False, "String": "", "Binary": "", **dict.fromkeys(REAL_TYPES, 0.0)}
-    return zeros.get(variable.type, 0)
 
 
 def elements(values: Mapping[str, Scalar | Sequence[Scalar]]) -> dict[str, Scalar]:

@@ -256,9 +256,13 @@ def _exchange_events(port: Port, count: int, time: float, step: float, read: boo
 @compiled
 def _advance(port: Port, time: float, end: float, tolerance: float) -> int:
     """From event to event; one at ``end`` is left to the next sample, whose inputs it is to see."""
-    worst = 0
+    worst, stalled = 0, 0
     while time < end - tolerance:
-        status, time, event = _integrate(port, time, min(end, port.clock[NEXT_EVENT]), tolerance)
+        begin = time
+        status, time, event = _integrate(port, time, min(end, max(time, port.clock[NEXT_EVENT])), tolerance)
+        stalled = 0 if time > begin else stalled + 1
+        if stalled > MOST_ITERATIONS:  # its next event is always now, or past
+            return ENDLESS_EVENTS
         if status <= WARNING and (event or time < end - tolerance):
             status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
             if status <= WARNING:

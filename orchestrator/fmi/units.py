@@ -110,4 +110,10 @@ def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension 
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
         message = f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}."
         raise InputError(f"{message} Give its BaseUnit a positive factor and a finite offset.", "bad-unit", where, unit)
-    return Dimension(factor, tuple(int(getattr(base, name)) for name in EXPONENTS), offset)
+    exponents, known = tuple(int(getattr(base, name)) for name in EXPONENTS), KNOWN.get(unit)
+    alike = known is not None and exponents in (known.exponents, KNOWN["1"].exponents)
+    if known is not None and alike and factor == 1.0 != known.factor:
+        # Some exporters leave the factor out, which makes a degree a radian.
+        message = f"{where} has the unit {unit!r}, defined without the factor {known.factor:g} of its name."
+        raise InputError(f"{message} Give its BaseUnit that factor, or the unit another name.", "bad-unit", where, unit)
+    return Dimension(factor, exponents, offset)

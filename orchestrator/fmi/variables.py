@@ -27,6 +27,9 @@ INTEGERS = {
 SET_TYPES = (*REAL_TYPES, *INTEGERS, "Boolean", "String", "Binary")
 """Types of variables that can be set."""
 
+MOST_ELEMENTS = 1_000_000
+"""Elements of all arrays of an FMU together."""
+
 GIVEN = ("parameter", "input")
 """Causalities of variables that can be set."""
 
@@ -78,6 +81,10 @@ class Variable(msgspec.Struct, frozen=True):
 @functools.lru_cache(maxsize=16)
 def variables(description: ModelDescription) -> dict[str, Variable]:
     """All variables of an FMU by name; raises :class:`InputError` if a real's start value is not numeric."""
+    elements = sum(math.prod(each.shape) for each in description.modelVariables if each.shape)
+    if elements > MOST_ELEMENTS:  # a kilobyte of XML can declare more than any memory holds
+        message = f"The arrays of {description.modelName} have {elements} elements, more than {MOST_ELEMENTS}."
+        raise InputError(f"{message} Export it with smaller ones.", "bad-description", description.modelName)
     return {variable.name: _convert(variable) for variable in description.modelVariables}
 
 
@@ -109,7 +116,7 @@ def _convert(variable: ModelVariable) -> Variable:
     )
     return Variable(
         name=variable.name,
-        reference=int(variable.valueReference),
+        reference=_reference(variable),
         type=variable.type,
         size=size,
         causality=causality,
@@ -118,6 +125,15 @@ def _convert(variable: ModelVariable) -> Variable:
         start=start,
         **details,
     )
+
+
+def _reference(variable: ModelVariable) -> int:
+    """The value reference, which calls pass as 32 bits without a sign."""
+    text = str(variable.valueReference)
+    if not _is_whole(text) or not 0 <= int(text) < 2**32:
+        message = f"The value reference of {variable.name}, {text!r}, is no whole number from 0 to 4294967295."
+        raise InputError(f"{message} Export the FMU again.", "bad-description", variable.name, text)
+    return int(text)
 
 
 def _numbers(name: str, start: Any, size: int) -> tuple[float, ...]:

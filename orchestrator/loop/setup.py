@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -12,7 +13,11 @@ from ..fmi.archive import Archive
 from ..fmi.connectors import SAMPLE_TIME, Binding, Bound, bind_controller
 from ..fmi.lookup import find_values
 from ..fmi.names import canonical
+from ..fmi.units import conversion
 from ..fmi.variables import Variable, variables
+
+STEP = 0.25e-3
+"""Sample time [s] of the paper's controllers, which those have that declare no step."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +112,9 @@ def _is_sample_time(variable: Variable) -> bool:
 def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     """The controller's parameter T_s, if it has one that ``setup`` leaves to the benchmark.
 
-    The exact name takes precedence over others that spell the same, as with connectors; raises
-    :class:`~orchestrator.errors.InputError` if there are several of these.
+    The exact name takes precedence over others that spell the same, as with connectors. Raises
+    :class:`~orchestrator.errors.InputError` if there are several of these, or if the only one has another start value
+    than the controller's step: it may be the time constant of a filter, or count milliseconds.
     """
     known = variables(controller.description).values()
     parameters = [v for v in known if v.causality == "parameter" and v.is_real and v.size == 1]
@@ -119,6 +125,24 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     if len(candidates) > 1:
         names = ", ".join(v.name for v in candidates)
         message = f"The controller {controller.name} has more than one candidate for its sample time {SAMPLE_TIME}: "
-        found = (v.name for v in candidates)
-        raise InputError(f"{message}{names}.", "ambiguous-sample-time", controller.name, SAMPLE_TIME, found)
-    return candidates[0] if candidates else None
+        raise InputError(
+            f"{message}{names}.", "ambiguous-sample-time", controller.name, SAMPLE_TIME, (v.name for v in candidates)
+        )
+    if not candidates:
+        return None
+    (T_s,) = candidates
+    if T_s.name != SAMPLE_TIME and T_s.start and not _is_step(controller, T_s):
+        value = f"{T_s.numbers[0]:g} {T_s.unit or ''}".rstrip()
+        message = f"The controller {controller.name} has a parameter {T_s.name} = {value}: by its name it is the "
+        message += "sample time, by its value it is not."
+        raise InputError(message, "ambiguous-sample-time", controller.name, SAMPLE_TIME, (T_s.name,))
+    return T_s
+
+
+def _is_step(controller: Archive, variable: Variable) -> bool:
+    """Whether a parameter starts with the step that the FMU declares, the benchmark's if it declares none."""
+    experiment, step = controller.description.defaultExperiment, STEP
+    with suppress(AttributeError, ValueError, TypeError):  # what is no number, another check tells
+        step = float(experiment.stepSize)
+    unit = conversion(controller.description, variable.unit, "s", f"{controller.name}: {variable.name}")
+    return math.isclose(variable.numbers[0] * unit.factor, step, rel_tol=1e-5)

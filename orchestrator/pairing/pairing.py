@@ -165,6 +165,16 @@ def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
     )
 
 
+def digesting(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+    """The same with digests of the signals: the values are :class:`.work.Digested`."""
+    job = judging(protocol, group, pairing)
+    return replace(
+        job,
+        work=f"{work.__name__}:{work.digest_case.__name__}",
+        decode=lambda index, value: work.digested(protocol, group[index], value),
+    )
+
+
 def recording(protocol: Protocol, group: Sequence[Case], pairing: Pairing, start: float = START_TIME) -> Job:
     """The same with trajectories: the values are :class:`.work.Simulated`."""
     scenarios = [longest(protocol, case) for case in group]

@@ -16,7 +16,7 @@ from ..execution.standstill import Standstill
 from ..fmi.trace import CONTROLLER, PLANT, Place
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status
-from .work import Simulated
+from .work import Digested, Simulated
 
 logger = logging.getLogger(__name__)
 
@@ -36,8 +36,8 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
     """The run of a case from what its process had to say, or left behind."""
     scenario = case.scenario
     if isinstance(outcome, Done):
-        value: Judgement | Simulated = outcome.value
-        judgement = value.judgement if isinstance(value, Simulated) else value
+        value: Judgement | Simulated | Digested = outcome.value
+        judgement = value if isinstance(value, Judgement) else value.judgement
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
         return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
     if isinstance(outcome, Died):

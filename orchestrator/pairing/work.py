@@ -47,6 +47,13 @@ class Simulated(Struct, frozen=True):
     trajectory: Trajectory
 
 
+class Digested(Struct, frozen=True):
+    """What a case came to, with a ``digest`` of its signals."""
+
+    judgement: Judgement
+    digest: bytes
+
+
 class RecordTask(Struct, frozen=True):
     """Simulate a case and keep what a report shows of it."""
 
@@ -118,6 +125,20 @@ def simulate_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(_judged(plant, controller, unpack(task, CaseTask), OBSERVED))
 
 
+def digest_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`CaseTask`; gives a :class:`Digested`."""
+    found = _judged(plant, controller, unpack(task, CaseTask))
+    return pack(Digested(found.judgement, digest(found.trajectory)))
+
+
+def digest(found: Trajectory) -> bytes:
+    """SHA-256 of a simulation's status, and of what its controller measured and commanded."""
+    signals = hashlib.sha256(found.ending.status.value.encode())
+    for signal in (found.measured, found.command):
+        signals.update(signal.tobytes())
+    return signals.digest()
+
+
 def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """A :class:`RecordTask`; gives a :class:`~orchestrator.documents.recording.Recording`."""
     wanted = unpack(task, RecordTask)
@@ -141,10 +162,7 @@ def rehearse(plant: Slave, controller: Slave, task: bytes) -> bytes:
     if found.ending.status is Status.ERROR and found.ending.failed_call and not len(found.command):
         raise FmuError(f"The first sample fails: {found.ending.message}", found.ending.failed_call)
     q_a = (float(found.extra["q_a[1]"][0]), float(found.extra["q_a[2]"][0]))
-    signals = hashlib.sha256(found.ending.status.value.encode())
-    for signal in (found.measured, found.command):
-        signals.update(signal.tobytes())
-    return pack(Beginning(found.q_m_ref, found.u_m0, q_a, signals.digest()))
+    return pack(Beginning(found.q_m_ref, found.u_m0, q_a, digest(found)))
 
 
 def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
@@ -212,6 +230,13 @@ def simulated(protocol: Protocol, case: Case, value: bytes) -> Simulated:
     """What a worker sent for a :class:`CaseTask` with its trajectory, checked."""
     found = unpack(value, Simulated)
     _check_trajectory(longest(protocol, case).samples, OBSERVED, found.trajectory)
+    _check(protocol, case, found.judgement)
+    return found
+
+
+def digested(protocol: Protocol, case: Case, value: bytes) -> Digested:
+    """What a worker sent for a :class:`CaseTask` with a digest, checked."""
+    found = unpack(value, Digested)
     _check(protocol, case, found.judgement)
     return found
 

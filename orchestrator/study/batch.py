@@ -17,9 +17,9 @@ from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
 from ..loop.carry_over import CarryOver, carry_over
 from ..loop.trajectory import Status
-from ..pairing.pairing import GROUP_SIZE, Pairing, judging, recording
+from ..pairing.pairing import GROUP_SIZE, Pairing, digesting, judging, recording
 from ..pairing.runs import CaseRun, case_run
-from ..pairing.work import Simulated
+from ..pairing.work import Digested, Simulated, digest
 from . import stored
 from .requests import TIMEOUTS, Batch, Entry
 
@@ -139,43 +139,39 @@ def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
 
 @dataclass
 class _Repetition:
-    """A case that comes after others, ``number`` of ``own``, a second time: its ``job``, and the figures of both."""
+    """The first case of a group in one process, of the ``numbers`` of ``own``, repeated there behind all others;
+    ``alone`` is the job that runs it in a fresh process."""
 
     own: _Open
-    number: int
-    job: Job
-    after: bytes | None = None
-    fresh: bytes | None = None
+    numbers: Sequence[int]
+    alone: Job
+    first: bytes | None = None
     over: bool = False
 
-    def take(self, outcome: Outcome, execute: Execute) -> None:
-        """The case has come to its ``outcome`` in the fresh process."""
-        self.fresh, self.over = _figures(outcome), True
-        self._compare(execute)
-
-    def look(self, own: _Open, number: int, outcome: Outcome, execute: Execute) -> None:
-        """A case of the batch has come to its ``outcome``."""
-        if own is self.own and number == self.number:
-            self.after = _figures(outcome)
-            self._compare(execute)
-
-    def _compare(self, execute: Execute) -> None:
-        if self.after is not None and self.fresh is not None:
-            found = carry_over(self.after, self.fresh, lambda: self._again(execute))
-            if found is not CarryOver.NONE:
-                raise StatePasses(self.own.entry.pairing, found)
+    def look(self, index: int, outcome: Outcome, execute: Execute) -> None:
+        """A case of the group has come to its ``outcome``; raises :class:`StatePasses` if others have changed it."""
+        if index == 0:
+            self.first = _figures(outcome)
+        elif index == len(self.numbers):
+            self.over, after = True, _figures(outcome)
+            if after is not None and self.first is not None:
+                found = carry_over(after, self.first, lambda: self._again(execute))
+                if found is not CarryOver.NONE:
+                    raise StatePasses(self.own.entry.pairing, found)
 
     def _again(self, execute: Execute) -> bytes | None:
-        with closing(execute([self.job])) as outcomes:
+        with closing(execute([self.alone])) as outcomes:
             return next((_figures(outcome) for _, outcome in outcomes), None)
 
 
 def _figures(outcome: Outcome) -> bytes | None:
-    """What a case came to, without the text, in which an FMU may say what it wants; None if its process failed."""
+    """What a case came to, with its signals, without the text, in which an FMU may say what it wants; None if its
+    process failed."""
     if not isinstance(outcome, Done):
         return None
-    judgement = outcome.value.judgement if isinstance(outcome.value, Simulated) else outcome.value
-    return pack(structs.replace(judgement, message=""))
+    value: Simulated | Digested = outcome.value
+    signals = value.digest if isinstance(value, Digested) else digest(value.trajectory)
+    return pack(structs.replace(value.judgement, message="")) + signals
 
 
 @dataclass
@@ -196,6 +192,7 @@ def _simulated(
 ) -> Iterator[tuple[_Open, int, CaseRun]]:
     """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
+    repetition, repeated = None, -1
     places: list[tuple[_Open, list[int], set[int]]] = []
     for each in opened:
         waiting = [] if each.reason else each.waiting
@@ -203,43 +200,46 @@ def _simulated(
         size = max(1, len(waiting)) if alone else GROUP_SIZE
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
-            cases = [each.entry.cases[number] for number in numbers]
-            ask = judging if each.entry.witness is None else recording
-            jobs.append(replace(ask(each.entry.protocol, cases, each.entry.pairing), give_up=alone))
+            entry, several = each.entry, len(numbers) > 1 and _shares(each.entry.pairing)
+            again = several and repeat and repetition is None
+            numbers = _longest_first(entry, numbers) if again else numbers
+            cases = [entry.cases[number] for number in numbers]
+            ask = recording if entry.witness is not None else digesting if again else judging
+            if again:
+                repetition = _Repetition(each, numbers, ask(entry.protocol, cases[:1], entry.pairing))
+                repeated, cases = len(jobs), [*cases, cases[0]]
+            jobs.append(replace(ask(entry.protocol, cases, entry.pairing), give_up=alone))
             places.append((each, numbers, left))
     if not jobs:
         return
-    repetition = _repetition(jobs, places) if repeat else None
-    ahead = [] if repetition is None else [repetition.job]  # in front: nobody likes to hear of it at the end
-    with closing(execute([*ahead, *jobs])) as outcomes:
+    with closing(execute(jobs)) as outcomes:
         for job, outcome in outcomes:
-            if job < len(ahead) and repetition is not None:
-                repetition.take(outcome, execute)
-                continue
-            own, numbers, left = places[job - len(ahead)]
-            number = numbers[outcome.index]
-            if repetition is not None:
-                repetition.look(own, number, outcome, execute)
-            if number not in left or own.reason:
-                continue  # a cluster may run a job twice
-            left.remove(number)
-            chatter.listen(outcome, own.entry.pairing)
-            run = case_run(own.entry.cases[number], outcome)
-            if own.entry.witness is not None and isinstance(outcome, Done) and isinstance(outcome.value, Simulated):
-                own.entry.witness(run.case, run.result, outcome.value.trajectory)
-            yield own, number, run
+            own, numbers, left = places[job]
+            if job == repeated and repetition is not None:
+                repetition.look(outcome.index, outcome, execute)
+            if outcome.index < len(numbers):
+                number = numbers[outcome.index]
+                if number in left and not own.reason:  # a cluster may run a job twice
+                    left.remove(number)
+                    chatter.listen(outcome, own.entry.pairing)
+                    run = case_run(own.entry.cases[number], outcome)
+                    value = outcome.value if isinstance(outcome, Done) else None
+                    if own.entry.witness is not None and isinstance(value, Simulated):
+                        own.entry.witness(run.case, run.result, value.trajectory)
+                    yield own, number, run
             compared = repetition is None or repetition.over or repetition.own.reason
             if compared and all(each.reason or not left for each, _, left in places):
                 return
 
 
-def _repetition(jobs: Sequence[Job], places: Sequence[tuple[_Open, list[int], set[int]]]) -> _Repetition | None:
-    """Of the first group that has several cases in one process, the shortest that comes after another one, the last of
-    these: an evaluation has hundreds of times as much to simulate."""
-    for job, (own, numbers, _) in zip(jobs, places, strict=True):
-        pairing = own.entry.pairing
-        if len(numbers) > 1 and not pairing.is_separate and not pairing.isolated:
-            cases = own.entry.cases
-            index = min(range(1, len(numbers)), key=lambda index: (cases[numbers[index]].scenario.duration, -index))
-            return _Repetition(own, numbers[index], replace(job, separate=True).rest(index))
-    return None
+def _longest_first(entry: Entry, numbers: Sequence[int]) -> list[int]:
+    """The numbers of a group, with a long case in front whose criteria show what becomes of its controller."""
+    first = max(
+        numbers, key=lambda number: (bool(entry.cases[number].test.criteria), entry.cases[number].scenario.duration)
+    )
+    return [first, *(number for number in numbers if number != first)]
+
+
+def _shares(pairing: Pairing) -> bool:
+    """Whether the cases of a group run in one process."""
+    return not pairing.is_separate and not pairing.isolated

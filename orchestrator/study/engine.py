@@ -97,7 +97,12 @@ class Engine:
                 return stack.enter_context(store.opened(self.folder))
 
             processes = Processes()
-            return answered(study, lambda request: self._answer(request, known(), spent, processes))
+            found = answered(study, lambda request: self._answer(request, known(), spent, processes))
+        for controller in processes.seen.values():
+            if added := controller.added():
+                message = "%s has left %s in its own folder, where later cases find it: their results may depend on it."
+                logger.warning(message, controller.name, added[0], extra={"what": "left-files"})
+        return found
 
     def _answer(self, request: Request, known: store.Store, spent: _Spent, processes: Processes) -> Any:
         match request:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from ..errors import InputError
 from ..execution.store import Store
+from ..fmi.archive import Archive
 from ..loop.carry_over import WORDS, CarryOver
 from ..pairing.pairing import Pairing
 from .requests import Batch
@@ -21,16 +22,18 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class Processes:
-    """What is ``found`` of each controller, by the SHA-256 of its bytes, and how many of its simulations shared
-    processes: ``grouped`` in all, ``repeated`` when one was last repeated."""
+    """The controllers ``seen``, and what is ``found`` of each, by the SHA-256 of its bytes; and how many of its
+    simulations shared processes: ``grouped`` in all, ``repeated`` when one was last repeated."""
 
     found: dict[str, CarryOver] = field(default_factory=dict)
+    seen: dict[str, Archive] = field(default_factory=dict)
     grouped: dict[str, int] = field(default_factory=dict)
     repeated: dict[str, int] = field(default_factory=dict)
 
     def of(self, pairing: Pairing, known: Store) -> Pairing:
         """The ``pairing`` as it has to be run; an earlier run, whose results are ``known``, may have found that out."""
         key = pairing.controller.sha256
+        self.seen[key] = pairing.controller
         if key not in self.found and (record := known.get([_key(pairing)])):
             with suppress(ValueError):  # a record that makes no sense is none
                 self.found[key] = CarryOver(record[_key(pairing)].decode())
