@@ -16,17 +16,18 @@ T = TypeVar("T")
 
 def answered(asking: Generator[Request, Any, T], answer: Callable[[Request], Any]) -> T:
     """The result of ``asking`` if ``answer(request)`` answers each of its requests."""
-
-    def direct(request: Request) -> Generator[Any, Any, Any]:
-        return answer(request)
-        yield  # which makes a generator of it, though it asks nobody
-
     try:
-        next(translated(asking, direct))
+        request = next(asking)
+        while True:
+            try:
+                reply = answer(request)
+            except BaseException as problem:
+                request = asking.throw(problem)
+            else:
+                request = asking.send(reply)
     except StopIteration as end:
         result: T = end.value
         return result
-    raise AssertionError("all requests are answered")
 
 
 def translated(

@@ -13,7 +13,7 @@ from msgspec.structs import replace as replaced
 from scipy.io import loadmat
 from support.refusals import refusal
 from support.reports import RECORDINGS, results_of, scaled, stored
-from support.results import RULES, TABLE_2, everything, result, trajectory
+from support.results import TABLE_2, everything, result, trajectory
 
 from orchestrator.codec import to_json
 from orchestrator.documents import files, trajectory_files
@@ -43,35 +43,10 @@ def test_what_was_written_is_read_back(run):
         np.testing.assert_array_equal(back.torque, original.torque)
 
 
-@pytest.mark.parametrize("form", [2, 3])
-def test_results_of_older_forms_are_read_with_the_verdicts_of_this_one(run, form):
-    """They had no head; those of form 2 did not say how many cases a test has, nor what verdicts count."""
+def test_other_forms_are_refused_with_what_to_do(run):
     file = run.folder / files.RESULTS
-    slow = result(0, "sticky", "gain_1", None, None, Status.TIMEOUT)
-    tests = tuple(replaced(test, cases=test.cases if form == 3 else None) for test in RULES.tests)
-    cases = [slow if case.id == slow.id else case for case in everything(TABLE_2)]
-    now = results_of(cases, rules=replaced(RULES, tests=tests))
-    contents = json.loads(to_json(now))
-    head = contents.pop("head")
-    del head["command"], head["timing"]["simulations"]
-    old = {**contents, **head, "schema": f"flexible-manipulator-results/{form}"}
-    if form == 2:
-        for verdict in (each for entry in old["stability"].values() for each in (entry, *entry["axes"].values())):
-            del verdict["tally"]
-        for test in old["rules"]["tests"]:
-            del test["cases"]
-    file.write_text(json.dumps(old))
-    found = Evaluation.load(run.folder).results
-    timing = replaced(now.timing, simulations=len(now.cases))
-    assert found == replaced(now, head=replaced(now.head, timing=timing)) and not found.stability["A1"].passed
-    del old["timing"]["computing_time"]  # as in results that are older than this field
-    file.write_text(json.dumps(old))
-    assert Evaluation.load(run.folder).head.timing.computing_time is None
-    file.write_text(json.dumps({**old, "schema": "flexible-manipulator-results/1"}))
-    assert "has the form 'flexible-manipulator-results/1'" in str(refusal(Evaluation.load, run.folder))
-    for form in (2, 3):  # damaged
-        file.write_text(json.dumps({"schema": f"flexible-manipulator-results/{form}"}))
-        assert refusal(Evaluation.load, run.folder).what == "damaged"
+    file.write_text('{"schema": "flexible-manipulator-results/3"}')
+    assert "has the form 'flexible-manipulator-results/3'" in str(refusal(Evaluation.load, run.folder))
     (run.folder / files.SPREAD).write_text('{"schema": "flexible-manipulator-spread/1"}')
     assert str(refusal(Spread.load, run.folder)).endswith("Make it again with this version.")
     (run.folder / files.SPREAD).write_text('{"schema": "flexible-manipulator-spread/99"}')

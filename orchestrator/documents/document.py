@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar
+from typing import ClassVar, Literal, NamedTuple, Protocol, TypeVar
 
 import msgspec
 
@@ -211,11 +211,6 @@ class Document(Struct, kw_only=True):
             raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
         return found
 
-    @classmethod
-    def _converted(cls: type[D], older: Mapping[str, Any]) -> D | None:
-        """The document from the contents of an older form; None if that form is not read any more."""
-        return None
-
     def _problem(self) -> str:
         """What is wrong with it, beyond the types of its fields; empty if nothing is."""
         return ""
@@ -234,22 +229,17 @@ def _read(file: Path, kind: type[D]) -> D:
         form = known.schema
         if form == kind.SCHEMA:
             return from_json(text, kind)
-        name, _, number = kind.SCHEMA.rpartition("/")
-        found = kind._converted(from_json(text, dict)) if form.rpartition("/")[0] == name else None
     except Malformed as problem:
         raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
-    except (KeyError, TypeError, ValueError) as problem:  # of an older form
-        raise InputError(f"{file} does not hold results of the form {form}: {problem!r}.", "damaged", file) from None
-    if found is None:
-        message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
-        own = form.removeprefix(f"{name}/")
-        if own != form and own.isdecimal():
-            later = int(own) > int(number)
-            message += " A later version of this package made it." if later else " Make it again with this version"
-            version = known.head.environment.get("flexible_manipulator_benchmark", "")
-            message += "" if later else f", or read it with version {version}, which made it." if version else "."
-        raise InputError(message, "other-schema", file, form)
-    return found
+    name, _, number = kind.SCHEMA.rpartition("/")
+    message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
+    own = form.removeprefix(f"{name}/")
+    if own != form and own.isdecimal():
+        later = int(own) > int(number)
+        message += " A later version of this package made it." if later else " Make it again with this version"
+        version = known.head.environment.get("flexible_manipulator_benchmark", "")
+        message += "" if later else f", or read it with version {version}, which made it." if version else "."
+    raise InputError(message, "other-schema", file, form)
 
 
 class _Made(msgspec.Struct, frozen=True):
@@ -259,11 +249,6 @@ class _Made(msgspec.Struct, frozen=True):
 class _Schema(msgspec.Struct):
     schema: str = ""
     head: _Made = _Made()
-
-
-def older_head(older: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
-    """The head out of the fields of an older form, which stood side by side with all others."""
-    return {name: older[name] for name in Head.__struct_fields__ if name in older} | changes
 
 
 def rules_problem(rules: Rules) -> str:

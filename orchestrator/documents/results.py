@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
-
-from msgspec.structs import asdict, replace
+from typing import ClassVar
 
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Requirement, Scorecard
 from ..benchmark.scorecard import score
-from ..codec import NonNegative, Struct, convert
-from .document import Completeness, Document, completeness, older_head
+from ..codec import NonNegative, Struct
+from .document import Completeness, Document, completeness
 from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES
 
 
@@ -64,19 +61,6 @@ class Results(Document, kw_only=True):
     def completeness(self) -> Completeness:
         """See :attr:`.Document.completeness`."""
         return completeness(self.cases, (entry.tally for entry in self.stability.values()))
-
-    @classmethod
-    def _converted(cls, older: Mapping[str, Any]) -> Results | None:
-        """Forms 2 and 3 had no head; form 2 had no tallies either, so that its scorecard is made again."""
-        form = older["schema"].rpartition("/")[2]
-        if form not in ("2", "3"):
-            return None
-        timing = {**older["timing"], "simulations": len(older["cases"])}
-        own = {name: older[name] for name in cls.__struct_fields__ if name in older}
-        found = convert({**own, "schema": cls.SCHEMA, "head": older_head(older, timing=timing)}, cls)
-        if form == "2":
-            return replace(found, **asdict(score(found.rules, found.cases)))
-        return found
 
     def _problem(self) -> str:
         tests = {test.name for test in self.rules.tests}

@@ -176,10 +176,6 @@ class Robustness(Document, Comparable, kw_only=True):
         return Page(title, self._kicker, panels, worst_page.SCRIPTS, lambda: payload)
 
     @property
-    def _facts(self) -> tuple[tuple[str, str], ...]:
-        return tuple(worst_page.facts(self.head, self.simulations, self.spent, self.budget, self.starts))
-
-    @property
     def _kicker(self) -> str:
         return f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.simulations} simulations"
 

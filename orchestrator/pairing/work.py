@@ -215,7 +215,8 @@ def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
 
 def largest_trajectory(scenario: Scenario) -> int:
     """Bytes that the trajectory of ``scenario`` has at most, packed."""
-    columns = 13 + len(OBSERVED)
+    pairs, scalars = 6, 1  # of a Trajectory: q_m, X, measured, given, command, torque; time
+    columns = 2 * pairs + scalars + len(OBSERVED)
     return (scenario.samples + 2) * columns * 8 + (1 << 16)
 
 
