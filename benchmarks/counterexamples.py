@@ -48,7 +48,7 @@ from orchestrator.execution import store  # noqa: E402
 from orchestrator.search.member import Member, case_of, names  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
-from orchestrator.study.engine import here  # noqa: E402
+from orchestrator.study.engine import local_executor  # noqa: E402
 from orchestrator.study.requests import Batch, Entry  # noqa: E402
 
 LISTS = Path(__file__).with_suffix("")
@@ -135,7 +135,7 @@ def simulated(
     own = [case_of(member(arm, test, protocol), protocol, bench.nominal) for arm in arms]
     entry = Entry(protocol, pairing, (*before, *own))
     with store.opened(None) as known:
-        results = [run.result for run in batch.run(Batch((entry,)), here(bench), known)[0]]
+        results = [run.result for run in batch.run(Batch((entry,)), local_executor(bench), known)[0]]
     return results[: len(before)], results[len(before) :]
 
 

@@ -29,7 +29,7 @@ import psutil  # noqa: E402
 
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
-from orchestrator.benchmark.metrics import judge, named  # noqa: E402
+from orchestrator.benchmark.metrics import case_result, judge  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
 from orchestrator.benchmark.results import Judgement  # noqa: E402
 from orchestrator.codec import Struct, pack, unpack  # noqa: E402
@@ -96,7 +96,7 @@ def cost(protocol: Protocol, bench: Pairing, cases: Sequence[Case], folder: Path
         for outcome in run_isolated(job):
             assert isinstance(outcome, Done), outcome
             case = cases[outcome.index]
-            result = named(case, outcome.value.judgement)
+            result = case_result(case, outcome.value.judgement)
             stored_runs.keep(results, keys[outcome.index], CaseRun(case, result, outcome.wall_time), bench)
             found.append(outcome.value)
         parent = time.process_time() - begin

@@ -43,7 +43,7 @@ from orchestrator import Benchmark, Controller, compare  # noqa: E402
 from orchestrator.benchmark import protocol as protocols  # noqa: E402
 from orchestrator.benchmark.cases import cases  # noqa: E402
 from orchestrator.benchmark.certificate import overall  # noqa: E402
-from orchestrator.benchmark.metrics import expected, named  # noqa: E402
+from orchestrator.benchmark.metrics import case_result, expected  # noqa: E402
 from orchestrator.benchmark.results import CaseResult, Judgement, Measurements, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.codec import Malformed, pack, plain, to_json, unpack  # noqa: E402
@@ -336,7 +336,7 @@ def certificate() -> Verification:
         for case in cases(protocol, NOMINAL, 0):
             figures = {name: True if name == "settled" else B5 for name in expected(protocol, case)}
             own = Judgement(status=Status.DONE, time=float(case.end), measurements=Measurements(**figures))
-            found.append(named(case, own))
+            found.append(case_result(case, own))
         return found
 
     pid = Controller().archive
@@ -378,7 +378,7 @@ def read_certificate(place: Path) -> str:
     compare([found])
     differences(found, found)
     with contextlib.suppress(InputError):
-        next(repeat(Benchmark("verification"), found, None, False))
+        next(repeat(Benchmark("verification", sandbox=True), found, None))
     with contextlib.suppress(InputError):
         listed = tables.verified_table(tables.submissions(place.parent, place.parents[1] / "repetitions"))
         own = f"[{place.name}](../{place.parent.name}/{place.name}/{VERIFICATION})"

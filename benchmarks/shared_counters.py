@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from orchestrator.execution import sandbox  # noqa: E402
 from orchestrator.execution.interpreter import program  # noqa: E402
-from orchestrator.execution.seccomp import refuse_marks  # noqa: E402
+from orchestrator.execution.seccomp import deny_covert_channels  # noqa: E402
 
 COUNT = 200
 """How often a mover moves."""
@@ -179,7 +179,7 @@ def _is_clear(now: list[int], idle: list[list[int]]) -> bool:
 def inside() -> None:
     """Print what can be read, and what each mover may."""
     print(f"inside: {len([*files('/proc')])} files of /proc, {len([*files('/sys')])} of /sys")
-    refuse_marks()
+    deny_covert_channels()
     for name, move in MOVERS.items():
         try:
             move()

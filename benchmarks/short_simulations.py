@@ -28,7 +28,7 @@ from orchestrator.search.member import Member, case_of, cost  # noqa: E402
 from orchestrator.search.short import short  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
-from orchestrator.study.engine import here  # noqa: E402
+from orchestrator.study.engine import local_executor  # noqa: E402
 from orchestrator.study.requests import Batch, Entry  # noqa: E402
 
 SETTLING = 10.0
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def run(some: Sequence[Member]) -> list[CaseRun]:
         entry = Entry(rules, pairing, tuple(case_of(member, rules, bench.nominal) for member in some))
         with store.opened(None) as known:
-            return batch.run(Batch((entry,)), here(bench), known)[0]
+            return batch.run(Batch((entry,)), local_executor(bench), known)[0]
 
     whole = run(drawn)
     print(f"{controller.archive.name}, {given.members} members")

@@ -39,8 +39,8 @@ from orchestrator.codec import Malformed, pack
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import cluster
 from orchestrator.execution.cluster import RemoteAnswer
-from orchestrator.execution.job import Died, Done, Refused
-from orchestrator.execution.messages import ErrorRecord, Finished
+from orchestrator.execution.job import Died, Done
+from orchestrator.execution.messages import ErrorRecord, Failed, Finished
 from orchestrator.fmi.trace import Place
 from orchestrator.loop.trajectory import Status
 
@@ -248,7 +248,7 @@ def test_a_cluster_without_workers_is_an_environment_fault(own, tmp_path, monkey
 
 DONE = Finished(0, b"x", 0.5)
 DIED = Died(0, False, "it died", "", 1.0, Place(3, 2, "step"), ("last words",), True)
-REFUSED = Refused(0, ErrorRecord("fmu", "it failed"), 0.1)
+REFUSED = Failed(0, ErrorRecord("fmu", "it failed"), 0.1)
 
 
 def test_outcomes_arrive(own):

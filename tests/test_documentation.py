@@ -163,3 +163,15 @@ def test_commands_are_listed_on_their_page_and_in_the_readme() -> None:
 )
 def test_pages_with_symbols_link_to_their_explanation(page: str) -> None:
     assert "](manipulator.md#" in text(f"docs/{page}.md")
+
+
+def test_the_ideas_are_few_and_where_they_are_said_to_be() -> None:
+    """CONTRIBUTING's table is the map of the code: at most 25 lines, and each place exists."""
+    root = Path(__file__).parents[1]
+    text = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \*\*.*$", text.partition("## Rooms")[0], re.MULTILINE)
+    places = [place for row in rows for place in re.findall(r"`([\w/]+(?:\.py|/))`", row)]
+    assert 0 < len(rows) <= 25 and len(places) >= len(rows)
+    assert [
+        place for place in places if not any((root / above / place).exists() for above in ("", "orchestrator"))
+    ] == []

@@ -32,8 +32,8 @@ from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
 from orchestrator.execution import store
-from orchestrator.execution.job import Died, Done, Outcome, Refused
-from orchestrator.execution.messages import ErrorRecord
+from orchestrator.execution.job import Died, Done, Outcome
+from orchestrator.execution.messages import ErrorRecord, Failed
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.pairing import GROUP_SIZE
@@ -58,7 +58,7 @@ def outcome(index: int, number: int, kinds: Sequence[str], lost: set[int]) -> Ou
     if kind in ("crashed", "timeout"):
         return Died(index, kind == "timeout", f"{kind} no. {number}", kind, 1.0, place)
     if kind == "error":
-        return Refused(index, ErrorRecord("fmu", f"no. {number}"), 1.0)
+        return Failed(index, ErrorRecord("fmu", f"no. {number}"), 1.0)
     case = QUICK.cases[number]
     names = sorted(expected(QUICK.rules, case)) if kind == "done" else ()
     figures = {name: name == "settled" or number / 7.0 for name in names}

@@ -16,7 +16,7 @@ from support.refusals import refusal
 from orchestrator import Benchmark, Controller, Robustness
 from orchestrator.asking import answered
 from orchestrator.benchmark.cases import cases as cases_of
-from orchestrator.benchmark.metrics import expected, named
+from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.protocol import load
 from orchestrator.benchmark.results import Judgement, Measurements, rules
 from orchestrator.cli import report, simulate
@@ -55,7 +55,7 @@ def run(asking, of, told=lambda *known: True):
     def result(member):
         case = case_of(member, STRICT, NOMINAL)
         figures = {name: True if name == "settled" else 0.0 for name in expected(STRICT, case)} | of(member)
-        return named(case, Judgement(status=Status.DONE, time=26.0, measurements=Measurements(**figures)))
+        return case_result(case, Judgement(status=Status.DONE, time=26.0, measurements=Measurements(**figures)))
 
     def answer(request):
         if isinstance(request, Ask):
@@ -288,22 +288,22 @@ def test_moves_stay_within_the_uncertainty_and_the_workspace(seed):
             moves.inside(own, stream),
             moves.crossed(own, other, stream),
             moves.moved(own, STRICT, stream),
-            moves.pushed(own, stream),
-            moves.swept(own, STRICT),
-            moves.heard(own, stream),
+            moves.with_other_force_direction(own, stream),
+            moves.with_other_sweep(own, STRICT),
+            moves.with_other_noise(own, stream),
         ]
         for each in found:
             assert each.possible and dict(each.deviations).keys() == dict(own.deviations).keys()
             case_of(each, STRICT, NOMINAL)  # refuses what lies outside of the workspace
         before = dict(own.deviations)
         assert all(value in (before[name], -1.0, 1.0) for name, value in found[0].deviations)
-        assert moves.swept(found[5], STRICT) == own
+        assert moves.with_other_sweep(found[5], STRICT) == own
         own = found[int(stream.randint(len(found)))]
 
 
 def test_a_member_is_brought_to_another_pose_with_its_force():
     own = spelled(Member((0.0, -90.0), DELAY.test, system="sticky"), STRICT, DELAY.test)
-    there = moves.brought(replace(own, phi_F=math.radians(10.0)), (90.0, 80.0))
+    there = moves.at_pose(replace(own, phi_F=math.radians(10.0)), (90.0, 80.0))
     assert there.q_a == (90.0, 80.0) and there.phi_F == pytest.approx(math.radians(100.0))
 
 

@@ -15,10 +15,10 @@ pytestmark = pytest.mark.needs("linux")
 
 EACH = """
 import ctypes, sys
-from orchestrator.execution.seccomp import refuse_marks
+from orchestrator.execution.seccomp import deny_covert_channels
 libc = ctypes.CDLL(None, use_errno=True)
 libc.syscall.restype = ctypes.c_long
-assert refuse_marks(talking={talking})
+assert deny_covert_channels(talking={talking})
 found = {{}}
 for number in {numbers}:
     ctypes.set_errno(0)
@@ -29,7 +29,7 @@ print(found)
 
 CALLS = """
 import ctypes, fcntl, mmap, os, platform, socket, sys, threading
-from orchestrator.execution.seccomp import MACHINES, ARGUMENTS_REFUSED, refuse_marks
+from orchestrator.execution.seccomp import MACHINES, ARGUMENTS_REFUSED, deny_covert_channels
 machine = MACHINES[platform.machine()][1]
 libc = ctypes.CDLL(None, use_errno=True)
 file = open(sys.executable, "rb")
@@ -78,7 +78,7 @@ def works(call):
         return problem.errno not in (1, None)
     return True
 
-assert refuse_marks()
+assert deny_covert_channels()
 print([name for name in refused if works(refused[name])], [name for name in allowed if not works(allowed[name])])
 """
 

@@ -17,7 +17,7 @@ from msgspec.structs import replace as with_fields
 from orchestrator import cache
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.cases import cases as cases_of
-from orchestrator.benchmark.metrics import expected, named
+from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.execution import store
@@ -173,7 +173,9 @@ def run_of(case, status=Status.DONE, figure=0.1, **changes) -> CaseRun:
     """A run of ``case`` that came to ``status``."""
     figures = {name: name == "settled" or figure for name in expected(QUICK, case)} if status is Status.DONE else {}
     fields = {"time": 2.0, "message": "", "warnings": 0, **changes}
-    return CaseRun(case, named(case, Judgement(status=status, measurements=Measurements(**figures), **fields)), 1.25)
+    return CaseRun(
+        case, case_result(case, Judgement(status=status, measurements=Measurements(**figures), **fields)), 1.25
+    )
 
 
 def load(opened, bench, failures=True) -> list[CaseRun]:
@@ -230,7 +232,7 @@ def test_a_failure_counts_under_the_conditions_it_happened_in(status, opened, ow
 
 def test_records_that_make_no_sense_are_none(opened, own, tmp_path):
     put(opened, own, run_of(CASES[0]))
-    put(opened, own, replace(run_of(CASES[1]), result=named(CASES[1], Judgement(status=Status.DONE, time=2.0))))
+    put(opened, own, replace(run_of(CASES[1]), result=case_result(CASES[1], Judgement(status=Status.DONE, time=2.0))))
     put(opened, own, run_of(CASES[2], time=1e6))  # its case cannot have it, nor that without a figure
     names = list(key_of(own).values())[3:]
     wrong = [b"", b"{}", b"[1]", b"null", b"\xff", b'{"judgement": {"status": "fine"}}', "text", 1]

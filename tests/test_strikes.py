@@ -10,8 +10,8 @@ from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, answered, bench, 
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import Judgement
 from orchestrator.execution import cluster, pool, store, supervision
-from orchestrator.execution.job import MANY_LOGGED, Died, Done, Refused
-from orchestrator.execution.messages import ErrorRecord
+from orchestrator.execution.job import MANY_LOGGED, Died, Done
+from orchestrator.execution.messages import ErrorRecord, Failed
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.pairing import judging
@@ -51,7 +51,7 @@ def test_a_broken_controller_answers_after_three_crashes(plant_file, faulty):
 
 MEASURED = {
     "died": lambda n: Died(n, False, f"it used {n} GB", "it used too much memory", 1.0, Place(n, CONTROLLER, "step")),
-    "refused": lambda n: Refused(n, ErrorRecord("fmu", f"x.fmu: reading {n:#x}", call="instantiation"), 1.0),
+    "refused": lambda n: Failed(n, ErrorRecord("fmu", f"x.fmu: reading {n:#x}", call="instantiation"), 1.0),
     "done": lambda n: Done(n, Judgement(status=ERROR, time=0.1 * n, message=f"x.fmu: doStep failed\n  {n}"), 1.0),
 }
 
@@ -113,9 +113,9 @@ def test_a_failure_in_the_first_sample_is_told_at_once(fault, status, call, plan
     failure = rehearsal.rehearse(cases[0], own).failure
     assert failure is not None and (failure.result.status, failure.result.time) == (status, 0.0)
     assert f"in the call '{call}' of the controller" in failure.result.message
-    found = answered(own, cases, never, at_once=failure)
+    found = answered(own, cases, never, first_sample_failure=failure)
     assert found[0] == failure and statuses(found[1:]) == [SKIPPED] * 3
-    again = answered(own, cases[1:], never, at_once=failure)
+    again = answered(own, cases[1:], never, first_sample_failure=failure)
     assert again == found[1:]  # a run that was interrupted after the first result
 
 

@@ -13,7 +13,7 @@ from test_tuning import FEW
 from orchestrator import Benchmark, Controller
 from orchestrator.asking import answered
 from orchestrator.benchmark.draws import Entropy
-from orchestrator.benchmark.metrics import expected, named
+from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
 from orchestrator.errors import Crash, EnvironmentFault
@@ -222,7 +222,7 @@ def test_a_controller_that_hangs_early_is_not_timed(time, asked):
             answer, hung = super().__call__(request), Judgement(status=Status.TIMEOUT, time=time)
             if not isinstance(request, Batch):
                 return answer
-            return [[CaseRun(case, named(case, hung)) for case in entry.cases] for entry in request.entries]
+            return [[CaseRun(case, case_result(case, hung)) for case in entry.cases] for entry in request.entries]
 
     player = Hanging()
     answered(EvaluationStudy(recordings=False).ask(Benchmark("quick"), Controller()), player)

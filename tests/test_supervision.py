@@ -20,7 +20,7 @@ from support.refusals import refusal
 from orchestrator.codec import Malformed
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import launch, supervision
-from orchestrator.execution.job import Died, Done, Limits, Refused
+from orchestrator.execution.job import Died, Done, Limits
 from orchestrator.execution.launch import Child
 from orchestrator.execution.messages import ErrorRecord, Failed, Finished, Loaded, frame
 from orchestrator.execution.process_tree import Use
@@ -295,7 +295,7 @@ def finished(index: int, value: bytes | None = None, wall_time: float = 0.5) -> 
 def test_outcomes_come_in_order():
     record = ErrorRecord("fmu", "it failed", call="fmi2DoStep", log=("why",))
     found = list(listened(finished(0), finished(1), frame(Failed(2, record, 0.1))))
-    assert found == [Done(0, b"0", 0.5), Done(1, b"1", 0.5), Refused(2, record, 0.1)]
+    assert found == [Done(0, b"0", 0.5), Done(1, b"1", 0.5), Failed(2, record, 0.1)]
 
 
 GARBAGE = {

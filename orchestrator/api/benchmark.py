@@ -425,7 +425,7 @@ class Benchmark(Testbed, Shown):
             if on_result is not None:
                 on_result(run.result, done, total)
 
-        execute = engine.here(self) if here else engine.where_asked(self)
+        execute = engine.local_executor(self) if here else engine.chosen_executor(self)
         return engine.Engine(execute, self.processes, None if folder is None else Path(folder), on_run, on_event)
 
 

@@ -15,7 +15,8 @@ from ..codec import Struct, unpack
 from ..conformance.finding import Finding, Severity
 from ..conformance.static import archive_findings, binding_findings, sampling_findings
 from ..errors import Crash, FmuError, InputError
-from ..execution.job import Died, Done, Outcome, Refused
+from ..execution.job import Died, Done, Outcome
+from ..execution.messages import Failed
 from ..execution.supervision import run_isolated
 from ..loop import timing as timings
 from ..loop.carry_over import CarryOver
@@ -59,7 +60,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
 
     def failed(check: dynamic.Check, outcome: Outcome) -> Iterator[Finding]:
         """What it means that a look at the subject of ``check`` came to this ``outcome``."""
-        if isinstance(outcome, Refused):
+        if isinstance(outcome, Failed):
             error = outcome.error
             text, remedy = error.message, check.loss or "Mend what the FMU says itself, and export it again."
             cause = error.what, error.value, error.nearest

@@ -11,7 +11,7 @@ import msgspec
 from ..benchmark import cases as case_list
 from ..benchmark.case import Case
 from ..benchmark.linearization import rest
-from ..benchmark.metrics import AT_THE_END, named
+from ..benchmark.metrics import AT_THE_END, case_result
 from ..benchmark.results import rules
 from ..benchmark.scorecard import kind
 from ..documents.files import write_bytes
@@ -37,7 +37,7 @@ def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simu
     scenario = wanted.scenario
     found = simulate_case(pairing, testbed.rules, wanted)
     ending, cut_short = found.trajectory.ending, scenario.duration < wanted.test.duration
-    result = named(wanted, found.judgement)
+    result = case_result(wanted, found.judgement)
     if cut_short:  # what is judged at the end of a test is judged at another time here, which means nothing
         figures = msgspec.structs.replace(result.measurements, **dict.fromkeys(AT_THE_END))
         own = {"status": ending.status, "message": ending.message, "measurements": figures, "judged_until": None}

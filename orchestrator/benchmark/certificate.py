@@ -114,14 +114,14 @@ class Draw(Struct):
     cases: str
 
 
-class Tried(Score, kw_only=True):
+class DrawnResults(Score, kw_only=True):
     """A controller over all draws and in each of them, and on the list of worst cases."""
 
     draws: tuple[Draw, ...]
     strict: Score | None
 
 
-class Reference(Tried, kw_only=True):
+class Reference(DrawnResults, kw_only=True):
     """One of the benchmark's own controllers; ``file`` is the FMU that was used, in C where there is a compiler."""
 
     file: str

@@ -64,7 +64,7 @@ def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Meas
     return msgspec.structs.replace(judgement, measurements=measurements, judged_until=until)
 
 
-def named(case: Case, judgement: Judgement) -> CaseResult:
+def case_result(case: Case, judgement: Judgement) -> CaseResult:
     """A judgement with the names of its case."""
     return CaseResult(
         status=judgement.status,

@@ -51,12 +51,12 @@ class Verification(Document, Comparable, kw_only=True):
     """What a controller came to where it could reach neither judge nor draws, and everything needed to repeat it; shows
     itself in a notebook.
 
-    The first seven fields are those of :class:`.certificate.Tried`; ``references`` are controllers of the benchmark by
-    name, on the same draws. ``entropy`` is what the seeds follow from together with the FMU's bytes; ``repetitions``
-    counts those that were begun before, with other draws, and ended by something outside. ``code`` is the SHA-256 of
-    the sources; ``sandbox`` tells whether there was one, ``clean`` whether the interpreter took no code but that.
-    ``checked`` are the worst cases of the draws with the largest differences that the second checker has found, all
-    within their bounds.
+    The first seven fields are those of :class:`.certificate.DrawnResults`; ``references`` are controllers of the
+    benchmark by name, on the same draws. ``entropy`` is what the seeds follow from together with the FMU's bytes;
+    ``repetitions`` counts those that were begun before, with other draws, and ended by something outside. ``code`` is
+    the SHA-256 of the sources; ``sandbox`` tells whether there was one, ``clean`` whether the interpreter took no
+    code but that. ``checked`` are the worst cases of the draws with the largest differences that the second checker
+    has found, all within their bounds.
     """
 
     FILE: ClassVar[str] = VERIFICATION

@@ -38,7 +38,7 @@ def main() -> None:
         from .isolation import Begin, Over, Ready
         from .messages import error_record, frame, read_frame, write_all
         from .process_tree import bind_to_parent
-        from .seccomp import refuse_marks
+        from .seccomp import deny_covert_channels
         from .worker import Surroundings
 
         bind_to_parent(os.getppid())
@@ -58,7 +58,7 @@ def main() -> None:
     log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
-        refuse_marks(talking=begin.controller.way == WINE)
+        deny_covert_channels(talking=begin.controller.way == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()

@@ -122,10 +122,6 @@ class Done(msgspec.Struct, frozen=True):
     logged: int = 0
 
 
-Refused = Failed
-"""The task raised an error of the FMU's or the user's making."""
-
-
 class Died(Struct, frozen=True, tag=True):
     """The process ended in task ``index`` at ``place`` in its simulation.
 
@@ -145,4 +141,4 @@ class Died(Struct, frozen=True, tag=True):
     outside: bool = False
 
 
-Outcome = Done | Refused | Died
+Outcome = Done | Failed | Died

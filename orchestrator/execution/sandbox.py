@@ -72,7 +72,7 @@ sandbox, however that or its owner ends."""
 def command(fmus: Iterable[Path], alone: bool = False, talking: bool = False) -> list[str]:
     """The words before a command that let it run in a sandbox with the extracted ``fmus``; one of a controller
     ``alone`` shows none of the user's files, and nothing in which the kernel says how it is, but the processes inside
-    if some are ``talking`` with each other (:func:`.seccomp.refuse_marks`).
+    if some are ``talking`` with each other (:func:`.seccomp.deny_covert_channels`).
 
     Raises :class:`InputError` where there is no sandbox on this machine.
     """

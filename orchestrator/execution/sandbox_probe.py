@@ -19,7 +19,7 @@ from ..cache import PACKAGE
 from .launch import boot, environment
 from .sandbox import ROOM, WORK, command
 from .sandbox import environment as kept
-from .seccomp import FIRST_NEW, MACHINES, REFUSED, TALK, refuse_marks
+from .seccomp import FIRST_NEW, MACHINES, REFUSED, TALK, deny_covert_channels
 
 NEW_USER = 0x10000000
 """CLONE_NEWUSER of linux/sched.h."""
@@ -65,7 +65,7 @@ GET_KEYRING, SESSION = 0, -3
 def main(port: int, outside: int, hidden: str, own: str) -> None:
     """Inside: try everything, and print what works."""
     _try({"the network": lambda: socket.create_connection(("127.0.0.1", port), 1.0)})  # the filter refuses it as well
-    refuse_marks()
+    deny_covert_channels()
     tries: dict[str, Callable[[], object]] = {
         "writing into the package": lambda: (PACKAGE / "probe").write_bytes(b""),
         "writing into the home folder": lambda: (Path.home() / ".flexible-manipulator-probe").write_bytes(b""),

@@ -171,7 +171,7 @@ NO_NEW_PRIVILEGES, SET_SECCOMP, FILTER = 38, 22, 2
 """PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, SECCOMP_MODE_FILTER."""
 
 
-def refuse_marks(talking: bool = False) -> bool:
+def deny_covert_channels(talking: bool = False) -> bool:
     """Refuse these calls to this process from now on; False where that cannot be done.
 
     A process that goes on ``talking`` with others that it starts, as Wine does with its server, keeps pipes, sockets

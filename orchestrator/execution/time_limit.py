@@ -53,13 +53,13 @@ class Spent:
     waited: float = 0.0
     stopped: bool = False
 
-    def after(self, one: Look, next: Look) -> Spent:
-        """What is spent at the ``next`` look, if this is at ``one``."""
-        passed, used = next.time - one.time, max(next.use.processor - one.use.processor, 0.0)
-        queued = max(next.use.queued - one.use.queued, 0.0)
-        waits = not next.use.ready and used + queued < IDLE * passed
+    def after(self, earlier: Look, later: Look) -> Spent:
+        """What is spent at the ``later`` look, if this is at the ``earlier`` one."""
+        passed, used = later.time - earlier.time, max(later.use.processor - earlier.use.processor, 0.0)
+        queued = max(later.use.queued - earlier.use.queued, 0.0)
+        waits = not later.use.ready and used + queued < IDLE * passed
         waited = min(passed, LONGEST) if waits else 0.0
-        return Spent(self.processor + used, self.waited + waited, self.stopped or next.use.stopped)
+        return Spent(self.processor + used, self.waited + waited, self.stopped or later.use.stopped)
 
     def excess(self, limit: float) -> tuple[str, str]:
         """What has exceeded the time limit [s], in words with and without figures; empty if nothing has."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from msgspec import structs
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import named
+from ..benchmark.metrics import case_result
 from ..benchmark.results import CaseResult, Judgement
 from ..execution.job import Died, Done, Outcome
 from ..execution.standstill import Standstill
@@ -39,19 +39,19 @@ def case_run(case: Case, outcome: Outcome) -> CaseRun:
         value: Judgement | Simulated | Digested = outcome.value
         judgement = value if isinstance(value, Judgement) else value.judgement
         kind = _first_line(judgement.message) if judgement.status is Status.ERROR else ""
-        return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+        return CaseRun(case, case_result(case, judgement), outcome.wall_time, kind)
     if isinstance(outcome, Died):
         # What somebody else has ended, or kept from ending in time, is no failure of the controller.
         status = Status.LOST if outcome.outside else Status.TIMEOUT if outcome.timeout else Status.CRASHED
         outcome = structs.replace(outcome, place=_plausible(outcome.place, scenario))
         time = float(outcome.place.sample * scenario.sample_time)
         judgement = Judgement(status=status, time=time, message=account(outcome, scenario))
-        return CaseRun(case, named(case, judgement), outcome.wall_time, outcome.kind)
+        return CaseRun(case, case_result(case, judgement), outcome.wall_time, outcome.kind)
     error = outcome.error
     kind = f"{error.call} failed" if error.call else _first_line(error.message)
     # Errors are raised before the first sample; a trajectory tells those that come later.
     judgement = Judgement(status=Status.ERROR, time=0.0, message=error.message)
-    return CaseRun(case, named(case, judgement), outcome.wall_time, kind)
+    return CaseRun(case, case_result(case, judgement), outcome.wall_time, kind)
 
 
 def account(death: Died, scenario: Scenario) -> str:

@@ -152,7 +152,7 @@ def _anywhere(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member
     found = moves.moved(own[min(int(stream.exponential(1.2)), len(own) - 1)], climb.protocol, stream)
     if stream.uniform() < TURNED:
         found = moves.turned(found, stream)
-    return moves.pushed(found, stream) if stream.uniform() < PUSHED else found
+    return moves.with_other_force_direction(found, stream) if stream.uniform() < PUSHED else found
 
 
 def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
@@ -160,7 +160,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     own = climb.elites.members(peak)
     kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("own", 1.0)))
     if kind == "exchanged" or not own:
-        found = moves.brought(climb.elites.members(_neighbour(climb, peak, stream))[0], peak.q_a)
+        found = moves.at_pose(climb.elites.members(_neighbour(climb, peak, stream))[0], peak.q_a)
         if replace(found, short=None) not in {replace(member, short=None) for member in own}:
             return found
     else:
@@ -170,10 +170,10 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     found = moves.turned(found, stream)
     push, sweep, noise = stream.uniform(size=3)
     if push < PUSHED and peak.target.criterion != "B7":  # which is measured before the force
-        found = moves.pushed(found, stream)
+        found = moves.with_other_force_direction(found, stream)
     if sweep < SWEPT and peak.target.criterion != "B5":  # which is searched for without a chirp
-        found = moves.swept(found, climb.protocol)
-    return moves.heard(found, stream) if noise < HEARD else found
+        found = moves.with_other_sweep(found, climb.protocol)
+    return moves.with_other_noise(found, stream) if noise < HEARD else found
 
 
 def _neighbour(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:

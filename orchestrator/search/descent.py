@@ -143,10 +143,11 @@ def _child(parents: Sequence[Member], protocol: Protocol, stream: np.random.Rand
     if draws[0] < MOVED:
         found = moves.moved(found, protocol, stream)
     if draws[1] < PUSHED:
-        found = moves.pushed_anywhere(found, stream) if draws[1] < ANYWHERE else moves.pushed(found, stream)
+        pushed = moves.with_any_force_direction if draws[1] < ANYWHERE else moves.with_other_force_direction
+        found = pushed(found, stream)
     if draws[2] < SWEPT:
-        found = moves.swept(found, protocol)
-    return moves.heard(found, stream) if draws[3] < HEARD else found
+        found = moves.with_other_sweep(found, protocol)
+    return moves.with_other_noise(found, stream) if draws[3] < HEARD else found
 
 
 def _drawn(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
@@ -159,5 +160,5 @@ def _drawn(member: Member, protocol: Protocol, stream: np.random.RandomState) ->
     )
     workspace = protocol.workspace
     q_a = round(stream.uniform(*workspace.q_a1_deg), 1), round(stream.uniform(*workspace.q_a2_deg), 1)
-    found = moves.pushed_anywhere(replace(member, q_a=q_a, deviations=tuple(deviations)), stream)
-    return moves.heard(moves.swept(found, protocol) if stream.uniform() < 0.5 else found, stream)
+    found = moves.with_any_force_direction(replace(member, q_a=q_a, deviations=tuple(deviations)), stream)
+    return moves.with_other_noise(moves.with_other_sweep(found, protocol) if stream.uniform() < 0.5 else found, stream)

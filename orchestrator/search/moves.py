@@ -69,20 +69,20 @@ def crossed(member: Member, other: Member, stream: np.random.RandomState) -> Mem
     return replace(member, deviations=tuple(deviations))
 
 
-def brought(member: Member, q_a: Pair) -> Member:
+def at_pose(member: Member, q_a: Pair) -> Member:
     """The member at another pose, with the force's direction turned with the arm's first axis."""
     if member.phi_F is None:
         return replace(member, q_a=q_a)
     return replace(member, q_a=q_a, phi_F=_direction(math.degrees(member.phi_F) + q_a[0] - member.q_a[0]))
 
 
-def pushed(member: Member, stream: np.random.RandomState) -> Member:
+def with_other_force_direction(member: Member, stream: np.random.RandomState) -> Member:
     """The force from another direction, near its own."""
     step = FORCE_STEP * stream.standard_normal() * stream.uniform()
     return replace(member, phi_F=_direction(math.degrees(member.phi_F or 0.0) + step))
 
 
-def pushed_anywhere(member: Member, stream: np.random.RandomState) -> Member:
+def with_any_force_direction(member: Member, stream: np.random.RandomState) -> Member:
     """The force from any direction."""
     return replace(member, phi_F=_direction(stream.uniform(0.0, 360.0)))
 
@@ -92,13 +92,13 @@ def _direction(degrees: float) -> float:
     return math.radians(round(degrees) % 360)
 
 
-def swept(member: Member, protocol: Protocol) -> Member:
+def with_other_sweep(member: Member, protocol: Protocol) -> Member:
     """The other sweep of the chirp."""
     low, high = protocol.disturbance.chirp_frequencies
     return replace(member, sweep=(high, low) if member.sweep == (low, high) else (low, high))
 
 
-def heard(member: Member, stream: np.random.RandomState) -> Member:
+def with_other_noise(member: Member, stream: np.random.RandomState) -> Member:
     """Another realization of the noise."""
     return replace(member, seed=int(stream.randint(SEEDS)))
 

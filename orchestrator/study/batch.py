@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from msgspec import structs
 
-from ..benchmark.metrics import named
+from ..benchmark.metrics import case_result
 from ..benchmark.results import Judgement
 from ..codec import pack
 from ..execution.job import MANY_LOGGED, Done, Job, Outcome
@@ -48,11 +48,11 @@ class _Open:
     @property
     def reason(self) -> str:
         """Why no more cases are run; empty while they are."""
-        patience, at_once = self.entry.patience, self.entry.at_once
+        patience, failure = self.entry.patience, self.entry.first_sample_failure
         if patience is None:
             return ""
-        if at_once is not None:
-            return f"skipped after a failure in the first sample ({at_once.result.status.value}: {at_once.kind})"
+        if failure is not None:
+            return f"skipped after a failure in the first sample ({failure.result.status.value}: {failure.kind})"
         for (status, kind), count in self.strikes.items():
             if kind and count >= (min(patience, TIMEOUTS) if status is Status.TIMEOUT else patience):
                 failures = "a failure" if count == 1 else f"{count} failures of one kind"
@@ -104,7 +104,7 @@ def run(
         for found in list(each.found.values()):
             tell(found)
     for each in opened:
-        failure = each.entry.at_once
+        failure = each.entry.first_sample_failure
         if failure is not None and failure.case in each.entry.cases and each.entry.patience is not None:
             number = each.entry.cases.index(failure.case)
             if number not in each.found:
@@ -116,7 +116,7 @@ def run(
     for each in opened:
         for number in each.waiting:
             case, skipped = each.entry.cases[number], Judgement(status=Status.SKIPPED, time=0.0, message=each.reason)
-            each.found[number] = CaseRun(case, named(case, skipped))
+            each.found[number] = CaseRun(case, case_result(case, skipped))
             tell(each.found[number])
     return [[each.found[number] for number in range(len(each.keys))] for each in opened]
 

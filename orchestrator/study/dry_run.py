@@ -10,7 +10,7 @@ from typing import Any
 
 from ..asking import answered
 from ..benchmark.case import Case
-from ..benchmark.metrics import expected, named
+from ..benchmark.metrics import case_result, expected
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement, Measurements
 from ..codec import Struct
@@ -106,4 +106,4 @@ def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, shar
     targets = {name: share * spec.target for name, spec in protocol.criteria.items()}
     figures: dict[str, Any] = {name: True if name == "settled" else targets.get(name, 0.0) for name in names}
     judgement = Judgement(status=status, time=float(case.scenario.duration), measurements=Measurements(**figures))
-    return CaseRun(case, named(case, judgement))
+    return CaseRun(case, case_result(case, judgement))

@@ -151,16 +151,16 @@ class Engine:
         return found
 
 
-def here(testbed: Testbed) -> Execute:
+def local_executor(testbed: Testbed) -> Execute:
     """Runs jobs in processes of this machine."""
     return functools.partial(pool.run, workers=testbed.processes)
 
 
-def where_asked(testbed: Testbed) -> Execute:
+def chosen_executor(testbed: Testbed) -> Execute:
     """Runs jobs in processes of this machine, or on the scheduler's."""
     if testbed.scheduler:
         return functools.partial(cluster.run, address=testbed.scheduler, wait=testbed.wait)
-    return here(testbed)
+    return local_executor(testbed)
 
 
 def can_fence() -> bool:

@@ -48,8 +48,8 @@ class Entry:
 
     After ``patience`` failures of one kind, or TIMEOUTS if these are fewer, the remaining cases are skipped. If it is
     None none is skipped, and what failed in an earlier run is run again; with ``force`` everything is. A failure
-    ``at_once``, which the rehearsal has found, is enough alone. ``witness`` is given each simulated case with its
-    result and its trajectory as it comes.
+    ``first_sample_failure``, which the rehearsal has found, is enough alone. ``witness`` is given each simulated case
+    with its result and its trajectory as it comes.
     """
 
     protocol: Protocol
@@ -57,7 +57,7 @@ class Entry:
     cases: tuple[Case, ...]
     patience: int | None = STRIKES
     force: bool = False
-    at_once: CaseRun | None = None
+    first_sample_failure: CaseRun | None = None
     witness: Callable[[Case, CaseResult, Trajectory], None] | None = None
 
 

@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import named
+from ..benchmark.metrics import case_result
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
 from ..cache import computing_code
@@ -69,7 +69,7 @@ def load(
             stored = from_json(records[key], StoredRun)
             check_judgement(protocol, case, stored.judgement)
             if stored.judgement.status in LASTING or (failures and stored.restrictions == pairing.restrictions):
-                found[number] = CaseRun(case, named(case, stored.judgement), stored.wall_time, stored.kind)
+                found[number] = CaseRun(case, case_result(case, stored.judgement), stored.wall_time, stored.kind)
     return found
 
 

@@ -12,7 +12,7 @@ from msgspec import structs
 
 from ..benchmark import protocol as protocols
 from ..benchmark.cases import cases
-from ..benchmark.certificate import Draw, Reference, Tried, digest, overall, seeds
+from ..benchmark.certificate import Draw, DrawnResults, Reference, digest, overall, seeds
 from ..benchmark.draws import Entropy, fresh
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
@@ -121,17 +121,17 @@ def _verified(
         order = mixed(entropy.value, len(listing))
         wanted = tuple(listing[place] for place in order)
         look = witness if pairing is own and asked is protocol else None
-        entry = Entry(asked, pairing, wanted, at_once=failure, witness=look)
+        entry = Entry(asked, pairing, wanted, first_sample_failure=failure, witness=look)
         (runs,) = yield Batch((entry,), done, total)
         done += len(runs)
         known = dict(zip(order, runs, strict=True))
         results = (known[place].result for place in range(len(listing)))
         return [(seed, [next(results) for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
 
-    def tried(pairing: Pairing) -> Requests[Tried]:
+    def tried(pairing: Pairing) -> Requests[DrawnResults]:
         found, known = (yield from run(protocol, pairing, drawn)), rules(protocol)
         worst = (yield from run(listed, pairing, drawn[:1])) if listed else None
-        return Tried(
+        return DrawnResults(
             **structs.asdict(overall(known, found)),
             draws=tuple(Draw(seed, score(known, results).cost, digest(results)) for seed, results in found),
             strict=overall(rules(listed), worst) if listed and worst else None,

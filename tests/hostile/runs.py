@@ -66,11 +66,13 @@ def answered(
     chosen: Sequence[Case],
     execute: batch.Execute,
     keep_going: bool = False,
-    at_once: CaseRun | None = None,
+    first_sample_failure: CaseRun | None = None,
     known: store.Store | None = None,
 ) -> list[CaseRun]:
     """The runs of the cases ``chosen``, in their order, if ``execute`` runs the jobs."""
-    entry = Entry(PROTOCOL, bench, tuple(chosen), None if keep_going else STRIKES, at_once=at_once)
+    entry = Entry(
+        PROTOCOL, bench, tuple(chosen), None if keep_going else STRIKES, first_sample_failure=first_sample_failure
+    )
     with store.opened(None) if known is None else nullcontext(known) as results:
         return batch.run(Batch((entry,)), execute, results)[0]
 

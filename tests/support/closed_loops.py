@@ -10,8 +10,8 @@ from orchestrator.benchmark import cases, protocol
 from orchestrator.benchmark.case import Case
 from orchestrator.codec import pack
 from orchestrator.exact_time import seconds
-from orchestrator.execution.job import Job, Refused
-from orchestrator.execution.messages import error_of
+from orchestrator.execution.job import Job
+from orchestrator.execution.messages import Failed, error_of
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.scenario import Scenario
@@ -81,7 +81,7 @@ def _run(
     job = Job(*archives, f"{work.__name__}:{function}", tuple(map(pack, tasks)), (60.0,) * len(tasks), decode, largest)
     values = []
     for outcome in run_isolated(job):
-        if isinstance(outcome, Refused):
+        if isinstance(outcome, Failed):
             raise error_of(outcome.error)
         assert hasattr(outcome, "value"), outcome
         values.append(outcome.value)
