@@ -13,7 +13,7 @@ from .case import Case
 from .doubt import doubtful, longest
 from .motion import falls, ratios
 from .protocol import Protocol, Stability
-from .results import CaseResult, Judgement, Measurements
+from .results import CaseResult, Judgement, Measurements, fields_of
 
 # Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
 
@@ -67,12 +67,7 @@ def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Meas
 def case_result(case: Case, judgement: Judgement) -> CaseResult:
     """A judgement with the names of its case."""
     return CaseResult(
-        status=judgement.status,
-        time=judgement.time,
-        message=judgement.message,
-        measurements=judgement.measurements,
-        warnings=judgement.warnings,
-        judged_until=judgement.judged_until,
+        **fields_of(judgement),
         id=case.id,
         configuration=case.configuration,
         system=case.system.name,

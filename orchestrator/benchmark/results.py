@@ -5,7 +5,7 @@ All values are in SI units; None stands for a value that does not exist.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -89,6 +89,11 @@ class Judgement(Struct, kw_only=True):
         return self.status not in (Status.SKIPPED, Status.LOST)
 
 
+def fields_of(judgement: Judgement) -> dict[str, Any]:
+    """The fields of a judgement, without those of a case that it may have."""
+    return {name: getattr(judgement, name) for name in Judgement.__struct_fields__}
+
+
 class CaseResult(Judgement, kw_only=True):
     """A finished case by the names of its configuration, system and test."""
 
@@ -96,6 +101,11 @@ class CaseResult(Judgement, kw_only=True):
     configuration: Configuration
     system: str
     test: str
+
+    @property
+    def judgement(self) -> Judgement:
+        """The same without these names."""
+        return Judgement(**fields_of(self))
 
 
 Kind = Literal["quiet", "ring-down", "limit cycle", "unstable", "no verdict"]

@@ -76,14 +76,5 @@ def load(
 def keep(store: Store, key: str, run: CaseRun, pairing: Pairing) -> None:
     """Store a run that says something about the controller."""
     if run.result.judged:
-        result = run.result
-        judgement = Judgement(
-            status=result.status,
-            time=result.time,
-            message=result.message,
-            measurements=result.measurements,
-            warnings=result.warnings,
-            judged_until=result.judged_until,
-        )
-        stored = StoredRun(judgement, run.wall_time, run.kind, pairing.restrictions)
+        stored = StoredRun(run.result.judgement, run.wall_time, run.kind, pairing.restrictions)
         store.put(key, run.case.id, to_json(stored, indent=None).encode())
