@@ -31,7 +31,7 @@ from orchestrator.documents.results import Results
 from orchestrator.documents.spread import spread_of
 from orchestrator.loop.trajectory import Status
 from orchestrator.views.page import page_html
-from orchestrator.views.table import Value, Verdict
+from orchestrator.views.table import Value, VerdictCell
 from orchestrator.views.units import NONE
 
 CYCLING = result(0, "slippery", "delay_2", {}, (1e-3, 0.0))
@@ -141,7 +141,7 @@ def test_controllers_are_paired_by_seed_with_the_first():
     words = f"{np.mean(differences):.3g} ± {np.std(differences, ddof=1):.3g}, better with 2 of 2 seeds"
     assert shown(groups[0], "V minus that of the first") == [words, "-"], "the best is first, the first the other one"
     assert shown(groups[0], "V")[1] == Value(first.cost.mean, first.cost.deviation)
-    assert shown(groups[0], "A2") == [Verdict(True, "6/6"), Verdict(True, "4/4")]
+    assert shown(groups[0], "A2") == [VerdictCell(True, "6/6"), VerdictCell(True, "4/4")]
     runs = scaled(1.5, seed=3), results_with(LOST, seed=7)
     lost = spread_of([3, 7], runs, seeded(1.5, []).head)
     (group,) = compared(seeded(1.0, [3, 7]), lost)

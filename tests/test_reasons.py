@@ -26,7 +26,7 @@ from orchestrator.benchmark.tally import UNJUDGED, Failure, Outcome, merged, rea
 from orchestrator.cli import compare, report
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK, guarded
 from orchestrator.codec import from_json, to_json
-from orchestrator.documents.document import Shown
+from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.reasons import Reason
 from orchestrator.documents.scorecard import reasons
@@ -167,7 +167,7 @@ COMPLETENESS = dict.fromkeys(("timeouts", "several kinds"), "incomplete") | dict
 )
 
 
-def printed(document: Shown) -> str:
+def printed(document: Displayable) -> str:
     console = Console(file=io.StringIO(), emoji=False, width=100)
     show(document.summary(), console)
     return console.file.getvalue()

@@ -28,7 +28,7 @@ from orchestrator.documents.tuning import Tuning, failure_words, tuning_remarks
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
-from orchestrator.study.tuner import Verdict
+from orchestrator.study.tuner import CandidateVerdict
 from orchestrator.views.page import page_html
 from orchestrator.views.terminal import show
 
@@ -122,7 +122,11 @@ def test_a_failure_is_added_once_and_what_held_is_not_forgotten(monkeypatch):
     case = bench.case("c07.slippery.delay_2")
 
     def judge(trial):
-        return Verdict(90.0, None, ("A2",), [(case, "")]) if trial.number else Verdict(100.0, None, (), ())
+        return (
+            CandidateVerdict(90.0, None, ("A2",), [(case, "")])
+            if trial.number
+            else CandidateVerdict(100.0, None, (), ())
+        )
         yield
 
     def attempt(_protocol, _rules, _pairings, _cases, asked, _worst=math.inf):

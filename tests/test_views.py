@@ -25,7 +25,7 @@ from support.reports import documents, results_of
 from support.snapshots import snapshot
 
 import orchestrator
-from orchestrator.documents.document import Shown
+from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.picture import Picture
 from orchestrator.text import printable
@@ -51,7 +51,7 @@ from orchestrator.views.table import (
     Summary,
     Table,
     Value,
-    Verdict,
+    VerdictCell,
     plain,
     shown,
 )
@@ -73,9 +73,16 @@ EVERY = Table(
         Column("case", minor=True),
     ),
     (
-        ("=1+1", Value(0.0123456789, 0.000987654321), 12, Value(0.01, beyond=">"), Verdict(True), Link("c00", "again")),
-        (Quantity("[red]u", TORQUE), Value(2.0, unit=TORQUE, good=False), 3, None, Verdict(False, "fails"), "*x*"),
-        ("a|b_c & {d}~^\\$5%", 0.00234567891, 12, Value(0.00125, good=True), Verdict(None), "-"),
+        (
+            "=1+1",
+            Value(0.0123456789, 0.000987654321),
+            12,
+            Value(0.01, beyond=">"),
+            VerdictCell(True),
+            Link("c00", "again"),
+        ),
+        (Quantity("[red]u", TORQUE), Value(2.0, unit=TORQUE, good=False), 3, None, VerdictCell(False, "fails"), "*x*"),
+        ("a|b_c & {d}~^\\$5%", 0.00234567891, 12, Value(0.00125, good=True), VerdictCell(None), "-"),
         ("</script>\x1b[2J", Value(None), None, Value(0.123456789, given=True), None, Link("é" * 50)),
     ),
     (("target", 7e-3, None, None, None, None),),
@@ -210,7 +217,7 @@ def words(text: str) -> str:
 @settings(max_examples=150)
 @given(st.text(st.one_of(st.sampled_from(SPECIAL), st.characters()), max_size=24))
 def test_text_of_strangers_stays_text(text):
-    table = Table(text, (Column("first"), Column(text)), ((text, 1.0), (Link(text), Verdict(None, text or "-"))))
+    table = Table(text, (Column("first"), Column(text)), ((text, 1.0), (Link(text), VerdictCell(None, text or "-"))))
     summary, harmless = Summary(text, text, (table, Note(text))), Table("x", table.columns, (("x", 1.0), ("x", "y")))
     told = words(text)
 
@@ -381,7 +388,7 @@ NO_TABLE = {"Variation"}
 def test_every_public_type_shows_itself_in_a_notebook():
     public = {name: getattr(orchestrator, name) for name in orchestrator.__all__}
     types = {name for name, own in public.items() if isinstance(own, type) and not issubclass(own, Exception)}
-    shown = {name for name in types if issubclass(public[name], Shown)}
+    shown = {name for name in types if issubclass(public[name], Displayable)}
     assert shown == types - NO_TABLE and {"Benchmark", "Controller", "Evaluation", "Tuning"} <= shown
     assert repr(orchestrator.Variation(force=500.0)) == "Variation(force=500.0)"
 

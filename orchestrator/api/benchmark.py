@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..entry import entered
 from ..errors import InputError
 from ..pairing.controller import Controller, Given
@@ -49,7 +49,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Benchmark(Testbed, Shown):
+class Benchmark(Testbed, Displayable):
     """The benchmark under fixed conditions; every method may be called from any thread, script or notebook.
 
     Parameters

@@ -16,7 +16,7 @@ from ..benchmark import loop_analysis
 from ..benchmark.case import Case
 from ..benchmark.linearization import Friction, Mode, modes
 from ..benchmark.loop_analysis import LoopMargins, StateSpace
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..errors import Crash, InputError
 from ..execution.job import Died, Done
 from ..execution.messages import error_of
@@ -50,7 +50,7 @@ EXACT, LINEAR = 1e-6, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class LinearLoop(Shown):
+class LinearLoop(Displayable):
     """A linear model of the plant in a loop with a linear controller, e = q_m_ref - q_m, u_m = u_m0 + K e.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from ..benchmark.case import Case
 from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, linearized, modes, rest, sampled
 from ..benchmark.loop_analysis import StateSpace
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..documents.files import streamed, write_bytes
 from ..errors import InputError
 from ..loop.scenario import NO_DELAY
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel(Shown):
+class LinearModel(Displayable):
     """``dx/dt = A x + B u``, or the next ``x`` if there is a ``sample_time``, and ``y = C x + D u``; SI units.
 
     States, inputs and outputs are deviations from :attr:`at`, the steady state. With n states:

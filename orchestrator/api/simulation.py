@@ -15,7 +15,7 @@ from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, Kind, Rules
 from ..bounded import LARGEST_RESULTS, read
 from ..codec import Malformed, Struct, pack, unpack
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..documents.files import write_bytes
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
@@ -46,7 +46,7 @@ class _Saved(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Simulation(Shown):
+class Simulation(Displayable):
     """Sampled signals of one simulation with N samples, in SI units; times t_k = k T_s.
 
     Parameters
@@ -178,7 +178,7 @@ class Simulation(Shown):
 
     def _repr_html_(self) -> str:
         from ..documents.picture import png
-        from ..views.page import fragment  # as in Shown
+        from ..views.page import fragment  # as in Displayable
 
         return fragment(self.summary(), png(self.plot()))
 
@@ -188,12 +188,13 @@ class Simulation(Shown):
 
 def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] | None = None) -> Page:
     """The page of simulations by name, their signals over each other; ``commands`` repeat them."""
-    from ..documents.simulation_page import Shown as Entry
-    from ..documents.simulation_page import page
+    from ..documents.simulation_page import PlottedSimulation, page
 
     repeat = commands or {}
     first, *others = simulations.values()
-    shown = [Entry(name, each.case, each.trajectory, repeat.get(name, "")) for name, each in simulations.items()]
+    shown = [
+        PlottedSimulation(name, each.case, each.trajectory, repeat.get(name, "")) for name, each in simulations.items()
+    ]
     title = f"{len(simulations)} simulations" if others else first.title
     kicker = ", ".join(simulations) if others else first._ended
     return page(title, kicker, first.rules, shown, beside(simulations).parts)

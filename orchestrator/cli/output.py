@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..codec import to_json
-from ..documents.document import Completeness, Shown
+from ..documents.document import Completeness, Displayable
 from ..text import printable
 from ..views.csv import csv
 from ..views.latex import latex
@@ -43,7 +43,7 @@ def add_dry_run(options: argparse._ActionsContainer, what: str) -> None:
     options.add_argument("--dry-run", action="store_true", help=f"print {what}, and do nothing")
 
 
-def put(shown: Shown | Summary, given: argparse.Namespace, document: Any = None) -> None:
+def put(shown: Displayable | Summary, given: argparse.Namespace, document: Any = None) -> None:
     """Print ``shown`` in the form that was asked for; as JSON, print ``document`` instead if there is one."""
     if given.json:
         print(to_json(shown if document is None else document))

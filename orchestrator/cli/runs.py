@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..errors import InputError
 from ..text import printable
 from ..views.table import Cell, Column, Summary, Table
@@ -37,7 +37,7 @@ class Past(NamedTuple):
     made: str
 
 
-class Runs(Shown):
+class Runs(Displayable):
     """Runs, the oldest first."""
 
     def __init__(self, runs: Sequence[Past]) -> None:

@@ -6,10 +6,10 @@ from collections import Counter
 
 from ..benchmark.case import Case
 from ..views.table import Column, Summary, Table
-from .document import Shown
+from .document import Displayable
 
 
-class CaseList(tuple[Case, ...], Shown):
+class CaseList(tuple[Case, ...], Displayable):
     """Cases in the order of their protocol; a tuple that shows itself in a notebook."""
 
     def summary(self) -> Summary:

@@ -7,9 +7,9 @@ from typing import Any
 
 from ..benchmark.results import CaseResult
 from ..views.csv import csv_text
-from ..views.table import Column, Summary, Table, Verdict
+from ..views.table import Column, Summary, Table, VerdictCell
 from ..views.units import SECOND
-from .document import Shown
+from .document import Displayable
 from .results import Results
 
 # Imports inside functions: pyarrow is optional.
@@ -19,7 +19,7 @@ LISTED = 12
 """Cases that a notebook shows; the others are counted."""
 
 
-class Cases(tuple[CaseResult, ...], Shown):
+class Cases(tuple[CaseResult, ...], Displayable):
     """Cases in the protocol's order; shows itself in a notebook."""
 
     __slots__ = ()
@@ -27,7 +27,7 @@ class Cases(tuple[CaseResult, ...], Shown):
     def summary(self) -> Summary:
         """The first cases, and how all ended."""
         rows = tuple(
-            (case.id, Verdict(case.simulated if case.judged else None, case.status.value), case.time, case.message)
+            (case.id, VerdictCell(case.simulated if case.judged else None, case.status.value), case.time, case.message)
             for case in self[:LISTED]
         )
         counts = ", ".join(f"{count} {status}" for status, count in Counter(c.status.value for c in self).items())

@@ -11,11 +11,11 @@ from typing import Any, overload
 
 from ..codec import plain
 from ..text import shortened
-from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, Verdict, shown
+from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, VerdictCell, shown
 from ..views.table import plain as number_in
 from . import compare_page
 from .comparability import Conditions, conditions
-from .document import Comparable, Row, Shown
+from .document import Comparable, Displayable, Row
 from .evaluation import Evaluation
 from .head import ControllerRecord
 from .spread import Spread
@@ -97,7 +97,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Comparison(Shown, Sequence[Group]):
+class Comparison(Displayable, Sequence[Group]):
     """What :func:`compare` finds: a sequence of groups; shows itself in a notebook."""
 
     groups: tuple[Group, ...]
@@ -213,7 +213,7 @@ def _entry(entry: Entry) -> dict[str, Any]:
 
 def _values(column: Column, cell: Cell) -> Iterator[Any]:
     match cell:
-        case Verdict(passed, _):
+        case VerdictCell(passed, _):
             yield passed
         case Value(deviation=float() as deviation):
             yield {"mean": cell.value, "deviation": deviation}

@@ -49,7 +49,7 @@ def completeness(cases: Iterable[Ended], tallies: Iterable[Tally]) -> Completene
     return "complete" if all(case.simulated for case in listed) else "incomplete"
 
 
-class Shown:
+class Displayable:
     """What shows itself: in a notebook, as a page, and as the tables of its summary."""
 
     __slots__ = ()
@@ -96,7 +96,7 @@ class Rank(NamedTuple):
         return not self.holds, math.inf if self.V is None else self.V
 
 
-class Comparable(Shown):
+class Comparable(Displayable):
     """What a comparison lists: results of one ``KIND``, with their head, their V, and how they stand."""
 
     __slots__ = ()

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 from ..conformance.finding import Finding, Severity
-from ..views.table import Column, Summary, Table, Verdict
-from .document import Shown
+from ..views.table import Column, Summary, Table, VerdictCell
+from .document import Displayable
 
 PASSED = {Severity.OK: True, Severity.NOTE: True, Severity.WARNING: None, Severity.ERROR: False}
 
 
 @dataclass(frozen=True)
-class Findings(Shown, Sequence[Finding]):
+class Findings(Displayable, Sequence[Finding]):
     """The findings on a ``controller``, in the order of the checks; shows itself in a notebook."""
 
     controller: str
@@ -46,7 +46,7 @@ class Findings(Shown, Sequence[Finding]):
         """A row for each finding."""
         rows = tuple(
             (
-                Verdict(PASSED[each.severity], each.severity.value),
+                VerdictCell(PASSED[each.severity], each.severity.value),
                 each.subject,
                 "\n".join(filter(None, (each.text, each.remedy))),
             )

@@ -23,7 +23,7 @@ from ..views.table import (
     Panel,
     Part,
     Table,
-    Verdict,
+    VerdictCell,
     Widget,
 )
 from ..views.units import MICROMETRE, SECOND, number
@@ -126,7 +126,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
                 case.test,
                 case.status.value,
                 *own,
-                Verdict(passed, words if passed is not None else ""),
+                VerdictCell(passed, words if passed is not None else ""),
             )
         )
     caption = (
@@ -151,7 +151,7 @@ def _failures(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
     rows: list[tuple[Cell, ...]] = []
     for case in failures:
         link = Link(case.id, simulate_command(results.head, case.id), shown.get(case.id))
-        rows.append((link, Verdict(False if case.judged else None, case.status.value), case.time, case.message))
+        rows.append((link, VerdictCell(False if case.judged else None, case.status.value), case.time, case.message))
     columns = (Column("case"), Column("status"), Column("time", SECOND), Column("message"))
     note = f"{words}, of {len(results.cases)} cases. A case that was skipped or lost says nothing about the controller."
     return (Note(note, warning=False), Table("Cases that did not end with done", columns, tuple(rows)))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ..loop.trajectory import Status
-from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quantity, Summary, Table, Value, Verdict
+from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quantity, Summary, Table, Value, VerdictCell
 from ..views.units import SHOWN
 from .commands import again, simulate_command
 from .document import Row
@@ -81,7 +81,7 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
 def row(results: Results) -> Row:
     """What a comparison shows: V, the criteria, and the verdicts."""
     figures = ((criterion_column(name, each.unit), each.value) for name, each in results.criteria.items())
-    verdicts = ((Column(each.label), Verdict(each.judged.passed)) for each in requirement_rows(results))
+    verdicts = ((Column(each.label), VerdictCell(each.judged.passed)) for each in requirement_rows(results))
     return (Column("V", best="smallest"), results.cost), *figures, *verdicts
 
 
@@ -98,7 +98,7 @@ def requirements(results: Results, shown: Mapping[str, int] | None = None) -> Ta
     for row in requirement_rows(results):
         worst = row.judged.worst_case
         link = Link(worst, simulate_command(results.head, worst), recorded.get(worst)) if worst else "-"
-        rows.append((row.name, row.title, Verdict(row.judged.passed), row.amplitude, link))
+        rows.append((row.name, row.title, VerdictCell(row.judged.passed), row.amplitude, link))
     limit = results.rules.stability.limit_cycle * 1e6
     return Table(f"Stability: limit cycle below {limit:g} µm", columns, tuple(rows))
 

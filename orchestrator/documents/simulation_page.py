@@ -26,7 +26,7 @@ ROLE = "simulation "
 """Begins the role of a recording that is shown under a name of its own."""
 
 
-class Shown(NamedTuple):
+class PlottedSimulation(NamedTuple):
     """A simulation under its name on the page, and the command that repeats it, if there is one."""
 
     name: str
@@ -35,7 +35,7 @@ class Shown(NamedTuple):
     command: str
 
 
-def page(title: str, kicker: str, rules: Rules, shown: Sequence[Shown], summary: tuple[Part, ...]) -> Page:
+def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulation], summary: tuple[Part, ...]) -> Page:
     """The page; with a single simulation there is nothing to lay over it."""
     overlay = Panel(
         "overlay",
@@ -55,7 +55,7 @@ def page(title: str, kicker: str, rules: Rules, shown: Sequence[Shown], summary:
     return Page(title, kicker, panels, SCRIPTS, partial(_payload, rules, tuple(shown)))
 
 
-def _payload(rules: Rules, shown: Sequence[Shown]) -> dict[str, Any]:
+def _payload(rules: Rules, shown: Sequence[PlottedSimulation]) -> dict[str, Any]:
     parameters = dict(shown[0].case.scenario.parameters)
     recordings = []
     for each in shown:

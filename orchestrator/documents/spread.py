@@ -10,7 +10,7 @@ from msgspec.structs import asdict
 from ..benchmark.spread import Holding, SeedScore, Statistic, paired, seed_score, summary
 from ..benchmark.tally import reason
 from ..codec import Natural
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value, Verdict
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value, VerdictCell
 from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -90,7 +90,7 @@ class Spread(Document, Comparable, kw_only=True):
             each = self.criteria[name]
             found.append((criterion_column(name, spec.unit), Value(each.mean, each.deviation)))
         for name, held in self.requirements.items():
-            found.append((Column(name), Verdict(self.passed(name), f"{held.seeds}/{held.of}")))
+            found.append((Column(name), VerdictCell(self.passed(name), f"{held.seeds}/{held.of}")))
         difference = paired(self.seeds, first.seeds) if isinstance(first, Spread) else None
         better = "-"
         if difference is not None:
@@ -160,7 +160,7 @@ def _over_seeds(spread: Spread) -> Plot:
 
 def _held(spread: Spread) -> Table:
     rows = tuple(
-        (name, Verdict(spread.passed(name)), held.seeds, held.of) for name, held in spread.requirements.items()
+        (name, VerdictCell(spread.passed(name)), held.seeds, held.of) for name, held in spread.requirements.items()
     )
     columns = (Column("requirement"), Column("verdict"), Column("met with"), Column("of seeds judged"))
     return Table("Requirements over the seeds", columns, rows)

@@ -10,7 +10,7 @@ from ..codec import Finite
 from ..errors import InputError
 from ..search.candidates import Trial
 from ..views.csv import csv_text
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Value, Verdict
+from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Value, VerdictCell
 from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -124,7 +124,7 @@ class Sweep(Document, Comparable, kw_only=True):
                 *(Value(value, given=True) for value in trial.values.values()),
                 trial.cost,
                 trial.cycle,
-                trial.message or Verdict(trial.holds, "hold" if trial.holds else "fail"),
+                trial.message or VerdictCell(trial.holds, "hold" if trial.holds else "fail"),
             )
             for trial in self.trials
         )

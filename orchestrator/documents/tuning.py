@@ -23,7 +23,7 @@ from ..views.table import (
     Summary,
     Table,
     Value,
-    Verdict,
+    VerdictCell,
     Widget,
 )
 from ..views.units import number
@@ -223,11 +223,11 @@ def _best(found: Tuning) -> Table:
     words = [f"{', '.join(best.strict_broken)} fails"] if best.strict_broken else []
     words += [f"{', '.join(best.strict_not_judged)} not judged"] if best.strict_not_judged else []
     passed = False if best.strict_broken else None if best.strict_not_judged else True
-    hold = Verdict(True, "hold")
+    hold = VerdictCell(True, "hold")
     rows: tuple[tuple[Cell, ...], ...] = (
         (f"{found.protocol}, seed {found.seed}", best.cost, hold),
         (f"{found.protocol}, other seeds", Value(best.seeds.mean, best.seeds.deviation), None),
-        ("strict list", best.strict, Verdict(passed, ", ".join(words) or "hold")),
+        ("strict list", best.strict, VerdictCell(passed, ", ".join(words) or "hold")),
         (f"{found.objective}, as it was tuned", best.trial.cost, hold),
         (f"{found.objective}, other draws", Value(best.held_out.mean, best.held_out.deviation), None),
     )
@@ -293,7 +293,7 @@ def _judged(found: Tuning) -> Table:
             row.after,
             row.cost,
             row.worst_cost,
-            Verdict(not row.broken, ", ".join(row.broken) or "none"),
+            VerdictCell(not row.broken, ", ".join(row.broken) or "none"),
             assignments(found.trials[row.trial].values),
         )
         for row in found.judged

@@ -21,7 +21,20 @@ from ..benchmark.certificate import (
 from ..benchmark.draws import Entropy
 from ..codec import Natural, plain
 from ..loop.trajectory import Status
-from ..views.table import VERDICTS, Cell, Column, Facts, Part, Plot, Quantity, Series, Summary, Table, Value, Verdict
+from ..views.table import (
+    VERDICTS,
+    Cell,
+    Column,
+    Facts,
+    Part,
+    Plot,
+    Quantity,
+    Series,
+    Summary,
+    Table,
+    Value,
+    VerdictCell,
+)
 from ..views.units import SHOWN
 from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
@@ -124,7 +137,7 @@ class Verification(Document, Comparable, kw_only=True):
         found.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.sd)))
         for name, each in self.criteria.items():
             found.append((criterion_column(name, each.unit), Value(each.mean, each.sd)))
-        return *found, *((Column(name), Verdict(held.passed)) for name, held in self.requirements.items())
+        return *found, *((Column(name), VerdictCell(held.passed)) for name, held in self.requirements.items())
 
     def summary(self) -> Summary:
         """The figures over the draws, and those on the list of worst cases, beside those of the references."""
@@ -273,6 +286,6 @@ def _worst(found: CriterionFound | RequirementFound) -> str:
     return in_draw(worst.id, worst.seed) if worst else "-"
 
 
-def _verdict(found: RequirementFound) -> Verdict:
+def _verdict(found: RequirementFound) -> VerdictCell:
     draws = f" in {found.failed_draws}" if found.failed_draws else ""
-    return Verdict(found.passed, VERDICTS[found.passed] + draws)
+    return VerdictCell(found.passed, VERDICTS[found.passed] + draws)

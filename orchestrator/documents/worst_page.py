@@ -22,7 +22,7 @@ from ..views.table import (
     Quantity,
     Table,
     Value,
-    Verdict,
+    VerdictCell,
     Widget,
 )
 from ..views.units import MILLISECOND, NONE, SHOWN, number
@@ -99,7 +99,9 @@ def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Map
         tests = [test for test in rules.tests if name in test.requirements and not test.repeats]
         title = REQUIREMENTS[name].format(gain=tests[0].gain, delay=tests[0].delay * 1e3, axis="1 or 2")
         words = "fails" if entry.passed is False else "no failure found" if entry.passed else "not judged"
-        rows.append((name, title, Verdict(entry.passed, words), Link(ending(entry), entry.command, shown.get(name))))
+        rows.append(
+            (name, title, VerdictCell(entry.passed, words), Link(ending(entry), entry.command, shown.get(name)))
+        )
     columns = (Column(""), Column("requirement", minor=True), Column("found"), Column("worst case"))
     return Table("Requirements", columns, tuple(rows), caption=NO_PROOF)
 

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ..codec import Scalar
-from ..documents.document import Shown
+from ..documents.document import Displayable
 from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..exact_time import seconds
@@ -27,7 +27,7 @@ from .twin import fastest_default
 
 
 @dataclass(frozen=True)
-class Controller(Shown):
+class Controller(Displayable):
     """A controller FMU of any tool, with its parameters and the meaning of its variables.
 
     Parameters

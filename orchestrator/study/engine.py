@@ -33,7 +33,7 @@ from .requests import (
     Event,
     Instant,
     Now,
-    Place,
+    OwnFile,
     Record,
     Rehearse,
     Request,
@@ -126,7 +126,7 @@ class Engine:
             case Write(name, text):
                 if self.folder is not None:
                     remove(self.folder / name) if text is None else write_text(self.folder / name, text)
-            case Place(name):
+            case OwnFile(name):
                 return None if self.folder is None else self.folder / name
             case Now():
                 begin = datetime.now(timezone.utc).isoformat(timespec="seconds")

@@ -11,13 +11,13 @@ from ..execution import pool
 from ..execution.job import Done
 from ..pairing import work
 from ..pairing.pairing import GROUP_SIZE, START_TIME, Pairing
-from .selection import Shown
+from .selection import CaseToShow
 
 LARGEST = 1 << 22
 """Bytes of the largest recording, whose signals are thinned out."""
 
 
-def record_shown(wanted: Sequence[Shown], pairing: Pairing, workers: int) -> tuple[Recording, ...]:
+def record_shown(wanted: Sequence[CaseToShow], pairing: Pairing, workers: int) -> tuple[Recording, ...]:
     """Simulate what a report shows, on ``workers`` processes.
 
     What fails before its first sample, or takes its process with it, is left out: its status stands in the results.

@@ -24,7 +24,7 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from ..search.candidates import Trial
 from .rehearsal import Rehearsal
-from .selection import Shown
+from .selection import CaseToShow
 
 T = TypeVar("T")
 
@@ -96,7 +96,7 @@ class Record:
     """Asks for the recordings of cases that a report shows: a tuple of :class:`.Recording`."""
 
     pairing: Pairing
-    shown: tuple[Shown, ...]
+    shown: tuple[CaseToShow, ...]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Write:
 
 
 @dataclass(frozen=True)
-class Place:
+class OwnFile:
     """Asks for the path of a file ``name`` in the study's folder that the study keeps itself; None if there is none."""
 
     name: str
@@ -193,7 +193,7 @@ Event = SeedDone | StageDone | TrialDone | CaseChecked
 
 OnResult = Callable[[CaseResult, int, int], None]
 """Called with each result as it arrives, the number of results so far, and their total number."""
-Request = Batch | Rehearse | TimeSteps | Record | Save | Write | Place | Now | Tell
+Request = Batch | Rehearse | TimeSteps | Record | Save | Write | OwnFile | Now | Tell
 Requests = Generator[Request, Any, T]
 """The requests of a study, or of a part of one, that returns a ``T``."""
 

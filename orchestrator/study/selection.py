@@ -26,7 +26,7 @@ AFTERWARDS = 4.0
 
 
 @dataclass(frozen=True)
-class Shown:
+class CaseToShow:
     """A case to simulate again, and what it is shown for."""
 
     case: Case
@@ -35,7 +35,7 @@ class Shown:
 
 def shown(
     protocol: Protocol, nominal: Mapping[str, float], seed: int, runs: Sequence[CaseRun], card: Scorecard
-) -> list[Shown]:
+) -> list[CaseToShow]:
     """What to simulate for the report of ``runs``.
 
     A case that hung or ended its process would do so again, and one that was lost may: it is not tried. Where one hung,
@@ -44,7 +44,7 @@ def shown(
     """
     known = {run.case.id: run for run in runs}
     chosen = [
-        Shown(known[id].case, tuple(roles))
+        CaseToShow(known[id].case, tuple(roles))
         for id, roles in _worst(card).items()
         if known[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.LOST, Status.SKIPPED)
     ]
@@ -57,14 +57,14 @@ def shown(
     size = min(SPREAD_SYSTEMS, sum(run.case.test == test for run in runs))
     sample_time = runs[0].case.scenario.sample_time
 
-    def in_pose(name: str, role: str, duration: float | None = None) -> Shown:
+    def in_pose(name: str, role: str, duration: float | None = None) -> CaseToShow:
         pose = cases.configuration(protocol, *POSE, seed)
         system = cases.system(protocol, nominal, seed, pose.index, name, test)
         case = cases.case(protocol, pose, system, test, seed)
         scenario = replace(case.scenario, sample_time=sample_time)
         if duration is not None:
             scenario = replace(scenario, duration=min(scenario.duration, seconds(duration)))
-        return Shown(replace(case, scenario=scenario), (role,))
+        return CaseToShow(replace(case, scenario=scenario), (role,))
 
     end = protocol.disturbance.t_2 + AFTERWARDS
     names = [*protocol.sets[test.systems], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]

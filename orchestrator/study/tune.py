@@ -25,8 +25,8 @@ from .candidates import values_of
 from .declaration import Study, described, option
 from .evaluate import EvaluationStudy, SpreadStudy
 from .heads import head
-from .requests import Now, Place, Requests, Save, Write, inside, rehearsed
-from .tuner import Judge, Tuner, Verdict
+from .requests import Now, OwnFile, Requests, Save, Write, inside, rehearsed
+from .tuner import CandidateVerdict, Judge, Tuner
 from .worst_case import RobustnessStudy, sought, worst_case
 
 logger = logging.getLogger(__name__)
@@ -106,7 +106,7 @@ class TuningStudy(Study[Tuning]):
 
         begin = yield Now()
         yield Write(BEST, None)  # of another search
-        proposals = Proposals(vary, begin_at, self.sampler, self.search_seed, (yield Place(STUDY)))
+        proposals = Proposals(vary, begin_at, self.sampler, self.search_seed, (yield OwnFile(STUDY)))
         yield from rehearsed(short.pairing(controller.with_parameters(begin_at)), cases[0])
         tuner = Tuner(
             short.rules,
@@ -180,14 +180,15 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
     """What tries a candidate on the whole protocol and, with a budget of ``robust`` whole cases, searches for its worst
     case."""
 
-    def verdict(trial: Trial) -> Requests[Verdict]:
+    def verdict(trial: Trial) -> Requests[CandidateVerdict]:
         candidate, own = controller.with_parameters(trial.values), _name(trial)
         _, _, _, cases = goal.prepared(candidate)
         try:
             whole = EvaluationStudy(recordings=False, keep_going=True)
             evaluation = yield from inside(own, whole.ask(goal, candidate))
         except FmuError as refusal:  # at a pose that the objective does not have, so from now on it has it
-            return Verdict(None, None, ("refused",), [(cases[0], "")], (f"The FMU refused {cases[0].id}: {refusal}",))
+            reason = f"The FMU refused {cases[0].id}: {refusal}"
+            return CandidateVerdict(None, None, ("refused",), [(cases[0], "")], (reason,))
         broken = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
         failing = {
             verdict.worst_case: None
@@ -202,13 +203,13 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
             broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
             reasons = failure_reasons(evaluation.head, evaluation.requirements)
-            return Verdict(evaluation.cost, None, tuple(broken), found, reasons)
+            return CandidateVerdict(evaluation.cost, None, tuple(broken), found, reasons)
         try:
             search = RobustnessStudy(budget=robust, protocol=strict, recordings=False)
             answer, shown = yield from inside(own, worst_case(goal, candidate, search))
         except (FmuError, Crash) as refusal:
             ended = f"The search for the worst case ended: {refusal}"
-            return Verdict(evaluation.cost, None, ("refused in strict",), found, (ended,))
+            return CandidateVerdict(evaluation.cost, None, ("refused in strict",), found, (ended,))
         for each in shown:
             commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
             found += [(each.case, command) for command in commands[:1] if command]
@@ -216,7 +217,7 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
         told = (
             f"{name} fails in a search for the worst case: {answer.requirements[name].kind}" for name in answer.broken
         )
-        return Verdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found, tuple(told))
+        return CandidateVerdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found, tuple(told))
 
     return verdict
 

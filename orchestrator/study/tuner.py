@@ -34,7 +34,7 @@ FIRST_ADDED = 1000
 """From where on the configurations of cases that were added are numbered."""
 
 
-class Verdict(NamedTuple):
+class CandidateVerdict(NamedTuple):
     """What the whole protocol says of a candidate: V, V with the worst cases found, the requirements that do not hold,
     the cases to add to the objective, each with the command that repeats it, and why the requirements do not hold."""
 
@@ -45,7 +45,7 @@ class Verdict(NamedTuple):
     reasons: tuple[str, ...] = ()
 
 
-Judge = Callable[[Trial], Requests[Verdict]]
+Judge = Callable[[Trial], Requests[CandidateVerdict]]
 """Tries a candidate on the whole protocol."""
 
 
@@ -60,7 +60,7 @@ class Tuner:
     proposals: Proposals
     cases: list[Case]
     trials: list[Trial] = field(default_factory=list)
-    judged: dict[int, tuple[int, Verdict]] = field(default_factory=dict)
+    judged: dict[int, tuple[int, CandidateVerdict]] = field(default_factory=dict)
 
     @property
     def rules(self) -> Rules:

@@ -31,7 +31,7 @@ from ..search.target import Target, targets
 from .declaration import Study, described, option
 from .heads import head
 from .requests import Batch, Entry, Now, Record, Request, Requests, Save, StageDone, Tell, rehearsed
-from .selection import Shown
+from .selection import CaseToShow
 
 
 def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequence[str]) -> list[Target]:
@@ -101,7 +101,7 @@ class RobustnessStudy(Study[Robustness]):
 
 def worst_case(
     testbed: Testbed, controller: Controller, study: RobustnessStudy
-) -> Requests[tuple[Robustness, list[Shown]]]:
+) -> Requests[tuple[Robustness, list[CaseToShow]]]:
     """The document of a ``study``; and the worst cases, each followed by that of the nominal arm."""
     own = replace(testbed, protocol=study.protocol)
     controller, pairing, T_s, cases = own.prepared(controller)
@@ -172,10 +172,10 @@ def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     return found
 
 
-def _beside_nominal(member: Member, roles: Sequence[str], case: Any) -> Iterator[Shown]:
+def _beside_nominal(member: Member, roles: Sequence[str], case: Any) -> Iterator[CaseToShow]:
     worst = case(member)
     if member.deviations:
         worst = replace(worst, system=replace(worst.system, name=FOUND))
-    yield Shown(worst, tuple(roles))
+    yield CaseToShow(worst, tuple(roles))
     nominal = replace(member, system=NOMINAL, deviations=())
-    yield Shown(case(nominal), tuple(f"{BESIDE} {role}" for role in roles))
+    yield CaseToShow(case(nominal), tuple(f"{BESIDE} {role}" for role in roles))

@@ -25,7 +25,7 @@ class Value(NamedTuple):
     given: bool = False
 
 
-class Verdict(NamedTuple):
+class VerdictCell(NamedTuple):
     """Whether something is met (None: not judged), in words of its own if it has some."""
 
     passed: bool | None
@@ -47,7 +47,7 @@ class Quantity(NamedTuple):
     unit: Unit
 
 
-Cell = str | int | float | Value | Verdict | Link | Quantity | None
+Cell = str | int | float | Value | VerdictCell | Link | Quantity | None
 """Contents of a cell."""
 
 
@@ -85,7 +85,7 @@ class Table:
 
     def is_text(self, column: int) -> bool:
         """Whether a column holds words: they begin at the left."""
-        return any(isinstance(row[column], str | Verdict | Link | Quantity) for row in self.rows)
+        return any(isinstance(row[column], str | VerdictCell | Link | Quantity) for row in self.rows)
 
     def best(self, column: int) -> frozenset[int]:
         """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
@@ -140,7 +140,7 @@ def shown(cell: Cell, unit: Unit) -> str:
             deviation = "" if cell.deviation is None else f" ± {number(cell.deviation, own.factor)}"
             value = number(cell.value, own.factor, exact=cell.given)
             return (f"{cell.beyond} " if cell.beyond else "") + value + deviation
-        case Verdict():
+        case VerdictCell():
             return cell.words or VERDICTS[cell.passed]
         case Link():
             return cell.text

@@ -13,7 +13,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from ..text import printable
-from .table import Cell, Commands, Facts, Note, Summary, Table, Value, Verdict, shown
+from .table import Cell, Commands, Facts, Note, Summary, Table, Value, VerdictCell, shown
 from .units import Unit
 
 NARROW = 72
@@ -100,8 +100,8 @@ def _text(text: str, style: str = "") -> Text:
 
 
 def _cell(cell: Cell, unit: Unit, best: bool = False) -> Text:
-    judged = cell.passed if isinstance(cell, Verdict) else cell.good if isinstance(cell, Value) else None
-    colour = COLOURS[judged] if isinstance(cell, Verdict) or judged is not None else ""
+    judged = cell.passed if isinstance(cell, VerdictCell) else cell.good if isinstance(cell, Value) else None
+    colour = COLOURS[judged] if isinstance(cell, VerdictCell) or judged is not None else ""
     return _text("" if cell is None else shown(cell, unit), f"{colour} bold".strip() if best else colour)
 
 

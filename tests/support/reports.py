@@ -16,7 +16,7 @@ from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
 from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.documents.comparison import compare
-from orchestrator.documents.document import Shown
+from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.findings import Findings
 from orchestrator.documents.head import BoundRecord, ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
@@ -354,7 +354,7 @@ def verified(
     )
 
 
-def documents(**controller: Any) -> dict[str, Shown]:
+def documents(**controller: Any) -> dict[str, Displayable]:
     """One of everything that shows itself, by its kind, of a controller with these fields; the text of strangers that
     is not part of it is that of its file."""
     words = controller.get("file", "PID.fmu")
