@@ -30,7 +30,7 @@ def read_mapping(file: Path) -> dict[str, str]:
             raise InputError(message, "bad-mapping", file)
         targets = [entry.get("target", "") for entry in entries]
         if twice := [target for target in targets if targets.count(target) > 1]:
-            raise InputError(f"{file} maps {twice[0]} more than once.", "repeated", file, twice[0])
+            raise InputError(f"{file} maps {twice[0]} more than once.", "bad-mapping", file, twice[0])
         for entry in entries:
             for child in entry.iterchildren(etree.Element):
                 target, kind = entry.get("target"), etree.QName(child).localname
@@ -85,7 +85,7 @@ def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
             message = f"{file}: the parameter {name} has no value of a type that parameters have, such as Real."
             raise InputError(message, "bad-parameters", file, name)
         if name in values:
-            raise InputError(f"{file} gives {name} more than once.", "repeated", file, name)
+            raise InputError(f"{file} gives {name} more than once.", "bad-parameters", file, name)
         values[name] = _number(file, name, value) if etree.QName(types[0]).localname in REAL_TYPES else value
         if unit := types[0].get("unit"):
             variable, _ = place(controller.description, name, f"The controller {controller.name}")
