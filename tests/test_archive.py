@@ -279,10 +279,15 @@ def test_a_broken_library_has_no_verdict(name, good, tmp_path):
 @pytest.mark.parametrize("damage", ["changed", "emptied", "missing"])
 def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, room, good_file):
     library = open_archive(good_file).folder / LIBRARY
-    contents, compiled = library.read_bytes(), library.parents[2] / "resources" / "compiled.bin"
-    compiled.write_bytes(b"machine code")
-    assert open_archive(good_file).folder == library.parents[2]
-    assert compiled.is_file(), "what lies beside the files stays"
+    contents, folder = library.read_bytes(), library.parents[2]
+    compiled, left = folder / "compiled" / "x.so", folder / "resources" / "left.bin"
+    for file in (compiled, left):
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(b"something")
+    assert open_archive(good_file).folder == folder
+    assert (compiled.is_file(), left.is_file()) == (True, False), (
+        "what is compiled stays, what an FMU has left does not"
+    )
     if damage == "missing":
         library.unlink()
     else:

@@ -13,10 +13,10 @@ from orchestrator.fmi.lookup import find_values
 from orchestrator.fmi.variables import variables
 from orchestrator.loop.setup import Setup, controller_binding, effective
 
-STARTS = {"K": (45.0,), "z": (0.0,), "A": (1.0, 2.0), "B": ()}
-"""Parameters and their start values: scalars, an array, an array without."""
+STARTS = {"K": (45.0,), "z": (0.0,), "A": (1.0, 2.0)}
+"""Parameters and their start values: scalars, an array."""
 
-NAMES = ("K", "z", "A[1]", "A[2]", "B[1]", "B[2]")
+NAMES = ("K", "z", "A[1]", "A[2]")
 MAPPINGS = ({}, {"u_m[1]": "u_m[1]", "u_m[2]": "u_m[2]"}, {"q_m[2]": "q_m[2]", "q_m[1]": "q_m[1]"})
 
 
@@ -28,8 +28,7 @@ def archive(shown: ModelDescription) -> Archive:
 def parameters():
     """Those of ``STARTS``, as a model description has them."""
     for name, start in STARTS.items():
-        text = {"start": " ".join(map(str, start))} if start else {}
-        yield variable(name, "parameter", size=max(len(start), 1 if name != "B" else 2), **text)
+        yield variable(name, "parameter", size=len(start), start=" ".join(map(str, start)))
     yield variable("T_s", "parameter", start="0.00025")
 
 

@@ -699,7 +699,7 @@ REPORTS = (
         "Errata for FMI 1.0 ME and CS",
         "is of FMI 1.0 and has an output that is a negated alias",
         OfTheProject("DiagonalPID_C_fmi1", (declare(r"u_m\[2\]", alias="negatedAlias"),)),
-        "u_m[2] is declared as Real, local, but u_m must be a real output",
+        "u_m[2] is declared as Real, negated alias, but u_m must be a real output",
     ),
     Report(
         "modelica/fmi-standard#225",

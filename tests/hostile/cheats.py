@@ -57,13 +57,16 @@ BODIES = {
     "forged": """
         wanted = variable("wanted")
         if t > 0.1 and hasattr(wanted, "protocol"):
-            from orchestrator.pairing.work import expected
+            from orchestrator.pairing.work import Digested, expected
             from orchestrator.benchmark.results import Judgement, Measurements
             from orchestrator.codec import pack
             from orchestrator.execution.messages import Finished, frame
             names = expected(wanted.protocol, wanted.case)
             told = Measurements(**{name: True if name == "settled" else 0.0 for name in names})
-            value = pack(Judgement(status="done", time=float(wanted.case.scenario.duration), measurements=told))
+            value = Judgement(status="done", time=float(wanted.case.scenario.duration), measurements=told)
+            if variable("work").__name__ == "digest_case":
+                value = Digested(value, bytes(32))
+            value = pack(value)
             os.write(variable("channel"), frame(Finished(variable("index"), value, 0.1)))
             os._exit(0)
         elif t > 0.1:
