@@ -2,26 +2,30 @@
 
 import hashlib
 import io
+import platform
 import shutil
 import stat
 import struct
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hostile import fmus
 from hostile.fmus import LIBRARY
+from support import descriptions
 from support.refusals import refusal
 from support.tools import require
 
 from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
 from orchestrator.cache import VARIABLE
-from orchestrator.errors import EnvironmentFault, FmuError
+from orchestrator.errors import EnvironmentFault, FmuError, InputError
 from orchestrator.fmi import archive, compilation, entries
 from orchestrator.fmi.archive import open_archive, restore
+from orchestrator.fmi.slaves import loading
 
 DESCRIPTION = "modelDescription.xml"
 
@@ -343,3 +347,28 @@ def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path):
     words = compilation._fence(str(own), ["true"], zig=False)
     done = subprocess.run([*words, "cat", other, own.parent / "source.c"], check=False, capture_output=True)
     assert done.stdout == b"own"
+
+
+def test_a_library_for_another_processor_is_told(tmp_path):
+    """The loader says that a file is missing, for a file that is there."""
+    other = replace(descriptions.archive(), folder=tmp_path)
+    other.library.parent.mkdir(parents=True)
+    machine = {"x86_64": 183}.get(platform.machine(), 62)  # that of arm64, elsewhere that of x86-64
+    other.library.write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little") + bytes(44))
+    error = loading.refusal(other, OSError("x.so: cannot open shared object file: No such file or directory"))
+    assert isinstance(error, InputError) and "another kind of processor" in str(error)
+
+
+@pytest.mark.parametrize(("size", "said"), [("9", "that does not exist"), ("1", "without a start value")])
+def test_an_array_whose_size_is_nowhere_is_told(size, said, room):
+    variables = (
+        '<UInt64 name="n" valueReference="1" causality="structuralParameter" variability="fixed"/>'
+        f'<Float64 name="q_m" valueReference="2" causality="input"><Dimension valueReference="{size}"/></Float64>'
+    )
+    text = f'<fmiModelDescription fmiVersion="3.0" modelName="x" instantiationToken="x"><ModelVariables>{variables}'
+    file = room / "sizes.fmu"
+    file.write_bytes(pack({"modelDescription.xml": f"{text}</ModelVariables></fmiModelDescription>".encode()}))
+    error = refusal(open_archive, file)
+    assert error.what == "bad-description" and f"the size of q_m is a variable {'that ' * (size == '9')}{said}" in str(
+        error
+    )
