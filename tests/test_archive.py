@@ -369,6 +369,4 @@ def test_an_array_whose_size_is_nowhere_is_told(size, said, room):
     file = room / "sizes.fmu"
     file.write_bytes(pack({"modelDescription.xml": f"{text}</ModelVariables></fmiModelDescription>".encode()}))
     error = refusal(open_archive, file)
-    assert error.what == "bad-description" and f"the size of q_m is a variable {'that ' * (size == '9')}{said}" in str(
-        error
-    )
+    assert error.what == "bad-description" and f"the size of q_m is a variable {said}" in str(error)
