@@ -25,7 +25,7 @@ from orchestrator.benchmark.metrics import judge  # noqa: E402
 from orchestrator.benchmark.results import Judgement  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.slaves import Slave, load  # noqa: E402
-from orchestrator.fmi.slaves.fmi2 import Fmi2CoSimulation  # noqa: E402
+from orchestrator.fmi.slaves.co_simulation import Fmi2CoSimulation  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
 from orchestrator.pairing.built_in import built_in  # noqa: E402
 

@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
-from orchestrator.fmi.choice import SOURCE, WINE, Way  # noqa: E402
+from orchestrator.fmi.library import SOURCE, WINE, LibraryKind  # noqa: E402
 from orchestrator.fmi.port import Port, exchange  # noqa: E402
 from orchestrator.fmi.slaves import load  # noqa: E402
 from orchestrator.jit import compiled  # noqa: E402
@@ -44,9 +44,9 @@ def many(port: Port, first: int, count: int) -> int:
     return total
 
 
-def exchanges(file: Path, way: Way, count: int) -> np.ndarray:
+def exchanges(file: Path, library: LibraryKind, count: int) -> np.ndarray:
     """Print what they cost; the last torques [N.m]."""
-    archive, begin = open_archive(file, way), time.perf_counter()
+    archive, begin = open_archive(file, library), time.perf_counter()
     slave = load(archive)
     started = time.perf_counter() - begin
     with prepared(slave, Setup(), AT_REST, Fraction(1, 4000), 2 * count * STEP) as port:
@@ -55,16 +55,18 @@ def exchanges(file: Path, way: Way, count: int) -> np.ndarray:
         assert many(port, 100, count) == 0, "a call failed"
         wall, own = (time.perf_counter() - wall) / count * 1e6, (time.process_time() - own) / count * 1e6
         text = f"{wall:.2f} µs per exchange, {own:.2f} µs of the master's processor time"
-        print(f"{way}: {text}, {started:.2f} s to load")
+        print(f"{library}: {text}, {started:.2f} s to load")
         return port.output_values.copy()
 
 
-def evaluation(file: Path, way: Way, protocol: str, folder: Path) -> bytes:
+def evaluation(file: Path, library: LibraryKind, protocol: str, folder: Path) -> bytes:
     """Print what it takes; the contents of its file of cases."""
     begin = time.perf_counter()
-    Benchmark(protocol, workers=1).evaluate(Controller(file, library=way), folder=folder / way, recordings=False)
-    print(f"{way}: {time.perf_counter() - begin:.1f} s for the protocol {protocol} on one process")
-    return (folder / way / "cases.csv").read_bytes()
+    Benchmark(protocol, workers=1).evaluate(
+        Controller(file, library=library), folder=folder / library, recordings=False
+    )
+    print(f"{library}: {time.perf_counter() - begin:.1f} s for the protocol {protocol} on one process")
+    return (folder / library / "cases.csv").read_bytes()
 
 
 def main() -> None:
@@ -74,11 +76,11 @@ def main() -> None:
     parser.add_argument("--exchanges", type=int, default=50_000)
     parser.add_argument("--protocol")
     given = parser.parse_args()
-    torques = [exchanges(given.file, way, given.exchanges) for way in (SOURCE, WINE)]
+    torques = [exchanges(given.file, library, given.exchanges) for library in (SOURCE, WINE)]
     print("equal torques" if np.array_equal(*torques) else "other torques")
     if given.protocol:
         with tempfile.TemporaryDirectory() as folder:
-            files = [evaluation(given.file, way, given.protocol, Path(folder)) for way in (SOURCE, WINE)]
+            files = [evaluation(given.file, library, given.protocol, Path(folder)) for library in (SOURCE, WINE)]
         print("equal cases" if files[0] == files[1] else "other cases")
 
 

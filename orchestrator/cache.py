@@ -31,7 +31,7 @@ PACKAGES = (PACKAGE.name, "controller_fmu", "plant_fmu", "build_fmus")
 OWN = (ROOT / "plant_fmu" / "flexible_manipulator", ROOT / "controller_fmu" / "pid")
 """Sources that become part of FMUs, and of which functions are compiled; no module of this package imports them all."""
 
-BY_NAME = ("orchestrator.fmi.slaves.plant_law", "orchestrator.fmi.slaves.pid_law")
+BY_NAME = ("orchestrator.fmi.slaves.numba_plant", "orchestrator.fmi.slaves.numba_pid")
 """Modules that are loaded by their names, so that no import statement leads to them."""
 
 COMPILED = ("orchestrator.loop.warm_up", "orchestrator.benchmark.one_pass", *BY_NAME)

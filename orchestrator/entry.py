@@ -233,7 +233,7 @@ RULES: dict[str, Enter] = {
     "Distribution": text,
     "Friction": text,
     "Order": text,
-    "Way": text,
+    "LibraryKind": text,
     "Sequence[Fraction | float | str]": _sequence(time),
 }
 """By annotation, without ``None``."""

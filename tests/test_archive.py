@@ -25,7 +25,7 @@ from orchestrator.cache import VARIABLE
 from orchestrator.errors import EnvironmentFault, FmuError, InputError
 from orchestrator.fmi import archive, compilation, entries
 from orchestrator.fmi.archive import open_archive, restore
-from orchestrator.fmi.slaves import loading
+from orchestrator.fmi.slaves.base import refusal as load_refusal
 
 DESCRIPTION = "modelDescription.xml"
 
@@ -322,7 +322,7 @@ def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
     size = good_file.stat().st_size
     for most in (size, size - 1):  # its contents, and the file itself
         for module in (archive, entries):
-            monkeypatch.setattr(module, "MOST_BYTES", most)
+            monkeypatch.setattr(module, "MAX_BYTES", most)
         assert refusal(open_archive, good_file).what == "archive-limit"
     assert not (room / "cache").exists()
 
@@ -352,10 +352,10 @@ def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path):
 def test_a_library_for_another_processor_is_told(tmp_path):
     """The loader says that a file is missing, for a file that is there."""
     other = replace(descriptions.archive(), folder=tmp_path)
-    other.library.parent.mkdir(parents=True)
+    other.library_file.parent.mkdir(parents=True)
     machine = {"x86_64": 183}.get(platform.machine(), 62)  # that of arm64, elsewhere that of x86-64
-    other.library.write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little") + bytes(44))
-    error = loading.refusal(other, OSError("x.so: cannot open shared object file: No such file or directory"))
+    other.library_file.write_bytes(b"\x7fELF" + bytes(14) + machine.to_bytes(2, "little") + bytes(44))
+    error = load_refusal(other, OSError("x.so: cannot open shared object file: No such file or directory"))
     assert isinstance(error, InputError) and "another kind of processor" in str(error)
 
 

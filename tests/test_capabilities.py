@@ -19,7 +19,7 @@ from benchmarks import capability_page
 from orchestrator.fmi.archive import open_archive
 from orchestrator.fmi.capabilities import CAPABILITIES, FLAGS, VARIABLES, declared, refuse_unsupported
 from orchestrator.fmi.connectors import bind_controller
-from orchestrator.fmi.slaves import loading
+from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.loop.sampling import controller_sample_time
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema"
@@ -154,5 +154,5 @@ def test_a_library_beside_the_binary_that_is_not_found_has_a_remedy(tmp_path):
         subprocess.run([*compiler, "-shared", "-fPIC", *map(str, words)], check=True)
     with pytest.raises(OSError) as loaded:
         ctypes.CDLL(str(folder / "x.so"))
-    error = loading.refusal(replace(archive(), folder=tmp_path), loaded.value)
+    error = load_refusal(replace(archive(), folder=tmp_path), loaded.value)
     assert "libbeside.so" in str(error) and "$ORIGIN" in str(error) and "binaries/linux64" in str(error)

@@ -132,7 +132,7 @@ SPELLED = {
     "Distribution": word,
     "Friction": word,
     "Order": word,
-    "Way": word,
+    "LibraryKind": word,
     "Sequence[Fraction | float | str]": with_plain(
         st.just(("0.5", "0.001")), lambda values: spelled_sequence(values, spelled_time)
     ),

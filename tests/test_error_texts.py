@@ -28,7 +28,7 @@ from orchestrator.fmi import controller_files
 from orchestrator.fmi.archive import Archive, open_archive
 from orchestrator.fmi.connectors import bind_controller
 from orchestrator.fmi.lookup import find_outputs, find_values
-from orchestrator.fmi.slaves import loading
+from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.fmi.units import conversion
 from orchestrator.loop import plan, sampling, setup
 from orchestrator.loop.scenario import NO_DELAY, Scenario
@@ -81,7 +81,7 @@ def not_loaded(folder: Path, sources: bool) -> Callable[[], object]:
         if sources:
             (folder / "sources" / "x.c").write_text("")
         said = OSError("libm.so.6: version `GLIBC_2.99' not found (required by x.so)")
-        raise loading.refusal(replace(archive(), folder=folder if sources else folder / "resources"), said)
+        raise load_refusal(replace(archive(), folder=folder if sources else folder / "resources"), said)
 
     return attempt
 

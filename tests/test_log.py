@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.fmi import log
-from orchestrator.fmi.log import HEAD, LINES, LONGEST, SIZE, SLOT, SLOTS, Log
+from orchestrator.fmi.log import HEAD, LINES, MAX_LINE_LENGTH, SIZE, SLOT, SLOTS, Log
 from orchestrator.fmi.port import c_function
 from orchestrator.fmi.slaves import logger
 from orchestrator.fmi.trace import CONTROLLER, PLANT
@@ -94,7 +94,7 @@ def test_a_log_takes_no_more_memory_than_it_has(own):
     for i in range(3 * SLOTS):
         say(1, b"%s", b"x" * 5000 + b"%d" % i, instance=b"i" * 500)
     assert guarded.raw[SIZE : SIZE + 64] == b"\x55" * 64
-    assert all(line.endswith("x" * 100) and len(line) < LONGEST + 200 for line in own.lines())
+    assert all(line.endswith("x" * 100) and len(line) < MAX_LINE_LENGTH + 200 for line in own.lines())
     assert len(own.lines()) == LINES
 
 

@@ -92,7 +92,9 @@ def by_fmpy(file: Path, folder: Path) -> list[float]:
     step, archive = float(T_S), open_archive(file)
     shutil.copytree(archive.folder, folder)
     # FMPy looks for it there, also if it was compiled here.
-    shutil.copytree(archive.library.parent, folder / "binaries" / archive.library.parent.name, dirs_exist_ok=True)
+    shutil.copytree(
+        archive.library_file.parent, folder / "binaries" / archive.library_file.parent.name, dirs_exist_ok=True
+    )
     jump = LATE * step
     rows = [(0.0, 1.0, 1.0), (jump, 1.0, 1.0), (jump, 1.0, 1.0 - ERROR), (SAMPLES * step, 1.0, 1.0 - ERROR)]
     signals = np.array(rows, dtype=[("time", float), ("q_m_ref[1]", float), ("q_m[1]", float)])

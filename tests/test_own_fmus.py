@@ -12,7 +12,7 @@ import build_fmus
 from controller_fmu.export.archive import pack, unpack
 from orchestrator import Benchmark, Controller
 from orchestrator.fmi.archive import open_archive
-from orchestrator.fmi.slaves.own import law_of
+from orchestrator.fmi.slaves.numba_slave import compiled_twin_of
 
 SIGNALS = ("time", "q_m", "X", "measured", "command", "torque")
 CASE = "c07.random_1.disturbance"
@@ -35,7 +35,7 @@ def unlike(plant_file: Path, pid_file: Path, tmp_path_factory: pytest.TempPathFa
 def test_an_fmu_is_stepped_as_machine_code_if_it_has_the_source_of_this_package(
     plant_file: Path, pid_file: Path, unlike: tuple[Path, Path], fmu_folder: Path, tmp_path: Path
 ) -> None:
-    assert [law_of(open_archive(file)) for file in (plant_file, pid_file)] == ["plant_law", "pid_law"]
+    assert [compiled_twin_of(open_archive(file)) for file in (plant_file, pid_file)] == ["numba_plant", "numba_pid"]
     source = unpack(plant_file)["resources/flexible_manipulator/integrator.py"]
     others = (
         *unlike,
@@ -43,7 +43,7 @@ def test_an_fmu_is_stepped_as_machine_code_if_it_has_the_source_of_this_package(
         build_fmus.build("TunedPID", fmu_folder),
         build_fmus.build("ManipulatorLQG", fmu_folder),
     )
-    assert [law_of(open_archive(file)) for file in others] == [None] * len(others)
+    assert [compiled_twin_of(open_archive(file)) for file in others] == [None] * len(others)
 
 
 def test_machine_code_gives_the_bits_of_the_fmus_themselves(

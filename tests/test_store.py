@@ -120,7 +120,7 @@ def test_another_library_has_another_key(library, own, monkeypatch):
         "orchestrator/exact_time.py",
         "orchestrator/execution/worker.py",  # restores the rounding mode between two cases
         "orchestrator/fmi/host/host.c",
-        "orchestrator/fmi/slaves/pid_law.py",  # is loaded by its name
+        "orchestrator/fmi/slaves/numba_pid.py",  # is loaded by its name
         "orchestrator/loop/closed_loop.py",
     ],
 )

@@ -185,7 +185,7 @@ def test_a_plant_that_was_replaced_in_the_cache_is_built_anew(bench, caplog):
 
 
 def test_a_plant_that_is_changed_after_it_was_opened_is_not_run(bench, honest):
-    library = bench.manipulator.archive.library
+    library = bench.manipulator.archive.library_file
     content = library.read_bytes()
     library.unlink()  # other tests have loaded this file, and may not lose what they use
     library.write_bytes(content + b"other")  # it would do the same, but nobody knows

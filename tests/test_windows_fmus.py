@@ -64,7 +64,7 @@ def test_in_another_process_it_gives_the_same_bits(name, built, tmp_path, twin, 
     native = built(name)
     file = pretending(native, tmp_path / "windows")
     np.testing.assert_array_equal(torques(file), torques(native))
-    assert open_archive(file).way == "wine" and not left_of_wine()
+    assert open_archive(file).library == "wine" and not left_of_wine()
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -114,14 +114,14 @@ def test_the_library_is_chosen_in_order(pid_c_file, tmp_path, twin):
         files = {name: archive.read(name) for name in archive.namelist()}
     library = next(name for name in files if name.endswith(".so"))
     files[f"binaries/win64/{pid_c_file.stem}.dll"] = files[library]
-    file, ways = tmp_path / "all.fmu", []
+    file, chosen = tmp_path / "all.fmu", []
     for left_out in ("nothing", library, "sources/"):
         files = {name: content for name, content in files.items() if not name.startswith(left_out)}
         file.write_bytes(pack(files))
-        ways.append(open_archive(file).way)
-    assert ways == ["native", "source", "wine"]
+        chosen.append(open_archive(file).library)
+    assert chosen == ["native", "source", "wine"]
     assert refusal(open_archive, file, "native").what == refusal(open_archive, file, "source").what == "no-binary"
-    assert open_archive(pid_c_file, "source").library.is_file() and open_archive(pid_c_file).way == "native"
+    assert open_archive(pid_c_file, "source").library_file.is_file() and open_archive(pid_c_file).library == "native"
 
 
 @pytest.mark.needs("compiler", "x86_64-linux")
@@ -138,7 +138,7 @@ def test_a_library_is_found_whatever_its_capitals(pid_c_file, tmp_path, twin):
     file = tmp_path / "capitals.fmu"
     file.write_bytes(pack(files))
     found = open_archive(file)
-    assert found.way == "wine" and found.library.suffix == ".DLL" and found.platforms == ("win64",)
+    assert found.library == "wine" and found.library_file.suffix == ".DLL" and found.platforms == ("win64",)
 
 
 @pytest.mark.slow  # ziglang first compiles its C library for Windows

@@ -13,8 +13,8 @@ from ..benchmark import protocol
 from ..codec import Scalar
 from ..errors import InputError
 from ..execution.cluster import WAIT
-from ..fmi.choice import WAYS
 from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_parameters
+from ..fmi.library import LIBRARIES
 from ..pairing.built_in import DEFAULT_CONTROLLER
 from ..pairing.controller import Controller
 from ..pairing.plant import FILE
@@ -118,7 +118,7 @@ def add_controller(
     )
     parser.add_argument(
         "--library",
-        choices=WAYS,
+        choices=LIBRARIES,
         help="which library of the controller is loaded: its binary for this platform, one compiled of its sources, or "
         "its binary for Windows, under Wine (default: the first of these that can be)",
     )

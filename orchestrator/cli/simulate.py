@@ -19,7 +19,7 @@ from ..documents import case_file, trajectory_files
 from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
 from ..errors import InputError
-from ..fmi.choice import WINE
+from ..fmi.library import WINE
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..text import file_name

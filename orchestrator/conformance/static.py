@@ -7,10 +7,10 @@ from dataclasses import replace
 from fractions import Fraction
 
 from ..fmi.archive import Archive
-from ..fmi.choice import NATIVE, SOURCE, has_sources
 from ..fmi.connectors import CONTROLLER, Binding
 from ..fmi.description import declared_capabilities, illegal_combinations
 from ..fmi.host import wine
+from ..fmi.library import NATIVE, SOURCE, has_sources
 from ..fmi.variables import Variable, variables
 from ..loop.sampling import FIXED, SampleTime
 from ..loop.setup import Setup, held_inputs, sample_time_parameter
@@ -51,17 +51,17 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
 
 def _platform(archive: Archive) -> str:
     """The name of this platform in the FMU's version of the standard."""
-    return replace(archive, way=NATIVE).library.parent.name
+    return replace(archive, library=NATIVE).library_file.parent.name
 
 
 def _library(archive: Archive) -> Finding:
     """Which library is loaded, and why."""
     platform = _platform(archive)
-    if archive.way == NATIVE:
+    if archive.library == NATIVE:
         return Finding(Severity.OK, "library", f"its own binary for {platform}")
-    binary = replace(archive, way=NATIVE).library.is_file()
+    binary = replace(archive, library=NATIVE).library_file.is_file()
     why = "as asked for" if binary else f"as it has no binary for {platform}"
-    if archive.way == SOURCE:
+    if archive.library == SOURCE:
         return Finding(Severity.OK, "library", f"compiled here of its sources, {why}")
     if not binary and has_sources(archive.folder):
         why += " and its sources are not compiled"

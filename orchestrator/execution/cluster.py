@@ -252,7 +252,7 @@ def _open(files: FmuFiles, content: bytes) -> Archive:
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         file = Path(scratch) / Path(files.name).name
         file.write_bytes(content)
-        archive = open_archive(file, files.way)
+        archive = open_archive(file, files.library)
     if archive.sha256 != files.sha256:
         raise InputError(f"{files.name} has changed since it was opened.", "changed", files.name)
     return replace(archive, content=content)

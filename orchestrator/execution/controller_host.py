@@ -31,8 +31,8 @@ def main() -> None:
         from ..fmi import log, trace
         from ..fmi import port as ports
         from ..fmi.archive import reopen
-        from ..fmi.choice import WINE
-        from ..fmi.slaves import load, said
+        from ..fmi.library import WINE
+        from ..fmi.slaves import load
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
         from .isolation import Begin, Over, Ready
@@ -58,18 +58,18 @@ def main() -> None:
     log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
-        deny_covert_channels(talking=begin.controller.way == WINE)
+        deny_covert_channels(talking=begin.controller.library == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
             surroundings = Surroundings()
-            slave = load(reopen(files.name, files.sha256, files.folder, files.way), trace.CONTROLLER)
+            slave = load(reopen(files.name, files.sha256, files.folder, files.library), trace.CONTROLLER)
             surroundings.restore()
             with prepared(slave, begin.setup, begin.steady, T_s, begin.stop_time, begin.first) as port:
                 write_all(answers, frame(Ready()))
                 ended = serve(port, channel(requests, answers), T_s.numerator, T_s.denominator, np.zeros(4))
                 if ended == ports.LOST:
                     raise slave.lost()
-                write_all(answers, frame(Over(said.lines())))
+                write_all(answers, frame(Over(log.last_lines())))
         except Crash as crash:  # of the process that holds its library: this one ends as well, and its owner sees that
             os.write(2, f"{crash}\n".encode())
             os._exit(1)

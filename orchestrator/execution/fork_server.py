@@ -91,7 +91,7 @@ def _read(described: Described) -> None:
     """Read the descriptions that the next workers need, once for all of them."""
     for fmu in described.fmus:
         with suppress(InputError, OSError):  # the worker says what is wrong
-            reopen(fmu.name, fmu.sha256, fmu.folder, fmu.way)
+            reopen(fmu.name, fmu.sha256, fmu.folder, fmu.library)
     gc.freeze()  # a worker's look for garbage would copy all of it
 
 

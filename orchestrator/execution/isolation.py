@@ -64,7 +64,7 @@ class Isolated:
     """
 
     def __init__(self, files: FmuFiles, command: tuple[str, ...]) -> None:
-        self.archive = reopen(files.name, files.sha256, files.folder, files.way)
+        self.archive = reopen(files.name, files.sha256, files.folder, files.library)
         self.calls = CLASSES[self.archive.major_version, self.archive.kind].calls
         self._files, self._command = files, command
 

@@ -94,7 +94,7 @@ class Job:
     def described(self) -> Described:
         """The two FMUs, of which a fork server reads the descriptions once for all workers."""
         both = (self.plant, self.controller)
-        return Described(tuple(FmuFiles(fmu.name, fmu.sha256, str(fmu.folder), way=fmu.way) for fmu in both))
+        return Described(tuple(FmuFiles(fmu.name, fmu.sha256, str(fmu.folder), library=fmu.library) for fmu in both))
 
     def order(self, isolated: tuple[str, ...] = ()) -> Order:
         """What is sent to a worker; ``isolated`` is the command that starts a process for the controller."""

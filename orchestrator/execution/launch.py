@@ -20,7 +20,7 @@ from typing import Protocol
 
 from ..cache import VARIABLE, cache_folder, compiled_code_folder
 from ..errors import EnvironmentFault
-from ..fmi.choice import WINE
+from ..fmi.library import WINE
 from . import sandbox
 from .interpreter import program
 from .job import Job
@@ -101,7 +101,7 @@ def _fence(job: Job) -> list[str]:
         return []
     # Of a plant that somebody else steps nothing is shown.
     if job.isolated:
-        return sandbox.command((job.controller.folder,), alone=True, talking=job.controller.way == WINE)
+        return sandbox.command((job.controller.folder,), alone=True, talking=job.controller.library == WINE)
     return sandbox.command((job.plant.folder, job.controller.folder))
 
 

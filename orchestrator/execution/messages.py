@@ -37,13 +37,13 @@ LONGEST_TEXT, LONGEST_LINE, MOST_LINES = 16_000, 500, 40
 
 class FmuFiles(Struct, frozen=True):
     """An FMU that is extracted to ``folder``; ``digests`` are the SHA-256 of the files to check when it is loaded, and
-    ``way`` is as in :class:`~orchestrator.fmi.archive.Archive`."""
+    ``library`` is as in :class:`~orchestrator.fmi.archive.Archive`."""
 
     name: str
     sha256: str
     folder: str
     digests: dict[str, str] = {}
-    way: Literal["native", "source", "wine"] = "native"
+    library: Literal["native", "source", "wine"] = "native"
 
 
 class Described(Struct, frozen=True):

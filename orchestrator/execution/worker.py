@@ -79,7 +79,7 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
 def _load(files: FmuFiles, side: int) -> Slave:
     with contextlib.suppress(FileNotFoundError):  # what is missing, the loader says better
         check_files(files.name, Path(files.folder), files.digests)
-    return load(reopen(files.name, files.sha256, files.folder, files.way), side)
+    return load(reopen(files.name, files.sha256, files.folder, files.library), side)
 
 
 class Surroundings:

@@ -24,12 +24,11 @@ from fmpy.model_description import CoSimulation, ModelDescription, ModelExchange
 
 from ..cache import cache_folder
 from ..errors import EnvironmentFault, InputError
-from .choice import SOURCE, WINE, Way, choose, has_sources
 from .description import read_description
 from .entries import (
     COMPILED,
-    MOST_BYTES,
-    SMALL,
+    MAX_BYTES,
+    SMALL_ARCHIVE,
     Damaged,
     added_files,
     check_entries,
@@ -39,6 +38,7 @@ from .entries import (
     refused,
     unpacked,
 )
+from .library import SOURCE, WINE, LibraryKind, choose, has_sources
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ logger = logging.getLogger(__name__)
 FILE_NAME = re.compile(r"\w[\w .+-]*")
 """What a modelIdentifier may be. It names the shared library; not all exporters keep to C identifiers."""
 
-LONGEST_IDENTIFIER = 200
+MAX_IDENTIFIER_BYTES = 200
 """Largest length of a modelIdentifier [bytes]."""
 
 LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
@@ -56,7 +56,7 @@ LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 class Archive:
     """An FMU on disk: its file, the SHA-256 of its bytes, the folder it is extracted to, its description.
 
-    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it. ``way`` says which library.
+    ``kind`` is "CoSimulation" or "ModelExchange": what the benchmark uses of it. ``library`` says which library.
     """
 
     file: Path
@@ -66,7 +66,7 @@ class Archive:
     kind: str
     content: bytes | None = field(default=None, repr=False)
     """The file's bytes, unless it is large: what is needed to extract it again when the cache has been deleted."""
-    way: Way = "native"
+    library: LibraryKind = "native"
 
     @functools.cached_property
     def digests(self) -> dict[str, str]:
@@ -109,26 +109,26 @@ class Archive:
         """Names of the platforms that the file has libraries for. A folder without one does not count."""
         with self.opened() as archive:
             parts = [name.split("/") for name in files_of(archive) if name.lower().endswith(LIBRARY_SUFFIXES)]
-        return tuple(sorted({each[1] for each in parts if each[0] == "binaries" and len(each) > 2}))
+        return tuple(sorted({path[1] for path in parts if path[0] == "binaries" and len(path) > 2}))
 
     @property
-    def library(self) -> Path:
+    def library_file(self) -> Path:
         """The shared library that is loaded, which may be missing."""
-        if self.way == WINE:
+        if self.library == WINE:
             folder = self.folder / "binaries" / ("x86_64-windows" if self.major_version == "3" else "win64")
-            wanted = folder / f"{self.interface.modelIdentifier}.dll"
+            dll = folder / f"{self.interface.modelIdentifier}.dll"
             # Windows takes small letters for capitals.
-            return next((path for path in sorted(folder.glob("*")) if path.name.lower() == wanted.name.lower()), wanted)
+            return next((path for path in sorted(folder.glob("*")) if path.name.lower() == dll.name.lower()), dll)
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, COMPILED if self.way == SOURCE else ".", "binaries", platform, name)
+        return Path(self.folder, COMPILED if self.library == SOURCE else ".", "binaries", platform, name)
 
 
-def open_archive(file: Path, wanted: Way | None = None) -> Archive:
+def open_archive(file: Path, library: LibraryKind | None = None) -> Archive:
     """Check and extract the FMU ``file``; a second call with the same bytes finds the first one's folder.
 
-    One folder per content also keeps compiled code that lies beside an FMU's sources. Its library is the one that is
-    ``wanted``, or the first that there is (:mod:`.choice`).
+    One folder per content also keeps compiled code that lies beside an FMU's sources. Its library is the given
+    ``library``, or the first that there is (:mod:`.library`).
 
     Raises :class:`InputError` if the file cannot be used, with the reason and what to do about it.
     """
@@ -137,9 +137,11 @@ def open_archive(file: Path, wanted: Way | None = None) -> Archive:
             raise InputError(f"{file} is a folder. Give the path of an FMU (a .fmu file) in it.", "no-file", file)
         if not file.is_file():
             raise InputError(f"There is no file {file}. Give the path of an FMU (a .fmu file).", "no-file", file)
+        # A file name of other bytes arrives with surrogates, which JSON cannot hold: better now than after the cases.
         str(file).encode()
-        if file.stat().st_size > MOST_BYTES:
-            raise refused(f"it is larger than {MOST_BYTES / 1e6:.0f} MB", "archive-limit", file)
+        if file.stat().st_size > MAX_BYTES:
+            raise refused(f"it is larger than {MAX_BYTES / 1e6:.0f} MB", "archive-limit", file)
+        # Only after the size is known: a device or a huge file would fill the memory.
         sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     except UnicodeEncodeError:
         message = f"The file name {str(file)!a} is not UTF-8, so results could not name it. Rename it."
@@ -150,27 +152,28 @@ def open_archive(file: Path, wanted: Way | None = None) -> Archive:
     description = read_description(file)
     kind = _kind(file.name, description)
     variables(description)  # raises if one cannot be understood
-    content = file.read_bytes() if file.stat().st_size <= SMALL else None
+    content = file.read_bytes() if file.stat().st_size <= SMALL_ARCHIVE else None
     archive = Archive(file, sha256, _extract(file, sha256), description, kind, content)
-    if wanted != archive.way and (wanted is not None or not archive.library.is_file()):
-        windows = replace(archive, way=WINE).library.is_file()
+    if library != archive.library and (library is not None or not archive.library_file.is_file()):
+        windows = replace(archive, library=WINE).library_file.is_file()
         tool = description.generationTool or "the tool of its exporter"
         needed = tool if str(archive.interface.needsExecutionTool).lower() in ("true", "1") else ""
-        archive = replace(archive, way=choose(archive.name, archive.folder, windows, needed, wanted))
-    if not archive.library.is_file():
+        archive = replace(archive, library=choose(archive.name, archive.folder, windows, needed, library))
+    if not archive.library_file.is_file():
         _compile_library(archive)
     return archive
 
 
 @functools.lru_cache(maxsize=4)
-def reopen(name: str, sha256: str, folder: str, way: Way = "native") -> Archive:
+def reopen(name: str, sha256: str, folder: str, library: LibraryKind = "native") -> Archive:
     """The FMU that :func:`open_archive` has extracted to ``folder``, in another process.
 
     What has been read is kept, for the processes that are forked from this one: to read 100,000 variables takes 2.4 s.
     """
+    # The folder was checked when it was extracted; here the cost counts, as each worker comes through it.
     description = read_description(Path(folder))
     variables(description)
-    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description), way=way)
+    return Archive(Path(name), sha256, Path(folder), description, _kind(name, description), library=library)
 
 
 def check_files(name: str, folder: Path, digests: Mapping[str, str]) -> None:
@@ -188,14 +191,14 @@ def restore(archive: Archive) -> bool:
     """
     try:
         with archive.opened() as opened:
-            if is_intact(archive.folder, opened) and archive.library.is_file():
+            if is_intact(archive.folder, opened) and archive.library_file.is_file():
                 return False
         with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
             file = archive.file
             if archive.content is not None:
                 file = Path(scratch) / archive.name
                 file.write_bytes(archive.content)
-            open_archive(file, archive.way)
+            open_archive(file, archive.library)
         return True
     except (OSError, InputError) as problem:
         raise EnvironmentFault(f"{archive.name} was removed from the cache, and: {problem}", "cache-lost") from problem
@@ -206,12 +209,14 @@ def _kind(name: str, description: ModelDescription) -> str:
     version = str(description.fmiVersion)
     if co_simulation is not None:
         kind, identifier = "CoSimulation", co_simulation.modelIdentifier
+    # FMI 1.0 has Model Exchange in a standard of its own, with other functions, which no slave here calls.
     elif model_exchange is not None and not version.startswith("1"):
         kind, identifier = "ModelExchange", model_exchange.modelIdentifier
     else:
         message = f"{name} is FMI {version} for neither co-simulation nor (from FMI 2.0 on) Model Exchange."
         raise InputError(f"{message} Export it as FMI 2.0 or 3.0 co-simulation.", "unsupported-fmi", name, version)
-    if not FILE_NAME.fullmatch(identifier or "") or len(identifier.encode()) > LONGEST_IDENTIFIER:
+    # The identifier becomes a path: "../x" in the description of a stranger must not load a library from elsewhere.
+    if not FILE_NAME.fullmatch(identifier or "") or len(identifier.encode()) > MAX_IDENTIFIER_BYTES:
         message = f"{name}: the modelIdentifier {identifier!r} cannot be the name of a file. Export the FMU again."
         raise InputError(message, "bad-description", name, identifier)
     return kind
@@ -229,11 +234,14 @@ def _extract(file: Path, sha256: str) -> Path:
     scratch: Path | None = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
+        # On the same file system as its final place, since only there a rename happens at once or not at all.
         scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
         with zipfile.ZipFile(file) as opened:
             extract(opened, scratch / "fmu")
             if folder.is_dir() and not is_intact(folder, opened):
                 logger.warning("%s in the cache is not what the file holds: it is extracted anew.", file.name)
+                # A folder that is not empty cannot be renamed over; and a
+                # process that still uses the old files keeps them.
                 os.rename(folder, scratch / "spoiled")
         os.rename(scratch / "fmu", folder)
     except OSError as problem:
@@ -251,9 +259,9 @@ def _extract(file: Path, sha256: str) -> Path:
 
 def _compile_library(archive: Archive) -> None:
     """Compile the shared library for this platform from the FMU's sources."""
-    name, library = archive.name, archive.library
+    name, library = archive.name, archive.library_file
     platform = library.parent.name
-    if platform in archive.platforms and archive.way != SOURCE:
+    if platform in archive.platforms and archive.library != SOURCE:
         message = f"{name} has binaries for {platform}, but not {library.name}: the modelIdentifier does not fit."
         raise InputError(f"{message} Export the FMU again.", "bad-description", name, library.stem)
     if not has_sources(archive.folder):

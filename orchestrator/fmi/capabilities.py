@@ -26,7 +26,7 @@ INTERFACES = {
 }
 """Elements of a description with flags, by major version of FMI; the first that is there is the one that is used."""
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Largest number of variables that a refusal names."""
 
 
@@ -198,6 +198,8 @@ CAPABILITIES = (*FLAGS, *KINDS, *VARIABLES)
 def refuse_unsupported(root: etree._Element, name: str) -> None:
     """Raise :class:`InputError` if the description of the FMU ``name`` asks for what is refused."""
     version = str(root.get("fmiVersion"))[:1]
+    # What is not refused by name is simulated: a controller whose clock (FMI
+    # 3.0) nobody ticks got a score as one that never computes.
     for row in CAPABILITIES:
         if row.standing != "refused" or version not in row.versions:
             continue
@@ -205,8 +207,8 @@ def refuse_unsupported(root: etree._Element, name: str) -> None:
         assert isinstance(elements, list)
         if elements:
             named = [str(element.get("name")) for element in elements if isinstance(element, etree._Element)]
-            more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
-            text = row.text.format(names=", ".join(named[:MOST_NAMED]) + more)
+            more = f" and {len(named) - MAX_NAMED} more" if len(named) > MAX_NAMED else ""
+            text = row.text.format(names=", ".join(named[:MAX_NAMED]) + more)
             message = f"{name} cannot be simulated. {text} Export it for co-simulation without this, as FMI 2.0 or 3.0."
             raise InputError(message, "unsupported-fmi", name, row.name)
 
@@ -216,6 +218,7 @@ def declared(root: etree._Element) -> Iterator[tuple[Capability, str]]:
     count."""
     version = str(root.get("fmiVersion"))[:1]
     rows = {row.name: row for row in FLAGS if version in row.versions and row.name != "modelIdentifier"}
+    # A file for both kinds is used for co-simulation; flags of the other kind say nothing about the run.
     element = next((one for path in INTERFACES.get(version, ()) if (one := root.find(path)) is not None), None)
     for key, value in () if element is None else element.attrib.items():
         if str(key) in rows and str(value) not in ("false", "0"):

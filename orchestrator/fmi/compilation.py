@@ -22,6 +22,8 @@ from ..errors import InputError
 SYSTEM_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
 """Options of bubblewrap; the folders of users are hidden by others."""
 
+# A fused multiply-add rounds once where the source rounds twice: the
+# same FMU would give other bits on machines that have one.
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
@@ -37,17 +39,20 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
         message = f"{name} comes as source code only, and {problem}; or {alternative}."
         raise InputError(message, "no-compiler", name) from None
     if compiler is None:
-        wanted = os.environ.get("CC") or ", ".join(COMPILERS)
-        message = f"{name} comes as source code only, and there is no C compiler here ({wanted}). Install one, or"
-        raise InputError(f"{message} {alternative}.", "no-compiler", name, wanted)
+        compilers = os.environ.get("CC") or ", ".join(COMPILERS)
+        message = f"{name} comes as source code only, and there is no C compiler here ({compilers}). Install one, or"
+        raise InputError(f"{message} {alternative}.", "no-compiler", name, compilers)
     sources, definitions = _listed(folder, identifier, description)
     if not sources:
         message = f"{name} has a folder of sources, but its description lists none to compile."
         raise InputError(message, "bad-sources", name)
     for source in sources:
+        # The list is a stranger's: "../../x.c" would have the compiler
+        # read, and quote in its errors, files of the user.
         if not (folder / "sources" / source).resolve().is_relative_to((folder / "sources").resolve()):
             message = f"{name} is refused: its source file {source!r} lies outside the FMU."
             raise InputError(message, "bad-sources", name, source)
+    # Another process may compile the same FMU: the library appears by a rename, complete or not at all.
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         output = Path(scratch) / library.name
         command = [
@@ -86,10 +91,11 @@ def _fence(folder: str, compiler: Sequence[str], zig: bool) -> list[str]:
     if not _has_fence():
         return []
     program = shutil.which(compiler[0]) or sys.executable
-    around = [str(each) for name in (program, os.path.realpath(program)) for each in Path(name).parents[:2]]
+    # The program may be a link (/usr/bin/cc), and needs what lies beside its target.
+    around = [str(parent) for name in (program, os.path.realpath(program)) for parent in Path(name).parents[:2]]
     shown = [sys.prefix, sys.base_prefix, str(FMI_HEADERS), os.path.dirname(folder), *around]
     hidden = user_folders()
-    below = sorted({name for name in shown if any(Path(name).is_relative_to(each) for each in hidden)} - hidden)
+    below = sorted({name for name in shown if any(Path(name).is_relative_to(home) for home in hidden)} - hidden)
     read = [word for name in sorted(hidden) for word in ("--tmpfs", name)]
     read += [word for name in below for word in ("--ro-bind", name, name)]
     places = [folder]
@@ -103,8 +109,10 @@ def _fence(folder: str, compiler: Sequence[str], zig: bool) -> list[str]:
 def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:
     """Source files below ``sources`` and preprocessor definitions as compiler options."""
     for configuration in description.buildConfigurations:
+        # A file for both kinds may have a build configuration for each; the
+        # other one's sources define the same functions twice.
         if configuration.modelIdentifier in (None, identifier):
             sets = configuration.sourceFileSets
-            definitions = [f"-D{d.name}={d.value or ''}" for own in sets for d in own.preprocessorDefinitions]
-            return [source for own in sets for source in own.sourceFiles], definitions
+            definitions = [f"-D{d.name}={d.value or ''}" for files in sets for d in files.preprocessorDefinitions]
+            return [source for files in sets for source in files.sourceFiles], definitions
     return sorted(path.name for path in (folder / "sources").glob("*.c")), []

@@ -101,18 +101,19 @@ def bind(
     one has only one of its components, two candidates spell the same, or a variable has another causality, type, size
     or kind of unit. What is mapped to one connector is not considered for others.
     """
-    known = variables(description)
-    mapping = _checked(mapping or {}, connectors, known, what)
+    by_name = variables(description)
+    mapping = _checked(mapping or {}, connectors, by_name, what)
     taken = frozenset(mapping.values())
-    free = {name: variable for name, variable in known.items() if name not in taken} if taken else known
+    # A variable that is mapped as e must not be bound as q_m a second time only because it is spelled so.
+    free = {name: variable for name, variable in by_name.items() if name not in taken} if taken else by_name
     binding: dict[str, Bound] = {}
     for connector in connectors:
-        mapped = _mapped(connector, known, mapping, what)
-        found, spelled = (mapped, "mapped") if mapped else _find(connector, free, _spelled(description), what)
-        if found:
-            binding[connector.name] = _bound(description, connector, found, spelled, what)
+        mapped = _mapped(connector, by_name, mapping, what)
+        matched, spelled = (mapped, "mapped") if mapped else _find(connector, free, _spelled(description), what)
+        if matched:
+            binding[connector.name] = _bound(description, connector, matched, spelled, what)
         elif connector.required:
-            raise _missing(connector, known, what)
+            raise _missing(connector, by_name, what)
     _check_distinct(description, binding, what)
     return binding
 
@@ -122,6 +123,7 @@ def bind_controller(description: ModelDescription, what: str, mapping: Mapping[s
     binding = bind(description, CONTROLLER, what, mapping)
     if "q_m" not in binding and "e" not in binding:
         raise _missing(CONTROLLER[0], variables(description), what)
+    # Some controllers offer both. Fed twice, the position error would enter the law twice.
     if "e" in binding and "q_m" in binding:
         if "q_m_ref" not in binding:
             message = f"{what} has both inputs, q_m and e, but no q_m_ref. The benchmark feeds one of the two: "
@@ -132,16 +134,16 @@ def bind_controller(description: ModelDescription, what: str, mapping: Mapping[s
 
 
 def _checked(
-    mapping: Mapping[str, str], connectors: tuple[Connector, ...], known: Mapping[str, Variable], what: str
+    mapping: Mapping[str, str], connectors: tuple[Connector, ...], by_name: Mapping[str, Variable], what: str
 ) -> Mapping[str, str]:
     allowed = [name for connector in connectors for name in (connector.name, *connector.components())]
     for target, source in mapping.items():
         if target not in allowed:
             message = f"The mapping names {target}, which is not a connector."
             raise unknown(message, "no-connector", what, target, allowed)
-        if source not in known:
+        if source not in by_name:
             message = f"{what} has no variable {source}, to which {target} is mapped."
-            raise unknown(message, "no-variable", what, source, known)
+            raise unknown(message, "no-variable", what, source, by_name)
         other = next(name for name, variable in mapping.items() if variable == source)
         if other != target:
             message = f"The mapping has {source} for both {other} and {target}. Map each to a variable of its own."
@@ -150,12 +152,12 @@ def _checked(
 
 
 def _mapped(
-    connector: Connector, known: Mapping[str, Variable], mapping: Mapping[str, str], what: str
+    connector: Connector, by_name: Mapping[str, Variable], mapping: Mapping[str, str], what: str
 ) -> list[Variable]:
     components = connector.components()
     if connector.name in mapping:
-        return [known[mapping[connector.name]]]
-    mapped = [known[mapping[name]] for name in components if name in mapping]
+        return [by_name[mapping[connector.name]]]
+    mapped = [by_name[mapping[name]] for name in components if name in mapping]
     if len(mapped) == 1:
         message = f"The mapping has only one of {components[0]} and {components[1]}. Give both."
         raise InputError(message, "bad-mapping", what, connector.name, components)
@@ -169,43 +171,46 @@ Spelled = Mapping[str, Sequence[tuple[int, Variable]]]
 @functools.lru_cache(maxsize=16)
 def _spelled(description: ModelDescription) -> Spelled:
     """The variables of an FMU by their spelling: it is bound for each simulation, and may have 100,000."""
-    found: dict[str, list[tuple[int, Variable]]] = {}
+    by_base: dict[str, list[tuple[int, Variable]]] = {}
     connectable = {NEGATED, *(causality for connector in (*PLANT, *CONTROLLER) for causality in connector.causalities)}
     for variable in variables(description).values():
         if variable.causality not in connectable:
             continue
         name = spelling(variable.name, variable.size > 1)
         if name is not None:
-            found.setdefault(name.base, []).append((name.index, variable))
-    return found
+            by_base.setdefault(name.base, []).append((name.index, variable))
+    return by_base
 
 
 def _find(
-    connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str
+    connector: Connector, by_name: Mapping[str, Variable], spelled: Spelled, what: str
 ) -> tuple[list[Variable], str]:
-    own = known.get(connector.name)
-    arrays = [own] if own is not None and own.size > 1 else []
+    whole = by_name.get(connector.name)
+    arrays = [whole] if whole is not None and whole.size > 1 else []
     every = [f"{connector.name}[{index}]" for index in range(10)]
-    scalars = [known[name] for name in every if name in known]
+    scalars = [by_name[name] for name in every if name in by_name]
     for pair in (every[1:3], every[0:2]):  # exporters with zero-based arrays write q_m[0], q_m[1]
-        if all(name in known for name in pair):
+        if all(name in by_name for name in pair):
             if arrays:
                 raise _ambiguous(connector, arrays, scalars, what)
             return scalars, "exact"
-    return (arrays, "exact") if arrays else (_by_spelling(connector, known, spelled, what), "by spelling")
+    return (arrays, "exact") if arrays else (_by_spelling(connector, by_name, spelled, what), "by spelling")
 
 
-def _by_spelling(connector: Connector, known: Mapping[str, Variable], spelled: Spelled, what: str) -> list[Variable]:
+def _by_spelling(connector: Connector, by_name: Mapping[str, Variable], spelled: Spelled, what: str) -> list[Variable]:
     candidates: dict[int, list[Variable]] = {}
     for index, variable in spelled.get(canonical(connector.name), ()):
-        if variable.name in known and variable.causality in (*connector.causalities, NEGATED):
+        if variable.name in by_name and variable.causality in (*connector.causalities, NEGATED):
             candidates.setdefault(index, []).append(variable)
     arrays = candidates.pop(ARRAY, [])
     scalars = [variable for _, alike in sorted(candidates.items()) for variable in alike]
+    # To take either would be a guess: "Motor1.q_m" and "Filter.q_m[1]" spell
+    # alike, and the wrong one closes another loop.
     if len(arrays) + max(map(len, candidates.values()), default=0) > 1:
         raise _ambiguous(connector, arrays, scalars, what)
     if arrays:
         return arrays
+    # Exporters with zero-based arrays have 0 and 1. Of 0, 1 and 2 all go on, and the check of the size refuses them.
     if set(candidates) >= {1, 2} or set(candidates) == {0, 1}:
         return scalars
     if set(candidates) in ({0}, {1}, {2}) and not connector.required:
@@ -222,30 +227,31 @@ def _ambiguous(connector: Connector, arrays: list[Variable], scalars: list[Varia
 
 
 def _bound(
-    description: ModelDescription, connector: Connector, found: list[Variable], spelled: str, what: str
+    description: ModelDescription, connector: Connector, matched: list[Variable], spelled: str, what: str
 ) -> Bound:
-    wanted = " or ".join(connector.causalities)
-    for variable in found:
+    causalities = " or ".join(connector.causalities)
+    for variable in matched:
         if not variable.is_real or variable.causality not in connector.causalities:
             message = f"{what}: {variable.name} is declared as {variable.type}, {variable.causality}, but "
-            message += f"{connector.name} must be a real {wanted} [{connector.unit}]. "
+            message += f"{connector.name} must be a real {causalities} [{connector.unit}]. "
             message += "Change its declaration and export the FMU again."
             raise InputError(message, "connector-type", what, variable.name)
-    size = sum(variable.size for variable in found)
+    size = sum(variable.size for variable in matched)
     if size != 2:
-        names = ", ".join(variable.name for variable in found)
+        names = ", ".join(variable.name for variable in matched)
         message = f"{what}: {names} has {size} elements, but {connector.name} needs 2, one per axis."
         raise InputError(f"{message} Change its dimension and export the FMU again.", "connector-size", what, names)
-    if len({variable.type for variable in found}) > 1:
-        message = f"{what}: {found[0].name} and {found[1].name} differ in type. Give both the same."
-        raise InputError(message, "connector-type", what, found[0].name)
+    # One call sets both components, and each FMI 3.0 function is for one type.
+    if len({variable.type for variable in matched}) > 1:
+        message = f"{what}: {matched[0].name} and {matched[1].name} differ in type. Give both the same."
+        raise InputError(message, "connector-type", what, matched[0].name)
     units = [
         conversion(description, variable.unit, connector.unit, f"{what}: {variable.name}")
-        for variable in found
+        for variable in matched
         for _ in range(variable.size)
     ]
     notes = tuple(dict.fromkeys(unit.note for unit in units if unit.note))
-    return Bound(connector, tuple(found), (units[0].factor, units[1].factor), spelled, notes)
+    return Bound(connector, tuple(matched), (units[0].factor, units[1].factor), spelled, notes)
 
 
 def _check_distinct(description: ModelDescription, binding: Binding, what: str) -> None:
@@ -256,6 +262,8 @@ def _check_distinct(description: ModelDescription, binding: Binding, what: str) 
     """
     bound = [variable for one in binding.values() for variable in one.variables]
     for variable in bound:
+        # Kvixen/Simulix#28: two inputs of one name. The dictionary of variables keeps
+        # the last, so the loop would feed one of them and say nothing.
         if variable.name in repeated_names(description):
             message = (
                 f"{what} has more than one variable {variable.name}. Rename all but one, and export the FMU again."
@@ -263,6 +271,8 @@ def _check_distinct(description: ModelDescription, binding: Binding, what: str) 
             raise InputError(message, "connector-ambiguous", what, variable.name, (variable.name,))
     owners: dict[int, str] = {}
     for variable in bound:
+        # CATIA-Systems/FMPy#266: of two inputs with one reference, the second call overwrites the first. FMI 2.0
+        # (2.2.7) allows aliases, but not of two that are set.
         if variable.causality in _SETTABLE and owners.setdefault(variable.reference, variable.name) != variable.name:
             first = owners[variable.reference]
             message = f"{what}: {first} and {variable.name} have the same value reference, {variable.reference}, "
@@ -270,11 +280,11 @@ def _check_distinct(description: ModelDescription, binding: Binding, what: str) 
             raise InputError(message, "bad-description", what, variable.name)
 
 
-def _missing(connector: Connector, known: Mapping[str, Variable], what: str) -> InputError:
+def _missing(connector: Connector, by_name: Mapping[str, Variable], what: str) -> InputError:
     first, second = connector.components()
-    candidates = [name for name, v in known.items() if v.causality in connector.causalities]
-    wanted = " or ".join(connector.causalities)
-    message = f"{what} has no {wanted} {first}, {second} [{connector.unit}] ({connector.meaning})."
-    found = unknown(message, "connector-missing", what, first, candidates)
-    found.value = connector.name
-    return found
+    candidates = [name for name, v in by_name.items() if v.causality in connector.causalities]
+    causalities = " or ".join(connector.causalities)
+    message = f"{what} has no {causalities} {first}, {second} [{connector.unit}] ({connector.meaning})."
+    error = unknown(message, "connector-missing", what, first, candidates)
+    error.value = connector.name
+    return error

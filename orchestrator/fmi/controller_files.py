@@ -14,7 +14,7 @@ from ..codec import Scalar
 from ..errors import InputError
 from .archive import Archive
 from .lookup import elements, place
-from .units import EXPONENTS, factor_to_own
+from .units import EXPONENTS, factor_to_fmu_unit
 from .variables import REAL_TYPES, SET_TYPES
 
 SSV_TYPES = {*SET_TYPES}
@@ -34,6 +34,7 @@ def read_mapping(file: Path) -> dict[str, str]:
         for entry in entries:
             for child in entry.iterchildren(etree.Element):
                 target, kind = entry.get("target"), etree.QName(child).localname
+                # A transformation that was passed over would leave a gain out of the loop, without a word.
                 message = f"{file}: the mapping of {target} has a {kind}, which is not supported. "
                 message += "Units are converted by the FMU's own unit definitions."
                 raise InputError(message, "bad-mapping", file, target)
@@ -90,7 +91,7 @@ def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
         if unit := types[0].get("unit"):
             variable, _ = place(controller.description, name, f"The controller {controller.name}")
             where = f"{file}: the parameter {name}"
-            factor = factor_to_own(controller.description, variable.unit, unit, definitions, where)
+            factor = factor_to_fmu_unit(controller.description, variable.unit, unit, definitions, where)
             values[name] = _number(file, name, value) * factor
     if not values:
         message = f"{file} has no Parameter. An SSP parameter set (.ssv) says which parameter has which value."
@@ -108,6 +109,7 @@ def _unit(file: Path, element: etree._Element) -> Unit:
 
 def _number(file: Path, name: str, value: Any) -> float:
     try:
+        # float(True) is 1.0: a slip in a file would become a gain.
         if isinstance(value, bool):
             raise TypeError
         return float(value)
@@ -118,6 +120,7 @@ def _number(file: Path, name: str, value: Any) -> float:
 
 def _root(file: Path) -> etree._Element:
     try:
+        # No entities: a file of a stranger could read others by them ("XXE"), or grow to gigabytes.
         return etree.fromstring(read(file), etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as problem:
         raise InputError(f"{file} is not a well-formed XML file: {problem}.", "bad-file", file) from None

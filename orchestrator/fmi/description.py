@@ -44,8 +44,10 @@ def read_description(file: Path) -> ModelDescription:
     documents = _documents(file)
     root = _root(file, documents)
     refuse_unsupported(root, file.name)
+    # After the refusal: what is refused is told of the file as it is.
     _put_right(root)
     try:
+        # FMPy would say: 'NoneType' object has no attribute 'startswith'.
         if root.get("fmiVersion") is None:
             raise ValueError("it has no fmiVersion")
         if root.find("ModelVariables") is None:
@@ -53,6 +55,8 @@ def read_description(file: Path) -> ModelDescription:
         _check_sizes(root)
         changed = {**documents, DESCRIPTION: etree.tostring(root, encoding="utf-8")}
         with uncollected():  # of 100,000 variables all stay, and looking for garbage takes as long as reading them
+            # Without the schema: attributes of vendors, VendorAnnotations in the wrong place (CATIA-Systems/FMPy#774)
+            # and unknown causalities (modelon-community/fmi-library#128) change no meaning.
             return fmpy.read_model_description(_archive(changed), validate=False)
     except Exception as problem:  # FMPy raises what it likes for everything a description can get wrong
         message = f"The {DESCRIPTION} of {file.name} cannot be used: {problem or type(problem).__name__}. "
@@ -64,8 +68,11 @@ def _check_sizes(root: etree._Element) -> None:
     """Raise :class:`ValueError` for an array whose size is that of a variable without a start value, or of none."""
     starts: dict[str | None, str | None] = {}
     for size in root.iterfind("ModelVariables/*/Dimension[@valueReference]"):
+        # Only if there is such an array: the dictionary of 100,000 variables is not for nothing.
         if not starts:
-            starts = {each.get("valueReference"): each.get("start") for each in root.iterfind("ModelVariables/*")}
+            starts = {
+                variable.get("valueReference"): variable.get("start") for variable in root.iterfind("ModelVariables/*")
+            }
         reference, name = size.get("valueReference"), size.getparent().get("name")
         if reference not in starts:
             raise ValueError(f"the size of {name} is a variable that does not exist (value reference {reference})")
@@ -135,6 +142,8 @@ def _put_right(root: etree._Element) -> None:
         causality = variable.get("causality", "local")
         legal = COMBINATIONS.get(causality, ())
         default = "continuous" if version.startswith("2") else "".join(legal[:1])  # FMI 3.0's is always a legal one
+        # FMPy looks the default of `initial` up by causality and variability, and fails for pairs that the standard
+        # does not combine, which exporters write all the same.
         if variable.get("initial") is None and variable.get("variability", default) not in legal:
             variable.set("initial", "exact" if causality in GIVEN else "calculated")
 

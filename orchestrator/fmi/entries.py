@@ -14,17 +14,17 @@ from pathlib import Path, PurePosixPath
 
 from ..errors import InputError
 
-MOST_FILES = 10_000
+MAX_FILES = 10_000
 """Largest number of files in an archive."""
 
-MOST_BYTES = 2 * 1024**3
+MAX_BYTES = 2 * 1024**3
 """Largest size of an archive and of its contents; the largest FMUs of simulation tools are some hundred megabytes."""
 
-SMALL = 64 * 1024**2
+SMALL_ARCHIVE = 64 * 1024**2
 """Archives up to this size may be compressed as much as they like, and are kept in memory."""
 
-MOST_RATIO = 200
-"""Largest compression ratio of an archive larger than SMALL: beyond it is a zip bomb, not a model."""
+MAX_RATIO = 200
+"""Largest compression ratio of an archive larger than SMALL_ARCHIVE: beyond it is a zip bomb, not a model."""
 
 UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 """Methods of compression that Python unpacks."""
@@ -35,7 +35,7 @@ METHODS = {6: "Implode", 9: "Deflate64", 93: "Zstandard", 95: "xz", 96: "JPEG", 
 ENCRYPTED, PATCHED, AES = 1 << 0 | 1 << 6, 1 << 5, 99
 """Flags of an entry; and the method that stands for an encryption."""
 
-LONGEST_NAME = 255
+MAX_NAME_BYTES = 255
 """Largest length of the name of a file or folder [bytes], as common file systems have it."""
 
 DESCRIPTION, BUILD_DESCRIPTION = "modelDescription.xml", "sources/buildDescription.xml"
@@ -43,7 +43,7 @@ DESCRIPTION, BUILD_DESCRIPTION = "modelDescription.xml", "sources/buildDescripti
 DESCRIPTIONS = (DESCRIPTION, BUILD_DESCRIPTION)
 """Files that are parsed in this process; XML takes some twenty times its size in memory."""
 
-LARGEST_DESCRIPTION = 32 * 1024**2
+MAX_DESCRIPTION_BYTES = 32 * 1024**2
 """Largest size of each of these."""
 
 
@@ -76,22 +76,29 @@ def check_entries(file: Path) -> None:
     for member in members:
         if flaw := _flaw(member):
             raise refused(f"its entry {member.filename!r} {flaw}", "bad-entry", file, member.filename)
+    # Extracted, one of the two would be lost or the writing would fail with the words of the system.
     if twofold := _file_and_folder(names):
         raise refused(f"its entry {twofold!r} is a file and a folder", "bad-entry", file, twofold)
+    # Which of two counts depends on the reader, and what was checked must be what is simulated.
     if sum(name_of(member) == DESCRIPTION for member in members) > 1:
         raise refused(f"it has more than one {DESCRIPTION}", "bad-description", file)
-    if len(members) > MOST_FILES or size > MOST_BYTES or (size > SMALL and size > MOST_RATIO * max(packed, 1)):
-        found = f"{len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB"
-        limits = f"{MOST_FILES} files, {MOST_BYTES / 1e6:.0f} MB, and a ratio of {MOST_RATIO}"
-        raise refused(f"{found}. The limits are {limits}", "archive-limit", file)
+    # The sizes are what the archive says. An entry that says less than
+    # it holds ends at that size as damaged: zipfile checks.
+    if len(members) > MAX_FILES or size > MAX_BYTES or (size > SMALL_ARCHIVE and size > MAX_RATIO * max(packed, 1)):
+        contents = f"{len(members)} files of {size / 1e6:.0f} MB from {packed / 1e6:.1f} MB"
+        limits = f"{MAX_FILES} files, {MAX_BYTES / 1e6:.0f} MB, and a ratio of {MAX_RATIO}"
+        raise refused(f"{contents}. The limits are {limits}", "archive-limit", file)
 
 
 def _flaw(member: zipfile.ZipInfo) -> str:
     """Why an archive with this entry is refused; empty if it is not."""
     name = name_of(member)
     parts = name.split("/")
+    # "Zip slip": an entry "../../.bashrc" would be written outside of
+    # the folder. A colon is a drive, or a stream, on Windows.
     if name.startswith("/") or ".." in parts or ":" in name:
         return "points outside the archive"
+    # The next entry could be written through the link, wherever it points.
     if stat.S_ISLNK(member.external_attr >> 16):
         return "is a link"
     if member.flag_bits & ENCRYPTED or member.compress_type == AES:
@@ -99,10 +106,11 @@ def _flaw(member: zipfile.ZipInfo) -> str:
     if member.compress_type not in UNPACKED or member.flag_bits & PATCHED:
         method = METHODS.get(member.compress_type, f"method {member.compress_type}")
         return f"is compressed by {method}, which is not unpacked here: pack it with Deflate, which all tools read"
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts):
-        return f"has a name of more than {LONGEST_NAME} bytes, which file systems do not store"
-    if name in DESCRIPTIONS and member.file_size > LARGEST_DESCRIPTION:
-        size, limit = f"{member.file_size / 1e6:.0f} MB", f"{LARGEST_DESCRIPTION / 1e6:.0f} MB"
+    if any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts):
+        return f"has a name of more than {MAX_NAME_BYTES} bytes, which file systems do not store"
+    # lxml builds the whole tree in this process, which has no limit of memory.
+    if name in DESCRIPTIONS and member.file_size > MAX_DESCRIPTION_BYTES:
+        size, limit = f"{member.file_size / 1e6:.0f} MB", f"{MAX_DESCRIPTION_BYTES / 1e6:.0f} MB"
         return f"is {size}, more than the {limit} that are read: export it with fewer variables"
     return ""
 
@@ -124,6 +132,7 @@ def pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]
             while piece := source.read(1 << 20):
                 yield piece
     except Exception as problem:  # zipfile and its decompressors have many kinds, bz2's is an OSError
+        # bz2 raises OSError for damage, without a number; one with a number is the disk's and not the file's fault.
         if isinstance(problem, OSError) and problem.errno is not None:
             raise
         message = f"its entry {member.filename!r} is damaged ({problem or type(problem).__name__})"
@@ -141,6 +150,7 @@ def extract(archive: zipfile.ZipFile, folder: Path) -> None:
     There is a folder of resources even if the archive has none: an FMU is told its location, and may look for it.
     """
     folder.mkdir()
+    # modelica/fmi-standard#814: FMUs want the location to exist that fmi2Instantiate passes, with or without resources.
     (folder / "resources").mkdir()
     for name, member in files_of(archive).items():
         path = folder / name
@@ -156,10 +166,11 @@ COMPILED = "compiled"
 
 def added_files(folder: Path, archive: zipfile.ZipFile) -> list[Path]:
     """Files in ``folder`` that are not of the archive, nor compiled of what is."""
-    known, added = {folder / name for name in files_of(archive)}, []
+    archived, added = {folder / name for name in files_of(archive)}, []
     for place, folders, names in os.walk(folder):
+        # Pruned in place, which is how os.walk is told; both folders hold what this program, or Python, has compiled.
         folders[:] = [name for name in folders if name not in (COMPILED, "__pycache__")]
-        added += [file for name in names if (file := Path(place, name)) not in known]
+        added += [file for name in names if (file := Path(place, name)) not in archived]
     return sorted(added)
 
 

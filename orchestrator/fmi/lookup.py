@@ -25,22 +25,25 @@ def find_values(
     Raises :class:`InputError` with the nearest names if a name is unknown or cannot be set, also for an input that is
     ``driven``, which would not keep the value; and as :func:`.typed` and :func:`.check_limits`.
     """
-    found: dict[Variable, list[Scalar]] = {}
+    values: dict[Variable, list[Scalar]] = {}
     for name, value in given.items():
         variable, element = place(description, name, what)
+        # The loop overwrites it in the first sample: the user would take the score for one with the value.
         if variable in driven:
             message = f"{what}: {name} cannot be set: it is an input that the benchmark drives."
             settable = [other.name for other in variables(description).values() if other.can_be_set]
             raise unknown(message, "not-settable", what, name, [other for other in settable if other != name])
-        elements = found.setdefault(variable, list(variable.start) or [_MISSING] * variable.size)
+        elements = values.setdefault(variable, list(variable.start) or [_MISSING] * variable.size)
         elements[element] = typed(variable, value, what)
         check_limits(variable, elements[element], what)
-    for variable, elements in found.items():
+    for variable, elements in values.items():
+        # FMI has no default for an array without start values. Zeros would be a
+        # choice of ours, and the result would be named after the given ones.
         if _MISSING in elements:
             name = f"{variable.name}[{elements.index(_MISSING) + 1}]"
             message = f"{what}: {name} has neither a value nor a start value. Give all elements of {variable.name}."
             raise InputError(message, "array-parameter", what, name)
-    return found
+    return values
 
 
 def canonical_values(description: ModelDescription, given: Mapping[str, Scalar], what: str) -> dict[str, Scalar]:
@@ -50,22 +53,23 @@ def canonical_values(description: ModelDescription, given: Mapping[str, Scalar],
 
 def place(description: ModelDescription, name: str, what: str) -> tuple[Variable, int]:
     """The variable that can be set by ``name``, and the number of the element that it stands for, from 0."""
-    known = variables(description)
+    by_name = variables(description)
     base, _, index = name.rstrip("]").partition("[")
+    # As for connectors: to set one of two variables of a name would be a guess.
     if twofold := {name, base} & repeated_names(description):
         message = f"{what} has more than one variable {min(twofold)}, so none of them is set."
         raise InputError(f"{message} Export the FMU again.", "not-settable", what, name)
-    variable = known.get(name)
+    variable = by_name.get(name)
     if variable is not None and variable.can_be_set and variable.size == 1:
         return variable, 0
-    array = known.get(base)
+    array = by_name.get(base)
     if array is not None and array.can_be_set and index.isdecimal() and 1 <= int(index) <= array.size:
         return array, int(index) - 1
     if variable is not None and variable.can_be_set:
         size = variable.size
         message = f"{what}: {name} has {size} elements: give {name}[1] and so on."
         raise InputError(message, "array-parameter", what, name, (f"{name}[{i}]" for i in range(1, size + 1)))
-    settable = [name for name, one in known.items() if one.can_be_set]
+    settable = [name for name, one in by_name.items() if one.can_be_set]
     if variable is not None:
         message = (
             f"{what}: {name} is declared as {variable.type} {variable.causality} and cannot be set: only parameters "
@@ -87,10 +91,10 @@ def elements(values: Mapping[str, Scalar | Sequence[Scalar]]) -> dict[str, Scala
 
 def find_outputs(description: ModelDescription, names: Iterable[str], what: str) -> list[Variable]:
     """The scalar real outputs called ``names``; raises :class:`InputError` with the nearest if one is unknown."""
-    known = {
+    outputs = {
         name: v for name, v in variables(description).items() if v.is_real and v.size == 1 and v.causality == "output"
     }
     for name in names:
-        if name not in known:
-            raise unknown(f"{what} has no output {name}.", "no-output", what, name, known)
-    return [known[name] for name in names]
+        if name not in outputs:
+            raise unknown(f"{what} has no output {name}.", "no-output", what, name, outputs)
+    return [outputs[name] for name in names]

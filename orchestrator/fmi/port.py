@@ -30,10 +30,10 @@ the step, or goes on asking for another event iteration. No status an FMU can re
 LOST = 2**32 + 3
 """What stepping reports of a slave in another process that is gone, or sends what is no answer."""
 
-CHANGED = 2**33
+ARITHMETIC_CHANGED = 2**33
 """The same of a host whose FMU has changed how it computes: this plus the word that :mod:`orchestrator.jit` reads."""
 
-MOST = CHANGED + 2**16
+MAX_STATUS = ARITHMETIC_CHANGED + 2**16
 """No status is larger."""
 
 CO_SIMULATION, CO_SIMULATION_3, EVENTS, EVENTS_3, REMOTE, HOSTED = range(6)
@@ -60,7 +60,7 @@ NEXT_EVENT, IN_EVENT_MODE, REACHED, STATE_EVENT = range(4)
 """Entries of ``Port.clock``: time of the next time event [s], 1 while the FMU is in event mode; and what a solver
 reports: the time it has reached [s], 1 if a state event stopped it there."""
 
-MOST_ITERATIONS = 1000
+MAX_ITERATIONS = 1000
 """Event iterations at one time, after which an FMU is given up on."""
 
 
@@ -140,6 +140,7 @@ def exchange(port: Port, count: int, time: float, step: float, read: bool) -> tu
 
     Returns the last call made (SET, STEP or GET) and its status; a status above WARNING ends the exchange.
     """
+    # Before each call: a crash leaves no other witness of whose code it was.
     port.trace[SIDE] = port.side
     if port.stepping == REMOTE:
         return _exchange_remote(port, np.int64(REQUEST_BYTES))
@@ -172,7 +173,9 @@ def _exchange_remote(port: Port, size: np.int64) -> tuple[int, int]:
         return STEP, LOST
     if call_status(port.get_values, (port.functions[ANSWERS], at, np.int64(ANSWER_BYTES))) != ANSWER_BYTES:
         return STEP, LOST
-    if not (SET <= fields[0] <= GET and 0.0 <= fields[1] <= MOST):
+    # The answer comes from a process that the controller may have taken over:
+    # NaN and numbers that no int holds fail both comparisons.
+    if not (SET <= fields[0] <= GET and 0.0 <= fields[1] <= MAX_STATUS):
         return STEP, LOST
     port.output_values[0], port.output_values[1] = fields[2], fields[3]
     return int(fields[0]), int(fields[1])
@@ -217,11 +220,14 @@ def _do_step_3(port: Port, time: float, step: float) -> int:
     flags[:3] = 0
     port.info[1] = time + step
     at = port.info.ctypes.data
+    # Of fmi3DoStep's outputs three are one byte, fmi3Boolean being C's
+    # bool; the last, at 8 bytes, must be aligned for a double.
     status = call_status(port.do_step, (port.instance, time, step, np.uint8(1), at, at + 1, at + 2, at + 8))
     if status > WARNING:
         return status
     if flags[1]:
         return TERMINATED
+    # Either says so: the flag, or a lastSuccessfulTime before the end. The tolerance is for the FMU's time arithmetic.
     if flags[2] or port.info[1] < time + step * (1.0 - 1e-6):
         return EARLY_RETURN
     return status
@@ -261,7 +267,7 @@ def _advance(port: Port, time: float, end: float, tolerance: float) -> int:
         begin = time
         status, time, event = _integrate(port, time, min(end, max(time, port.clock[NEXT_EVENT])), tolerance)
         stalled = 0 if time > begin else stalled + 1
-        if stalled > MOST_ITERATIONS:  # its next event is always now, or past
+        if stalled > MAX_ITERATIONS:  # its next event is always now, or past
             return ENDLESS_EVENTS
         if status <= WARNING and (event or time < end - tolerance):
             status = call_status(port.functions[ENTER_EVENTS], (port.instance,))
@@ -277,12 +283,15 @@ def _advance(port: Port, time: float, end: float, tolerance: float) -> int:
 def _integrate(port: Port, time: float, goal: float, tolerance: float) -> tuple[int, float, bool]:
     """Continuous time up to ``goal`` or a state event: the status, the time reached, and whether an event is wanted."""
     event = False
+    # CVode refuses an interval of next to nothing ("tout too close to t0").
     if port.do_step != 0 and goal > time + tolerance:
         status = call_status(port.do_step, (port.instance, time, goal - time, np.int32(1)))
         if status > WARNING:
             return status, time, False
         goal, event = port.clock[REACHED], port.clock[STATE_EVENT] > 0.0
     status = call_status(port.functions[SET_TIME], (port.instance, goal))
+    # FMI 2.0 and 3.0: the call may be left out where completedIntegratorStepNotNeeded is
+    # true, or needsCompletedIntegratorStep false.
     if status > WARNING or port.functions[COMPLETED] == 0:
         return status, goal, event
     port.info[:] = 0.0
@@ -306,7 +315,8 @@ def _flag(port: Port, number: int) -> bool:
 def _handle_event(port: Port) -> int:
     """Event iteration until the FMU is content; leaves event mode and notes the time of the next event."""
     worst = 0
-    for _ in range(MOST_ITERATIONS):
+    # FMI leaves the number of event iterations open; an FMU that always asks for another one would hang the loop.
+    for _ in range(MAX_ITERATIONS):
         # As in struct fmi2EventInfo: five flags (update needed, terminate, ..., next event defined) and the next event.
         port.info[:] = 0.0
         at = port.info.ctypes.data

@@ -43,14 +43,16 @@ class Trace:
         """Where the simulation is."""
         side, call = int(self.words[SIDE]), int(self.words[CALL])
         names = self._text(side).split()
-        known = 0 < call <= len(names)
-        return Place(int(self.words[SAMPLE]), side, names[call - 1] if known else self._text(NOBODY))
+        in_loop = 0 < call <= len(names)
+        return Place(int(self.words[SAMPLE]), side, names[call - 1] if in_loop else self._text(NOBODY))
 
     def _write(self, side: int, text: str) -> None:
+        # The memory is fixed, as another process maps it; a longer name is cut.
         encoded = text.encode()[: _TEXT - 1].ljust(_TEXT, b"\0")
         self._place(side)[:] = np.frombuffer(encoded, dtype=np.uint8)
 
     def _text(self, side: int) -> str:
+        # The FMU of a crashed process may have written anything here.
         return self._place(side).tobytes().split(b"\0")[0].decode(errors="replace")
 
     def _place(self, side: int) -> np.ndarray:

@@ -54,66 +54,74 @@ class Conversion(NamedTuple):
 
 
 @functools.lru_cache(maxsize=256)  # asked for again in each simulation
-def conversion(description: ModelDescription, unit: str | None, wanted: str, where: str) -> Conversion:
-    """The conversion from ``unit``, as declared in an FMU, to the unit ``wanted`` of a connector.
+def conversion(description: ModelDescription, unit: str | None, connector_unit: str, where: str) -> Conversion:
+    """The conversion from ``unit``, as declared in an FMU, to ``connector_unit``.
 
     Raises :class:`InputError` if the two are of different kind or the declared one cannot be understood. An angle
     may also be declared dimensionless, as in SI.
     """
     if unit is None:
-        return Conversion(1.0, f"{where} declares no unit; taken as {wanted}")
-    found, target = _dimension(unit, description.unitDefinitions, where), KNOWN[wanted]
-    if found is not None and found.offset:
-        message = f"{where} has the unit {unit!r}, whose zero is not that of {wanted} (offset {found.offset:g})."
-        raise InputError(f"{message} Declare it in {wanted}.", "unit-offset", where, unit)
-    if found is None:
-        if unit == wanted:
+        return Conversion(1.0, f"{where} declares no unit; taken as {connector_unit}")
+    source, target = _dimension(unit, description.unitDefinitions, where), KNOWN[connector_unit]
+    # CATIA-Systems/FMPy#865: an offset is for temperatures. An angle with
+    # another zero would shift q_m, and a factor alone cannot say that.
+    if source is not None and source.offset:
+        message = (
+            f"{where} has the unit {unit!r}, whose zero is not that of {connector_unit} (offset {source.offset:g})."
+        )
+        raise InputError(f"{message} Declare it in {connector_unit}.", "unit-offset", where, unit)
+    if source is None:
+        if unit == connector_unit:
             return Conversion(1.0)
-        message = f"{where} has the unit {unit!r}, which the FMU does not define by base units. Declare it in {wanted},"
-        raise InputError(f"{message} or give its definition a BaseUnit.", "unknown-unit", where, unit)
-    if found.exponents != target.exponents:
-        if any(found.exponents) or target != KNOWN["rad"]:
-            message = f"{where} has the unit {unit!r}, which is not convertible to {wanted}."
+        message = f"{where} has the unit {unit!r}, which the FMU does not define by base units. Declare it in "
+        raise InputError(f"{message}{connector_unit}, or give its definition a BaseUnit.", "unknown-unit", where, unit)
+    if source.exponents != target.exponents:
+        # In SI the radian is 1, and many exporters have no base unit rad (FMI 1.0 has none).
+        if any(source.exponents) or target != KNOWN["rad"]:
+            message = f"{where} has the unit {unit!r}, which is not convertible to {connector_unit}."
             raise InputError(f"{message} Connect it to another variable.", "wrong-unit", where, unit)
-        return Conversion(found.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
-    return Conversion(1.0 if found.factor == target.factor else found.factor / target.factor)
+        return Conversion(source.factor / target.factor, f"{where}: the unit {unit!r} counts radians as dimensionless")
+    return Conversion(1.0 if source.factor == target.factor else source.factor / target.factor)
 
 
-def factor_to_own(
-    description: ModelDescription, own: str | None, given: str, definitions: Iterable[Unit], where: str
+def factor_to_fmu_unit(
+    description: ModelDescription, fmu_unit: str | None, given: str, definitions: Iterable[Unit], where: str
 ) -> float:
-    """The factor from a value in the unit ``given`` to one in an FMU's ``own`` unit.
+    """The factor from a value in the unit ``given`` to one in ``fmu_unit``.
 
     ``definitions`` come with the value and override the FMU's for ``given``. Raises :class:`InputError` if the two
     cannot be compared or are of different kind.
     """
-    found = _dimension(given, [*definitions, *description.unitDefinitions], where)
-    target = _dimension(own, description.unitDefinitions, where) if own is not None else None
-    if found is None or target is None:
-        if given == own:
+    source = _dimension(given, [*definitions, *description.unitDefinitions], where)
+    target = _dimension(fmu_unit, description.unitDefinitions, where) if fmu_unit is not None else None
+    if source is None or target is None:
+        if given == fmu_unit:
             return 1.0
-        message = f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {own or 'none'}: "
+        message = (
+            f"{where} is given in {given!r}, which cannot be compared to the FMU's unit for it, {fmu_unit or 'none'}: "
+        )
         message += "one of them is not defined by base units. Give the value in the FMU's unit, and no unit with it."
         raise InputError(message, "unknown-unit", where, given)
-    if found.offset != target.offset or found.exponents[:-1] != target.exponents[:-1]:  # gains may leave out radians
-        message = f"{where} is given in {given!r}, which is not convertible to {own}. Give it in {own}."
+    if source.offset != target.offset or source.exponents[:-1] != target.exponents[:-1]:  # gains may leave out radians
+        message = f"{where} is given in {given!r}, which is not convertible to {fmu_unit}. Give it in {fmu_unit}."
         raise InputError(message, "wrong-unit", where, given)
-    return found.factor / target.factor
+    return source.factor / target.factor
 
 
 def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension | None:
     """What ``unit`` is made of, by its definition or else by its name; None if neither says so."""
-    base = next((known.baseUnit for known in definitions if known.name == unit), None)
+    base = next((definition.baseUnit for definition in definitions if definition.name == unit), None)
+    # A name alone, as FMI 1.0 tools write it: only those that have one meaning are known.
     if base is None:
         return KNOWN.get(unit)
     factor, offset = float(base.factor), float(base.offset)
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
         message = f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}."
         raise InputError(f"{message} Give its BaseUnit a positive factor and a finite offset.", "bad-unit", where, unit)
-    exponents, known = tuple(int(getattr(base, name)) for name in EXPONENTS), KNOWN.get(unit)
-    alike = known is not None and exponents in (known.exponents, KNOWN["1"].exponents)
-    if known is not None and alike and factor == 1.0 != known.factor:
+    exponents, by_name = tuple(int(getattr(base, name)) for name in EXPONENTS), KNOWN.get(unit)
+    alike = by_name is not None and exponents in (by_name.exponents, KNOWN["1"].exponents)
+    if by_name is not None and alike and factor == 1.0 != by_name.factor:
         # Some exporters leave the factor out, which makes a degree a radian.
-        message = f"{where} has the unit {unit!r}, defined without the factor {known.factor:g} of its name."
+        message = f"{where} has the unit {unit!r}, defined without the factor {by_name.factor:g} of its name."
         raise InputError(f"{message} Give its BaseUnit that factor, or the unit another name.", "bad-unit", where, unit)
     return Dimension(factor, exponents, offset)

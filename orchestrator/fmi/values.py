@@ -13,7 +13,7 @@ from ..codec import Scalar
 from ..errors import InputError, unknown
 from .variables import INTEGERS, REAL_TYPES, Variable
 
-LARGEST_SINGLE = 3.4028234663852886e38
+MAX_FLOAT32 = 3.4028234663852886e38
 """Largest number of type Float32."""
 
 BOOLEANS = {"true": True, "false": False, "1": True, "0": False}
@@ -58,7 +58,8 @@ def _real(variable: Variable, given: Scalar, what: str) -> float:
         value = float(given)
     except (ValueError, OverflowError):
         raise _wrong(variable, given, what, "not a number", "not-a-number") from None
-    largest = LARGEST_SINGLE if variable.type == "Float32" else math.inf
+    # What ctypes makes of a larger one is infinity, without an error.
+    largest = MAX_FLOAT32 if variable.type == "Float32" else math.inf
     if not math.isfinite(value) or abs(value) > largest:
         raise _wrong(variable, given, what, "not a finite number", "not-finite")
     return value
@@ -67,7 +68,9 @@ def _real(variable: Variable, given: Scalar, what: str) -> float:
 def _whole(given: Scalar) -> int | None:
     """A whole number; None if it is none."""
     if isinstance(given, str):
+        # int() takes "1_000" and digits of all scripts, and more than 4,300 digits raise an error of its own.
         return int(given) if WHOLE.fullmatch(given.strip()) and len(given) < 30 else None
+    # int(inf) raises an OverflowError; True is no count.
     if isinstance(given, bool) or not math.isfinite(given) or given != int(given):
         return None
     return int(given)
@@ -110,6 +113,7 @@ def _text(variable: Variable, given: Scalar, what: str) -> str:
             return bytes.fromhex(given).hex()
         except ValueError:
             raise _wrong(variable, given, what, "not a pair of hexadecimal digits for each byte") from None
+    # C ends the text there, so the FMU would get another one than the results tell.
     if "\0" in given:
         raise _wrong(variable, given, what, "a text that ends before its end")
     return given

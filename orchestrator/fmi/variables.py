@@ -27,7 +27,7 @@ INTEGERS = {
 SET_TYPES = (*REAL_TYPES, *INTEGERS, "Boolean", "String", "Binary")
 """Types of variables that can be set."""
 
-MOST_ELEMENTS = 1_000_000
+MAX_ELEMENTS = 1_000_000
 """Elements of all arrays of an FMU together."""
 
 GIVEN = ("parameter", "input")
@@ -81,9 +81,9 @@ class Variable(msgspec.Struct, frozen=True):
 @functools.lru_cache(maxsize=16)
 def variables(description: ModelDescription) -> dict[str, Variable]:
     """All variables of an FMU by name; raises :class:`InputError` if a real's start value is not numeric."""
-    elements = sum(math.prod(each.shape) for each in description.modelVariables if each.shape)
-    if elements > MOST_ELEMENTS:  # a kilobyte of XML can declare more than any memory holds
-        message = f"The arrays of {description.modelName} have {elements} elements, more than {MOST_ELEMENTS}."
+    elements = sum(math.prod(variable.shape) for variable in description.modelVariables if variable.shape)
+    if elements > MAX_ELEMENTS:  # a kilobyte of XML can declare more than any memory holds
+        message = f"The arrays of {description.modelName} have {elements} elements, more than {MAX_ELEMENTS}."
         raise InputError(f"{message} Export it with smaller ones.", "bad-description", description.modelName)
     return {variable.name: _convert(variable) for variable in description.modelVariables}
 
@@ -129,6 +129,7 @@ def _convert(variable: ModelVariable) -> Variable:
 
 def _reference(variable: ModelVariable) -> int:
     """The value reference, which calls pass as 32 bits without a sign."""
+    # FMPy passes on what the file says; beyond 32 bits, NumPy would raise an OverflowError in the middle of a run.
     text = str(variable.valueReference)
     if not _is_whole(text) or not 0 <= int(text) < 2**32:
         message = f"The value reference of {variable.name}, {text!r}, is no whole number from 0 to 4294967295."
@@ -144,6 +145,7 @@ def _numbers(name: str, start: Any, size: int) -> tuple[float, ...]:
         numbers = tuple(float(word) for word in words)
     except ValueError:
         numbers = ()
+    # FMI 3.0 lets an array have one start value for all of its elements.
     if len(numbers) not in (1, size):
         message = f"The start value of {name}, {start!r}, is not one number per element. Export the FMU again."
         raise InputError(message, "bad-start", name, start)
@@ -178,4 +180,5 @@ def _limit(variable: ModelVariable, key: str, default: float) -> float:
         value = float(declared) if declared is not None else default
     except ValueError:
         return default
+    # An Int64 beyond 2**53 is no float; as an int the limit stays exact.
     return default if math.isnan(value) else int(str(declared)) if _is_whole(declared) else value

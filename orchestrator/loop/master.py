@@ -187,8 +187,8 @@ def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError 
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
     if status == port.LOST:
         return slave.lost()
-    if status >= port.CHANGED:
-        return FmuError(_changed_arithmetic(slave, status - port.CHANGED))
+    if status >= port.ARITHMETIC_CHANGED:
+        return FmuError(_changed_arithmetic(slave, status - port.ARITHMETIC_CHANGED))
     name = slave.calls[("set", "step", "get")[call]]
     if status in STEPPING_WORDS:
         message = f"{slave.archive.name} {STEPPING_WORDS[status]}"

@@ -16,8 +16,8 @@ from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive, open_archive
-from ..fmi.choice import WAYS, Way
 from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_parameters
+from ..fmi.library import LIBRARIES, LibraryKind
 from ..fmi.lookup import canonical_values, elements
 from ..fmi.variables import variables
 from ..loop.setup import Setup
@@ -58,13 +58,13 @@ class Controller(Displayable):
     parameters: Mapping[str, Scalar | Sequence[Scalar]] | str | Path = field(default_factory=dict)
     mapping: Mapping[str, str] | str | Path = field(default_factory=dict)
     sample_time: Fraction | float | str | None = None
-    library: Way | None = None
+    library: LibraryKind | None = None
 
     def __post_init__(self) -> None:
         enter_fields(self)
-        if self.library is not None and self.library not in WAYS:
-            message = f"The library of a controller is one of {', '.join(WAYS)}, not {self.library!r}."
-            raise InputError(message, "no-library", "", self.library, WAYS)
+        if self.library is not None and self.library not in LIBRARIES:
+            message = f"The library of a controller is one of {', '.join(LIBRARIES)}, not {self.library!r}."
+            raise InputError(message, "no-library", "", self.library, LIBRARIES)
         if self.library is not None and self.file is None:
             message = "The paper's PID is built here as it runs best: a choice of library is for the FMU in a file."
             raise InputError(message, "contradiction", "", self.library)

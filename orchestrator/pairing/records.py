@@ -11,9 +11,9 @@ from ..benchmark.protocol import Protocol
 from ..documents.head import BoundRecord, ControllerRecord, PlantRecord
 from ..documents.results import LoopDelay
 from ..fmi.archive import Archive
-from ..fmi.choice import WINE
 from ..fmi.connectors import CONTROLLER
 from ..fmi.host import wine
+from ..fmi.library import WINE
 from ..loop.setup import controller_binding, held_inputs
 from ..version import __version__
 from .controller import Controller
@@ -39,7 +39,7 @@ def environment(controller: Archive) -> dict[str, str]:
         "platform": platform.platform(),
         "machine": platform.machine(),
         **{library: metadata.version(library) for library in LIBRARIES},
-        **({WINE: wine.version()} if controller.way == WINE else {}),
+        **({WINE: wine.version()} if controller.library == WINE else {}),
     }
 
 
@@ -54,8 +54,8 @@ def controller_record(pairing: Pairing, controller: Controller) -> ControllerRec
     }
     path = "" if controller.file is None else str(controller.file)
     setup = pairing.setup
-    own, way = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.way
-    return ControllerRecord(*_fmu(pairing.controller), *own, way, held_inputs(pairing.controller, setup, binding))
+    own, library = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.library
+    return ControllerRecord(*_fmu(pairing.controller), *own, library, held_inputs(pairing.controller, setup, binding))
 
 
 def loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:

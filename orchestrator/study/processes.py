@@ -81,4 +81,4 @@ class Processes:
 
 def _key(pairing: Pairing) -> str:
     """The key of what is stored of a controller: not that of a case."""
-    return hashlib.sha256(f"carry-over {pairing.controller.sha256} {pairing.controller.way}".encode()).hexdigest()
+    return hashlib.sha256(f"carry-over {pairing.controller.sha256} {pairing.controller.library}".encode()).hexdigest()

@@ -14,8 +14,8 @@ from ..benchmark.results import Judgement
 from ..cache import computing_code
 from ..codec import Malformed, NonNegative, Struct, from_json, to_json
 from ..execution.store import Store
-from ..fmi.choice import WINE
 from ..fmi.host import wine
+from ..fmi.library import WINE
 from ..loop.trajectory import Status
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
@@ -45,7 +45,7 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         sorted(pairing.setup.parameters.items()),
         sorted(pairing.setup.mapping.items()),
         to_json([protocol.settling, protocol.stability]),
-        *((wine.version(),) if pairing.controller.way == WINE else ()),
+        *((wine.version(),) if pairing.controller.library == WINE else ()),
         *(("separate",) if pairing.separate else ()),  # what came before the state was seen to pass is not used
     ]
     begin = hashlib.sha256(json.dumps(common).encode())

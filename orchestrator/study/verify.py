@@ -23,7 +23,7 @@ from ..documents.verification import Verification
 from ..errors import EnvironmentFault, InputError
 from ..execution.interpreter import is_clean
 from ..execution.supervision import OUTSIDE
-from ..fmi.choice import WINE
+from ..fmi.library import WINE
 from ..loop.sampling import controller_sample_time
 from ..loop.setup import effective
 from ..pairing.controller import Controller

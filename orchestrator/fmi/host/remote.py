@@ -27,10 +27,10 @@ Argument = tuple[bytes, int, bytes]
 Ask = Callable[[str, list[Argument]], tuple[int, list[bytes]]]
 """Calls a function by its name: its result, and the contents of its buffers."""
 
-LARGEST = 64 * 1024**2
+MAX_ANSWER_BYTES = 64 * 1024**2
 """Bytes of an answer at most."""
 
-LAST_WORDS = 1.0
+EXIT_TIMEOUT = 1.0
 """Seconds for a host that gives no answer to end."""
 
 NO_LIBRARY = "193"
@@ -57,10 +57,13 @@ class Host:
         """What it answers; raises :class:`~orchestrator.errors.Crash` if it does not."""
         try:
             view = memoryview(REQUEST_HEAD.pack(what, len(payload), 0.0, 0.0, 0.0) + payload)
+            # os.write may write a part, as a signal may interrupt it; it says how much.
             while view:
                 view = view[os.write(self.requests, view) :]
             (size,) = ANSWER_HEAD.unpack(self._read(ANSWER_HEAD.size))
-            if size <= LARGEST:
+            # A controller can write into the host's memory, and so into
+            # what it answers: the size is not to be believed.
+            if size <= MAX_ANSWER_BYTES:
                 return self._read(size)
         except (OSError, EOFError):
             pass
@@ -84,7 +87,8 @@ class Host:
     def exit_code(self) -> int | None:
         """The exit code of one that gives no answer; None if it goes on."""
         try:
-            return self._process.wait(LAST_WORDS)
+            # A closed pipe is seen before the process has ended; its exit code tells a crash from a kill.
+            return self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return None
@@ -142,6 +146,7 @@ class Library:
                 at += value
         for line in answer[at:].split(b"\0")[:-1]:
             self._keep(line)
+        # The host passes at most 14 arguments; a function with more is not called, rather than called wrongly.
         if address and not called:
             raise FmuError(f"{self._name}: the host cannot call {name}", name)
         return result, contents
@@ -182,6 +187,7 @@ class Function:
             if memory is not None:
                 place, size = memory
                 encoded.append((b"b", size, ctypes.string_at(place, size)))
+                # Bound as a default: the loop's variable would be the last one's when the answer arrives.
                 outputs.append(lambda data, place=place: ctypes.memmove(place, data, len(data)))  # type: ignore[misc]
             elif isinstance(value, bytes) and kind is not ctypes.c_char:
                 content = _translated(value) + b"\0"
@@ -193,6 +199,8 @@ class Function:
         for write, data in zip(outputs, contents, strict=True):
             write(data)
         if self.restype is ctypes.c_int:
+            # The host returns a register of 64 bits, whose upper half is
+            # undefined for an int (Windows x64 calling convention).
             return ctypes.c_int(result & 0xFFFFFFFF).value
         return result or None
 
@@ -210,6 +218,7 @@ def _memory(value: Any, following: Any) -> tuple[int, int] | None:
 
 def _plain(kind: Any, value: Any) -> tuple[bytes, int]:
     """A number or a handle as its kind and its bits; callbacks are the host's own."""
+    # FMPy's callbacks are of this process, and an address of it means nothing under Wine: the host puts in its own.
     if isinstance(value, ctypes.Structure) or hasattr(value, "_obj"):
         return b"l", 2
     if isinstance(value, ctypes._CFuncPtr):  # type: ignore[attr-defined]

@@ -34,7 +34,7 @@ SETTINGS = {
 }
 """Of the environment of programs under Wine."""
 
-LAST_WORDS = 5.0
+SHUTDOWN_TIMEOUT = 5.0
 """Seconds that Wine's server may take to end."""
 
 
@@ -45,32 +45,33 @@ def _program(path: str) -> str | None:
 
 def program() -> str | None:
     """Wine's loader of programs of 64 bits, None if it is not installed."""
+    # The path is part of the question, so that a test that changes it gets another answer in spite of the cache.
     return _program(os.environ.get("PATH", os.defpath)) if platform.machine() == "x86_64" else None
 
 
 def version() -> str:
     """Such as ``"8.0"``; empty if it is not installed, or does not say."""
-    found = program()
-    return _version(found) if found is not None else ""
+    loader = program()
+    return _version(loader) if loader is not None else ""
 
 
 @functools.cache
-def _version(found: str) -> str:
+def _version(loader: str) -> str:
     with suppress(OSError, subprocess.TimeoutExpired):
         options = {"capture_output": True, "text": True, "stdin": subprocess.DEVNULL, "check": False, "timeout": 60}
-        said = subprocess.run([found, "--version"], env={**os.environ, **SETTINGS}, **options).stdout.split()  # type: ignore[call-overload]
+        said = subprocess.run([loader, "--version"], env={**os.environ, **SETTINGS}, **options).stdout.split()  # type: ignore[call-overload]
         return said[0].removeprefix("wine-") if said else ""
     return ""
 
 
 def needed(name: str) -> str:
     """The program for the FMU ``name``; raises :class:`InputError` where there is none."""
-    found = program()
-    if found is None:
+    loader = program()
+    if loader is None:
         message = f"{name} has a library for Windows only, which runs under Wine, and Wine is not installed here. "
         message += f"{INSTALL}, or export the FMU for Linux."
         raise InputError(message, "no-wine", name)
-    return found
+    return loader
 
 
 class Installation:
@@ -89,6 +90,7 @@ class Installation:
 
     def environment(self) -> dict[str, str]:
         """Of a program that runs in it."""
+        # Without a screen, Wine shows no dialog that nobody would answer.
         kept = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         # TMPDIR is where Debian's Wine has the socket of its server.
         return {**kept, **SETTINGS, "WINEPREFIX": str(self._folder), "TMPDIR": str(self._folder)}
@@ -98,13 +100,17 @@ class Installation:
         with suppress(OSError, subprocess.TimeoutExpired):
             none = subprocess.DEVNULL
             command = ["wineserver", "-k"]
-            subprocess.run(command, env=self.environment(), stdin=none, stderr=none, check=False, timeout=LAST_WORDS)
+            subprocess.run(
+                command, env=self.environment(), stdin=none, stderr=none, check=False, timeout=SHUTDOWN_TIMEOUT
+            )
         _remove(self._folder)
 
 
 def _remove_lost(around: Path) -> None:
     for folder in around.glob(f"{platform.node()}-*"):
         with suppress(ProcessLookupError, ValueError, PermissionError):
+            # Signal 0 only asks whether the process exists. The name of the
+            # machine is in the folder's, as caches are shared over networks.
             os.kill(int(folder.name.split("-")[-2]), 0)
             continue
         _remove(folder)

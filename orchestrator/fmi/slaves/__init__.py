@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from ..archive import Archive
-from ..choice import WINE
+from ..library import WINE
 from ..trace import NOBODY
 from .base import Slave
-from .fmi1 import Fmi1CoSimulation
-from .fmi2 import Fmi2CoSimulation
-from .fmi3 import Fmi3CoSimulation
+from .co_simulation import Fmi1CoSimulation, Fmi2CoSimulation, Fmi3CoSimulation
 from .hosted import hosted
 from .model_exchange import Fmi2ModelExchange, Fmi3ModelExchange
-from .own import OwnFmu, law_of
+from .numba_slave import NumbaSlave, compiled_twin_of
 
 __all__ = ["Slave", "load"]
 
@@ -27,9 +25,9 @@ CLASSES: dict[tuple[str, str], type[Slave]] = {
 
 def load(archive: Archive, side: int = NOBODY) -> Slave:
     """Load the library of an opened FMU; ``side`` (PLANT, CONTROLLER) is noted in the process's trace."""
-    if archive.way == WINE:
+    if archive.library == WINE:
         return hosted(CLASSES[archive.major_version, archive.kind])(archive, side)
-    law = law_of(archive)
-    if law is not None:
-        return OwnFmu(archive, side, law)
+    twin = compiled_twin_of(archive)
+    if twin is not None:
+        return NumbaSlave(archive, side, twin)
     return CLASSES[archive.major_version, archive.kind](archive, side)

@@ -1,25 +1,28 @@
-"""What slaves of all standards have in common: the life cycle, and how its failures are reported."""
+"""What slaves of all standards have in common: the life cycle, how it fails, why a loader refuses a library."""
 
 from __future__ import annotations
 
 import ctypes
 import gc
 import os
+import platform
+import re
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...codec import Scalar
-from ...errors import Crash, FmuError
+from ...errors import BenchmarkError, Crash, FmuError, InputError
 from .. import log, trace
 from ..archive import Archive
+from ..library import NATIVE, has_sources
 from ..port import Port, unconnected
 from ..variables import Variable
-from . import said
-from .loading import refusal
 from .modules import PrivateModules
 
 Values = Mapping[Variable, Sequence[Scalar]]
@@ -48,7 +51,7 @@ class Slave(ABC):
         self.archive, self.side = archive, side
         self._modules = PrivateModules(archive.folder / "resources")
         trace.current.note(side, "loading its library")
-        said.watch_files()
+        log.watch_files()
         folder = os.getcwd()
         try:
             self._fmu = self._load()
@@ -61,13 +64,14 @@ class Slave(ABC):
 
     def _load(self) -> Any:
         """The FMPy object that holds the library."""
-        library = self.archive.library
+        library = self.archive.library_file
         fmu = self.fmpy_class(
             guid=self.archive.description.guid,
             modelIdentifier=self.archive.interface.modelIdentifier,
             unzipDirectory=str(library.parents[2]),  # where FMPy looks for a library of FMI 3, whatever its path
             libraryPath=str(library),
         )
+        # The resources are there; only the library may lie elsewhere, if it was compiled here.
         fmu.unzipDirectory = str(self.archive.folder)
         return fmu
 
@@ -89,13 +93,14 @@ class Slave(ABC):
         reals = {variable: elements for variable, elements in values.items() if variable.is_real}
         if reals:
             references = [variable.reference for variable in reals]
-            self._do(self._fmu.setReal, references, [element for own in reals.values() for element in own])
+            self._do(self._fmu.setReal, references, [element for array in reals.values() for element in array])
         for variable, elements in values.items():
             if not variable.is_real:
                 self._set_other(variable, elements)
 
     def _set_other(self, variable: Variable, elements: Sequence[Scalar]) -> None:
         """Set a variable of a type that is not real."""
+        # FMI 1.0 and 2.0 set an enumeration by the functions for integers.
         kind = "Integer" if variable.type == "Enumeration" else variable.type
         self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], list(elements))
 
@@ -105,7 +110,7 @@ class Slave(ABC):
 
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last."""
-        return said.lines()
+        return log.last_lines()
 
     def lost(self) -> Crash:
         """What became of the process that holds the library, if it is another one and gives no answer."""
@@ -127,6 +132,7 @@ class Slave(ABC):
     @contextmanager
     def instantiated(self, stop_time: float) -> Iterator[Slave]:
         """An instance for a simulation from 0 to ``stop_time`` [s], freed at the end."""
+        # Else the messages of the simulation before would be told as this one's.
         log.current.clear()
         with self._modules.in_place(), self._reported("instantiation"):
             try:
@@ -227,9 +233,54 @@ class Slave(ABC):
         except (Crash, FmuError):
             raise
         except Exception as problem:
-            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, said.lines()) from None
+            raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.last_lines()) from None
 
     def _do(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call a method of the FMPy object."""
         with self._reported(function.__name__):
             return function(*arguments)
+
+
+NEWER = re.compile(r"version [`'](GLIBC(?:XX)?_[\w.]+|CXXABI_[\w.]+)' not found")
+MISSING = re.compile(r"([^\s:/]+): cannot open shared object file")
+
+
+def refusal(archive: Archive, problem: Exception) -> BenchmarkError:
+    """The error for a library that cannot be loaded. An :class:`InputError` says what to do about a binary that was
+    built for a newer system than this one, or one that needs a library beside it and does not look for it there."""
+    message, newer = f"{archive.name} cannot be loaded: {problem}", NEWER.search(str(problem))
+    library = archive.library_file
+    if (machine := _machine(library)) not in (None, _machine(Path(sys.executable))):
+        message = f"{archive.name} cannot be loaded: its library {library.name} is for another kind of processor "
+        message += f"(ELF machine {machine}). Export it for this one, {platform.machine()}."
+        return InputError(message, "load", archive.name, library.name)
+    if newer is not None:
+        message = f"{archive.name} cannot be loaded: its binary needs {newer[1]}, which is newer than this system. "
+        if archive.library == NATIVE and has_sources(archive.folder):
+            return InputError(f"{message}Its sources are in it.", "newer-system", archive.name, newer[1])
+        return InputError(
+            f"{message}Export it on an older system, or with its sources.", "load", archive.name, newer[1]
+        )
+    if (missing := MISSING.search(str(problem))) is not None:
+        places = [path for path in archive.folder.rglob(missing[1]) if path.is_file()]
+        # The loader looks in the system's folders and in the library's RPATH;
+        # beside the library it does not look by itself, as Windows does.
+        if places:
+            message = f"{archive.name} cannot be loaded: it needs {missing[1]}, which the FMU has in "
+            message += (
+                f"{places[0].parent.relative_to(archive.folder)}, but its library does not name the place. Link it "
+            )
+            message += "with the RPATH $ORIGIN (-Wl,-rpath,'$ORIGIN'), and put the other library beside it."
+            return InputError(message, "load", archive.name, missing[1])
+    return FmuError(message, "load")
+
+
+def _machine(file: Path) -> int | None:
+    """The processor that an ELF file is for, by its number there; None for a file of another kind."""
+    try:
+        with file.open("rb") as opened:
+            head = opened.read(20)
+    except OSError:
+        return None
+    # Bytes 18 and 19 of an ELF file are e_machine.
+    return int.from_bytes(head[18:20], "little") if head[:4] == b"\x7fELF" and len(head) == 20 else None

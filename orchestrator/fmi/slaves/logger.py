@@ -79,11 +79,14 @@ def _define(module: ir.Module, name: str, instance: Any) -> None:
     status, message = function.args[-3], function.args[-1]
     builder = ir.IRBuilder(function.append_basic_block())
     head = builder.load(_at(builder, ctypes.addressof(log.place), BYTES.as_pointer()))
+    # An atomic addition: other threads of the FMU may log at the same moment.
     _next(builder, head, log.COUNT)
     with builder.if_then(builder.icmp_signed(">", status, I32(0))):
         number = _next(builder, head, log.KEPT)
         slot = _field(builder, head, builder.mul(builder.and_(number, I64(log.SLOTS - 1)), I64(log.SLOT)), log.HEAD)
         done = builder.bitcast(slot, I64.as_pointer())
+        # A reader in another process must see the slot as unfinished before
+        # its bytes change, and as finished only after they have.
         builder.store_atomic(I64(0), done, "seq_cst", 8)
         named = _text(builder, function.args[1]) if variadic else _at(builder, ctypes.addressof(instance), BYTES)
         _print(builder, slot, log.INSTANCE, log.TEXT, named)
@@ -111,6 +114,7 @@ def _next(builder: ir.IRBuilder, head: Any, word: int) -> Any:
 
 def _text(builder: ir.IRBuilder, pointer: Any) -> Any:
     """``pointer``, or that to an empty text for NULL."""
+    # OpenModelica/OMSimulator#1323: FMUs log with NULL in the place of a text, with which printf may crash.
     missing = builder.icmp_unsigned("==", builder.ptrtoint(pointer, I64), I64(0))
     return builder.select(missing, _at(builder, ctypes.addressof(_EMPTY), BYTES), pointer)
 
@@ -132,6 +136,7 @@ def _print_list(builder: ir.IRBuilder, slot: Any, form: Any) -> None:
     )
     with builder.goto_entry_block():
         memory = builder.alloca(ir.ArrayType(I64, 4))
+        # The System V ABI of x86-64 has a va_list of 24 bytes, that of AArch64 one of 32.
         memory.align = 16
     variables = builder.bitcast(memory, BYTES)
     builder.call(begin, [variables])

@@ -22,8 +22,7 @@ from .. import port as ports
 from ..port import Port
 from ..variables import Variable
 from .base import Slave
-from .fmi2 import Fmi2
-from .fmi3 import Fmi3
+from .co_simulation import Fmi2, Fmi3
 
 RELATIVE_TOLERANCE = 1e-8
 """The solver's tolerance; a sample is so short that a tighter one costs hardly any steps."""
@@ -64,6 +63,7 @@ class Solver:
 
     def _integrate(self, time: float, goal: float) -> None:
         """Up to ``goal`` [s] or a state event. It always begins after an event, where states may have jumped."""
+        # Not earlier: CVode reads states and nominals, which an FMU has after its initialization.
         if self._solver is None:
             self._solver = self._make(time)
         self._solver.reset(time)
@@ -82,6 +82,7 @@ class _ModelExchange(Slave):
     def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
         port = super().port(inputs, outputs)
         states, indicators = self._sizes()
+        # A sampled controller: its values change in events alone, and no solver is needed between them.
         if not (states or indicators):
             return port
         arguments = {
@@ -110,6 +111,7 @@ class _ModelExchange(Slave):
         update = self.calls["step"]
         names = ["SetTime", "EnterEventMode", update[4:], "EnterContinuousTimeMode", "CompletedIntegratorStep"]
         addresses = [self.address(update[:4] + name) for name in names]
+        # FMPy gives FMI 2.0's completedIntegratorStepNotNeeded, turned around, under this name of FMI 3.0.
         if not self.archive.interface.needsCompletedIntegratorStep:
             addresses[ports.COMPLETED] = 0
         return np.array(addresses)

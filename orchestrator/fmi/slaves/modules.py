@@ -58,9 +58,9 @@ class PrivateModules:
 
     def _withdraw(self) -> None:
         unknown = {name: module for name, module in sys.modules.items() if self._foreign.get(name) is not module}
-        own = {name: module for name, module in unknown.items() if self._owns(getattr(module, "__file__", None))}
-        self._modules.update(own)
-        for name in own:
+        imported = {name: module for name, module in unknown.items() if self._owns(getattr(module, "__file__", None))}
+        self._modules.update(imported)
+        for name in imported:
             del sys.modules[name], unknown[name]
         self._foreign.update(unknown)
         sys.modules.update(self._covered)

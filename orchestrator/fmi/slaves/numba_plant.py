@@ -1,4 +1,4 @@
-"""The manipulator in Python as machine code: see :mod:`.own`."""
+"""The manipulator in Python as machine code: see :mod:`.numba_slave`."""
 
 from __future__ import annotations
 

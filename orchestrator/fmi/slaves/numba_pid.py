@@ -1,4 +1,4 @@
-"""The paper's PID in Python as machine code: see :mod:`.own`."""
+"""The paper's PID in Python as machine code: see :mod:`.numba_slave`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STEP_TOLERANCE = 1e-9
 STATE = sum(len(start) for _, _, start, _ in VARIABLES)
 """Where in the memory the states of the axes begin: behind the FMU's variables."""
 
-law, output = compiled(sample), compiled(torque)
+next_state, output = compiled(sample), compiled(torque)
 
 
 def memory(state: dict[str, Any]) -> list[float]:
@@ -47,7 +47,7 @@ def step(memory, _time, step, _flag):  # type: ignore[no-untyped-def]
         gains = Gains(memory[K_P + i], memory[K_I + i], memory[K_D + i], memory[Z_P + i], memory[T_S])
         at = STATE + 3 * i
         before = (memory[at], memory[at + 1], memory[at + 2])
-        now = law(gains, before, memory[Q_M_REF + i] - memory[Q_M + i])
+        now = next_state(gains, before, memory[Q_M_REF + i] - memory[Q_M + i])
         memory[at], memory[at + 1], memory[at + 2] = now
         memory[U_M + i] = output(gains, now)
     return OK

@@ -22,53 +22,55 @@ from ..archive import Archive
 from ..port import Port
 from ..trace import NOBODY
 from ..variables import Variable
-from .fmi2 import Fmi2CoSimulation
+from .co_simulation import Fmi2CoSimulation
 
 ROOT = Path(build_fmus.__file__).resolve().parent
 
 SOURCES = {
-    "plant_law": (ROOT / "plant_fmu", ("manipulator_fmu.py", "flexible_manipulator/*.py")),
-    "pid_law": (ROOT / "controller_fmu" / "pid", ("*.py",)),
+    "numba_plant": (ROOT / "plant_fmu", ("manipulator_fmu.py", "flexible_manipulator/*.py")),
+    "numba_pid": (ROOT / "controller_fmu" / "pid", ("*.py",)),
 }
 """By module of this package with the C functions: the folder and the patterns of the FMU's source."""
 
 
-def law_of(archive: Archive) -> str | None:
+def compiled_twin_of(archive: Archive) -> str | None:
     """The module with the C functions of an FMU, None if it is not one of the benchmark's in Python."""
     resources = archive.folder / "resources"
     script = resources / "slavemodule.txt"
     if not script.is_file():
         return None
-    own = _contents(resources, ["*.py", "*/*.py"])
-    return next((law for law, (folder, patterns) in SOURCES.items() if own == _contents(folder, patterns)), None)
+    contents = _contents(resources, ["*.py", "*/*.py"])
+    # File by file, not by name or version: a changed FMU is another law, and is stepped as it is.
+    return next((twin for twin, (folder, patterns) in SOURCES.items() if contents == _contents(folder, patterns)), None)
 
 
 def _contents(folder: Path, patterns: Sequence[str]) -> dict[str, bytes]:
     """Contents by relative path, without pythonfmu's own, which comes with every such FMU."""
     files = (file for pattern in patterns for file in folder.glob(pattern))
-    found = {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
-    return {name: content for name, content in found.items() if not name.startswith("pythonfmu/")}
+    contents = {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+    return {name: content for name, content in contents.items() if not name.startswith("pythonfmu/")}
 
 
-class OwnFmu(Fmi2CoSimulation):
+class NumbaSlave(Fmi2CoSimulation):
     """One of the benchmark's own FMUs in Python."""
 
-    def __init__(self, archive: Archive, side: int = NOBODY, law: str = "") -> None:
+    def __init__(self, archive: Archive, side: int = NOBODY, twin: str = "") -> None:
         # Before the FMU is loaded, which brings modules of the same names.
-        self._law: ModuleType = importlib.import_module(f".{law}", __package__)
+        self._twin: ModuleType = importlib.import_module(f".{twin}", __package__)
         super().__init__(archive, side)
 
     def port(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Port:
         """A port to a copy of the instance's state, as it is now: the instance itself is not stepped."""
-        self._memory = np.array(self._law.memory(json.loads(self._state())), dtype=np.float64)
+        # Kept by this object: the loop has the address alone.
+        self._memory = np.array(self._twin.memory(json.loads(self._state())), dtype=np.float64)
         return (
             super()
             .port(inputs, outputs)
             ._replace(
                 instance=self._memory.ctypes.data,
-                set_values=self._law.write.address,
-                do_step=self._law.step.address,
-                get_values=self._law.read.address,
+                set_values=self._twin.write.address,
+                do_step=self._twin.step.address,
+                get_values=self._twin.read.address,
             )
         )
 

@@ -11,28 +11,30 @@ from .host import wine
 NATIVE: Final = "native"
 SOURCE: Final = "source"
 WINE: Final = "wine"
-WAYS = (NATIVE, SOURCE, WINE)
+LIBRARIES = (NATIVE, SOURCE, WINE)
 
-Way = Literal["native", "source", "wine"]
+LibraryKind = Literal["native", "source", "wine"]
 """Where the library comes from: the FMU's binary for this platform, its sources, its binary for Windows under Wine."""
 
 
-def choose(name: str, folder: Path, windows: bool, tool: str, wanted: Way | None) -> Way:
+def choose(name: str, folder: Path, windows: bool, tool: str, library: LibraryKind | None) -> LibraryKind:
     """Where the library of the FMU ``name`` in ``folder`` comes from, which has no binary for this platform or of which
-    another library is ``wanted``: its sources if there is a compiler, else that for Windows if it has one, ``windows``.
-    ``tool`` is what the FMU needs at run time, if anything.
+    another ``library`` is asked for: its sources if there is a compiler, else that for Windows if it has one,
+    ``windows``. ``tool`` is what the FMU needs at run time, if anything.
 
-    Raises :class:`InputError` for an FMU that has not what is wanted, or whose library for Windows cannot be used here.
+    Raises :class:`InputError` for an FMU without it, or whose library for Windows cannot be used here.
     """
     sources = has_sources(folder)
-    if wanted == WINE or (wanted is None and windows and not (sources and _has_compiler())):
+    # Sources go before Wine: compiled code runs in this process, while a host costs a change of process in each sample.
+    if library == WINE or (library is None and windows and not (sources and _has_compiler())):
         _check_windows(name, windows, tool)
         return WINE
-    if wanted == NATIVE or (wanted == SOURCE and not sources):
-        what = "binary for this platform" if wanted == NATIVE else "sources that could be compiled"
-        raise InputError(f"{name} has no {what}. Take another of its libraries.", "no-binary", name, wanted)
+    if library == NATIVE or (library == SOURCE and not sources):
+        what = "binary for this platform" if library == NATIVE else "sources that could be compiled"
+        raise InputError(f"{name} has no {what}. Take another of its libraries.", "no-binary", name, library)
     if sources:
         return SOURCE
+    # A 64-bit Wine does not load 32-bit libraries, and its own message (error 193) names no remedy.
     if {path.parent.name for path in (folder / "binaries").glob("*/*")} == {"win32"}:
         message = f"{name} has a library for Windows of 32 bits only (win32), which does not run here. Export it for"
         raise InputError(f"{message} Linux, or for Windows of 64 bits (win64).", "no-binary", name, "win32")
@@ -48,6 +50,8 @@ def _check_windows(name: str, windows: bool, tool: str) -> None:
     if not windows:
         message = f"{name} has no library for Windows of 64 bits. Take another of its libraries."
         raise InputError(message, "no-binary", name, WINE)
+    # The tool is a program of the exporter's machine. The empty
+    # installation of Wine has none, and the FMU would wait for it.
     if tool:
         message = f"{name} needs {tool} while it runs, which is not there under Wine. Export it to run alone."
         raise InputError(message, "execution-tool", name, tool)
