@@ -37,4 +37,6 @@ def carry_over(after: bytes, fresh: bytes, again: Callable[[], bytes | None]) ->
     differ, ``again`` in a new process; None if it had no numbers there."""
     if after == fresh:
         return CarryOver.NONE
+    # Two fresh processes that differ show a controller that is not deterministic,
+    # whatever ran before; only a third simulation tells the two apart.
     return CarryOver.FOUND if again() == fresh else CarryOver.RANDOM

@@ -1,4 +1,4 @@
-"""The computing time of a controller as results state it; :mod:`.stopwatch` measures it."""
+"""The computing time of a controller as results state it; :mod:`.probe` measures it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ class ComputingTime(Struct):
 def computing_time(times: Callable[[int], np.ndarray]) -> ComputingTime:
     """From ``times(steps)``: the wall times [s] of so many steps, or of as many as there are."""
     few = times(FEW)
+    # A controller of 50 ms a step would else take 100 s to be timed. The median of a coarse clock may be 0.
     many = int(min(MANY, ENOUGH / max(float(np.median(few)), NANOSECOND)))
-    found = few if many <= FEW else times(many)
-    median, most, largest = np.percentile(found, (50, 99, 100)).tolist()
-    return ComputingTime(len(found), median, most, largest)
+    wall_times = few if many <= FEW else times(many)
+    median, most, largest = np.percentile(wall_times, (50, 99, 100)).tolist()
+    return ComputingTime(len(wall_times), median, most, largest)

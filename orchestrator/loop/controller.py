@@ -89,6 +89,7 @@ def prepared(
     before, within = start_values(slave.archive, binding, setup, steady, sample_time, first)
     with slave.instantiated(not_before_the_last_step(stop_time, float(sample_time))):
         slave.initialize(before, within)
+        # pythonfmu imports in doStep as well: a law that loads a module at its first sample must find its own.
         with slave.own_modules():
             yield _port(slave, binding, steady)
 
@@ -136,14 +137,14 @@ def start_values(
         unit = conversion(controller.description, T_s.unit, "s", f"{what}: {T_s.name}")
         before[T_s] = [float(sample_time) / unit.factor]
     seen = steady.q_m_ref if first is None else first
-    known = {
+    pairs = {
         "q_m_ref": steady.q_m_ref,
         "q_m": seen,
         "e": (steady.q_m_ref[0] - seen[0], steady.q_m_ref[1] - seen[1]),
         "u_m0": steady.u_m0,
         "q_a_ref": steady.q_a_ref,
     }
-    for name, pair in known.items():
+    for name, pair in pairs.items():
         if name in binding:
             (before if binding[name].is_parameter else within).update(binding[name].values(pair))
     return before, within

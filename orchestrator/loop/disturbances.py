@@ -54,8 +54,10 @@ def chirp(signal: ChirpSignal, t: float) -> tuple[float, float]:
     (2 T)) with tau = t - start and T = stop - start, zero outside start <= t < stop."""
     if not signal.start <= t < signal.stop:
         return 0.0, 0.0
+    # Phase of a linear sweep: 2 pi times the integral of f_start + (f_stop - f_start) tau / T.
     tau = t - signal.start
     sweep = (signal.f_stop - signal.f_start) * tau * tau / (2.0 * (signal.stop - signal.start))
+    # The benchmark's own sine: those of C libraries differ in the last bit, and so would the trajectories.
     wave, _ = sin_cos(2.0 * math.pi * (signal.f_start * tau + sweep))
     return signal.amplitude_1 * wave, signal.amplitude_2 * wave
 

@@ -40,7 +40,7 @@ def simulate(
     scenario: Scenario,
     setup: Setup | None = None,
     observe: Sequence[str] = (),
-    watch: Callable[[loop.Record], None] | None = None,
+    watch: Callable[[loop.SampleArrays], None] | None = None,
     further: Callable[[Trajectory], Scenario | None] = lambda _: None,
 ) -> Trajectory:
     """Simulate the closed loop of ``scenario``.
@@ -60,8 +60,10 @@ def simulate(
     parameters = find_values(plant.archive.description, dict(scenario.parameters), what, driven)
     observed = find_outputs(plant.archive.description, observe, what)
     outputs = [variable for name in ("q_m", "X") for variable in binding[name].variables] + observed
+    # Before the first call: a crash in it must not be told at the place of the simulation before.
     trace.current.reset()
 
+    # FMUs are told a stop time that is the same for all cases: it must not tell a controller which test it is in.
     with plant.instantiated(scenario.announced):
         plant.initialize(parameters, {})
         steady = steady_state(plant, binding)
@@ -69,7 +71,7 @@ def simulate(
             controller, setup or Setup(), steady, scenario.sample_time, scenario.announced
         ) as controller_port:
             parts = _loop(scenario, steady)
-            record = _record(scenario, plant.get(outputs), steady, parts)
+            record = _initial_arrays(scenario, plant.get(outputs), steady, parts)
             if watch is not None:
                 watch(record)
             plant_port = plant.port(driven, outputs)
@@ -77,6 +79,8 @@ def simulate(
             names = [variable.name for variable in observed]
             if raw.reason == loop.FINISHED:
                 ending = _ending(raw, record, scenario, plant, controller)
+                # While both instances live: a case whose verdict is in doubt goes
+                # on from where it is, at the cost of the rest alone.
                 later = further(_trajectory(scenario, record, raw, ending, names, steady))
                 if later is not None:
                     parts, record = _loop(later, steady, scenario.samples), _longer(record, later.samples)
@@ -118,33 +122,37 @@ def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
     )
 
 
-def _record(scenario: Scenario, outputs: Sequence[float], steady: Steady, parts: loop.Loop) -> loop.Record:
+def _initial_arrays(
+    scenario: Scenario, outputs: Sequence[float], steady: Steady, parts: loop.Loop
+) -> loop.SampleArrays:
     """Arrays with the initial state in row 0; a delayed sensor's line is filled with the reference."""
     record = _empty(scenario.samples, len(outputs))
     record.outputs[0] = outputs
+    # A measurement between samples before t = 0 would need a plant that
+    # ran earlier: it was at rest then, at the reference.
     taken_at_0 = [delay % scenario.sample_time == 0 for delay in scenario.sensor.delay]
     record.measured[0] = np.where(taken_at_0, record.outputs[0, :2] + parts.noise[0], steady.q_m_ref)
     return record
 
 
-def _empty(samples: int, outputs: int) -> loop.Record:
+def _empty(samples: int, outputs: int) -> loop.SampleArrays:
     shapes = (samples + 1, outputs), (samples + 1, 2), *((samples, 2),) * 3
     # One block: NumPy asks for large pages from 4 MB on, and the faults of small ones take a third of the loop's time.
     ends = np.cumsum([math.prod(shape) for shape in shapes])
     pieces = np.split(np.empty(ends[-1]), ends[:-1])
-    return loop.Record(*(piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)))
+    return loop.SampleArrays(*(piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)))
 
 
-def _longer(record: loop.Record, samples: int) -> loop.Record:
+def _longer(record: loop.SampleArrays, samples: int) -> loop.SampleArrays:
     """The rows of ``record``, and room for those of all ``samples``."""
-    found = _empty(samples, record.outputs.shape[1])
-    for new, old in zip(found, record, strict=True):
+    longer = _empty(samples, record.outputs.shape[1])
+    for new, old in zip(longer, record, strict=True):
         new[: len(old)] = old
-    return found
+    return longer
 
 
 def _ending(
-    raw: loop.Exit, record: loop.Record, scenario: Scenario, plant: Slave, controller: Slave | Remote
+    raw: loop.Exit, record: loop.SampleArrays, scenario: Scenario, plant: Slave, controller: Slave | Remote
 ) -> Ending:
     time = float(raw.sample * scenario.sample_time)
     if raw.reason == loop.FINISHED:
@@ -152,6 +160,7 @@ def _ending(
     lost = _lost(record.outputs[raw.sample], scenario)
     # A controller may refuse a measurement that is not finite.
     refused = raw.reason == loop.CONTROLLER_FAILED and raw.call == port.SET and raw.status < len(STATUS_WORDS)
+    # Else the controller would be blamed for a plant with absurd parameters, of which it was given NaN.
     if (raw.reason in (loop.DIVERGED, loop.ABSURD_TORQUE) or refused) and lost:
         message = f"{plant.archive.name} {lost}: look at the plant's parameters"
         return Ending(Status.ERROR, time, message, raw.warnings)
@@ -195,6 +204,7 @@ def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError 
     elif status < len(STATUS_WORDS):
         message = f"{slave.archive.name}: {name} returned {STATUS_WORDS[status]}"
     else:
+        # A status is a C int; the loop has it as a number without a sign, so that it can be compared.
         signed = status - (1 << 32 if status >= 1 << 31 else 0)
         message = f"{slave.archive.name}: {name} returned the illegal status {signed}"
     return FmuError(message, name, slave.messages())
@@ -205,6 +215,7 @@ def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:
     for slave in slaves:
         try:
             slave.terminate()
+        # CATIA-Systems/FMPy#357: FMUs answer terminate with an error. All samples are there by then.
         except FmuError as problem:
             message = "\n  ".join(filter(None, (ending.message, f"after its end: {problem}")))
             ending = replace(ending, message=message, warnings=ending.warnings + 1)
@@ -213,7 +224,7 @@ def _terminated(ending: Ending, *slaves: Slave | Remote) -> Ending:
 
 def _trajectory(
     scenario: Scenario,
-    record: loop.Record,
+    record: loop.SampleArrays,
     raw: loop.Exit,
     ending: Ending,
     observed: Sequence[str],

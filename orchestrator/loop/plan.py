@@ -68,17 +68,22 @@ def make_plan(
     Raises :class:`InputError` if the times have no common grid that integers can count, or the measurement for a sample
     could be taken before the interval that ends at it.
     """
+    # Fractions: in floats, divmod(0.00225, 0.00025) is (8, 0.00025), a whole sample more.
     whole_drive, arrival = zip(*(divmod(delay, sample_time) for delay in drive), strict=True)
     whole_sensor, early = zip(*(divmod(delay, sample_time) for delay in sensor), strict=True)
     if not 0 <= jitter <= sample_time - max(early):
         message = f"The jitter of {float(jitter):g} s is not from 0 to the sample time of {float(sample_time):g} s, "
         raise InputError(f"{message}less the part of a sample by which the measurement is delayed.", "bad-jitter")
     takes = [sample_time - part for part in early]
+    # The plant's substeps are of the benchmark's step: a slow controller must not coarsen the integration.
     holds = math.ceil(sample_time / longest) if longest else 1
     regular = [number * sample_time / holds for number in range(holds)]
     fixed = sorted({*regular, *arrival, *(take for take in takes if take < sample_time and not jitter)})
     times = (sample_time, *fixed, *takes, jitter / CELLS)
+    # Twice as fine with jitter: fixed times are at even ticks then, and a
+    # measurement at an odd one, so the two never fall together.
     denominator = math.lcm(*(time.denominator for time in times)) * (2 if jitter else 1)
+    # int64 in the compiled loop wraps around without an error.
     if denominator > FINEST:
         message = f"Sample time and delays have no common grid of {1 / FINEST:g} s or coarser."
         raise InputError(f"{message} Give them with fewer digits.", "bad-time")
@@ -93,6 +98,7 @@ def make_plan(
     offset = np.sort(np.column_stack(begins).astype(np.int64))
     ends = np.column_stack([offset[:, 1:], np.full(len(shift), ticks(sample_time))])
     taken = np.column_stack([ticks(take) - shift for take in takes])
+    # In the parts before the arrival the command of the sample before still acts.
     late = offset[:, :, None] < np.array([ticks(time) for time in arrival])
     return Plan(
         interval=ticks(sample_time),

@@ -30,6 +30,7 @@ def noise(spec: Noise, samples: int) -> np.ndarray:
 
         numbers[:] = normal_numbers(stable_stream(spec.seed), 2 * samples).reshape(samples, 2)
         numbers *= spec.sigma
+    # It is cached: who wrote into it would change the noise of the next case.
     numbers.flags.writeable = False
     return numbers
 
@@ -42,8 +43,8 @@ def dropped(seed: tuple[int, ...], probability: float, samples: int) -> np.ndarr
     """
     if probability == 0.0:
         return np.zeros(samples, dtype=np.bool_)
-    found: np.ndarray = stable_stream((*seed, *DROPOUT)).random_sample(samples) < probability
-    return found
+    lost: np.ndarray = stable_stream((*seed, *DROPOUT)).random_sample(samples) < probability
+    return lost
 
 
 def jitter_cells(seed: tuple[int, ...], cells: int, samples: int) -> np.ndarray:

@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..exact_time import seconds
 from ..fmi.archive import Archive
 
-MOST = 1000
+MAX_RATIO = 1000
 """Largest ratio of a controller's and the benchmark's sample time, either way: beyond it is a slip."""
 
 
@@ -30,13 +30,17 @@ def controller_sample_time(controller: Archive, benchmark: Fraction, given: Frac
 
     Raises :class:`InputError` if it is not an integer multiple or fraction of the benchmark's.
     """
-    found = _find(controller, benchmark, given)
-    ratio = found.value / benchmark if found.value > 0 else Fraction(0)
-    if found.value <= 0 or min(ratio.numerator, ratio.denominator) != 1 or max(ratio.as_integer_ratio()) > MOST:
-        message = f"The sample time of {controller.name} is {float(found.value):g} s ({found.origin}), which is not an "
-        message += f"integer multiple or fraction (up to {MOST}) of the benchmark's {float(benchmark):g} s."
-        raise InputError(message, "bad-sample-time", controller.name, float(found.value))
+    chosen = _find(controller, benchmark, given)
+    ratio = chosen.value / benchmark if chosen.value > 0 else Fraction(0)
+    if chosen.value <= 0 or min(ratio.numerator, ratio.denominator) != 1 or max(ratio.as_integer_ratio()) > MAX_RATIO:
+        message = (
+            f"The sample time of {controller.name} is {float(chosen.value):g} s ({chosen.origin}), which is not an "
+        )
+        message += f"integer multiple or fraction (up to {MAX_RATIO}) of the benchmark's {float(benchmark):g} s."
+        raise InputError(message, "bad-sample-time", controller.name, float(chosen.value))
     if given is not None and (fixed := _fixed(controller)) is not None:
+        # FMI 3.0 (fixedInternalStepSize): communication steps should be
+        # multiples of it. Others may end early, or with an error.
         step = _near(_read(controller, fixed, FIXED), given)
         if step <= 0 or (given / step).denominator != 1:
             message = (
@@ -44,7 +48,7 @@ def controller_sample_time(controller: Archive, benchmark: Fraction, given: Frac
             )
             message += f"fixed internal step ({FIXED}) of {float(step):g} s. Give a multiple."
             raise InputError(message, "fixed-step", controller.name, float(step))
-    return found
+    return chosen
 
 
 def _find(controller: Archive, benchmark: Fraction, given: Fraction | None) -> SampleTime:
@@ -74,6 +78,7 @@ def _read(controller: Archive, text: str, origin: str) -> Fraction:
 
 def _near(value: Fraction, benchmark: Fraction) -> Fraction:
     """``value``, freed from the rounding of a decimal notation: 0.000333333 is a third of 0.001."""
+    # In both directions: exporters write 0.000333333 for a third of a millisecond, and 0.00333333 for its tenfold.
     for ratio in (value / benchmark, benchmark / value if value else Fraction(0)):
         whole = round(ratio)
         if whole and abs(ratio - whole) < Fraction(1, 10**5) * whole:

@@ -37,6 +37,7 @@ def controller_binding(controller: Archive, setup: Setup) -> Binding:
     binding = bind_controller(controller.description, f"The controller {controller.name}", setup.mapping)
     connected = {variable.name: name for name, bound in binding.items() for variable in bound.variables}
     for name in setup.parameters:
+        # A start value for q_m would be overwritten in initialization: who gives one expects something else.
         connector = connected.get(name) or connected.get(name.partition("[")[0])
         if connector is not None:
             message = f"The controller {controller.name}: {name} is the connector {connector}, which the benchmark "
@@ -116,8 +117,8 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     :class:`~orchestrator.errors.InputError` if there are several of these, or if the only one has another start value
     than the controller's step: it may be the time constant of a filter, or count milliseconds.
     """
-    known = variables(controller.description).values()
-    parameters = [v for v in known if v.causality == "parameter" and v.is_real and v.size == 1]
+    declared = variables(controller.description).values()
+    parameters = [v for v in declared if v.causality == "parameter" and v.is_real and v.size == 1]
     alike = [v for v in parameters if _is_sample_time(v)]
     candidates = [v for v in alike if v.name == SAMPLE_TIME] or alike
     if any(v.name in setup.parameters for v in candidates):
@@ -131,6 +132,8 @@ def sample_time_parameter(controller: Archive, setup: Setup) -> Variable | None:
     if not candidates:
         return None
     (T_s,) = candidates
+    # One that only spells like T_s (of a filter, or in milliseconds) was once
+    # overwritten: V 11930 and 118.9, where the law's score is 122.2.
     if T_s.name != SAMPLE_TIME and T_s.start and not _is_step(controller, T_s):
         value = f"{T_s.numbers[0]:g} {T_s.unit or ''}".rstrip()
         message = f"The controller {controller.name} has a parameter {T_s.name} = {value}: by its name it is the "

@@ -22,6 +22,8 @@ def saturate(value: float, limit: float) -> float:
 def quantize(value: float, quantum: float) -> float:
     """``value`` rounded to the nearest multiple of ``quantum``; unchanged if the quantum is 0."""
     if quantum > 0.0:
+        # Halves go to even: that is rint of C as well, so recheck and the
+        # twin in C (imperfections/model.c) get the same level.
         rounded: float = np.rint(value / quantum) * quantum
         return rounded
     return value
@@ -30,6 +32,7 @@ def quantize(value: float, quantum: float) -> float:
 @compiled
 def amplify(value: float, centre: float, gain: float) -> float:
     """Loop gain about a working point, ``centre + gain (value - centre)``; at gain 1 exactly ``value``."""
+    # centre + (value - centre) is not value, to the last bit.
     if gain == 1.0:
         return value
     return centre + gain * (value - centre)

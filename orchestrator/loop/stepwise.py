@@ -14,7 +14,7 @@ from greenlet import GreenletExit, getcurrent, greenlet
 from ..errors import Crash
 from ..fmi import port, trace
 from ..fmi.slaves import Slave
-from .closed_loop import Record
+from .closed_loop import SampleArrays
 from .controller import Steady
 from .master import simulate
 from .scenario import Pair, Scenario
@@ -54,6 +54,7 @@ class Stepwise:
 
         self._loop = greenlet(run)
         self._port = port.unconnected((0, 0), 2, (0, 0), 2)
+        # Kept: the loop has their addresses alone.
         self._pipes = PIPE(self._write), PIPE(self._read)
 
     def begin(self) -> Pair | None:
@@ -75,15 +76,17 @@ class Stepwise:
 
     def close(self) -> None:
         """End the simulation where it is."""
+        # A greenlet is false before its start and after its end.
         if self._loop:
             self._resume(None)
 
     def _resume(self, *torques: Pair | None) -> Pair | None:
+        # A greenlet that ends returns to its parent, which must be the one that waits now and not the one that made it.
         self._loop.parent = getcurrent()
         measured: Pair | None = self._loop.switch(*torques)
         return measured
 
-    def _watch(self, record: Record) -> None:
+    def _watch(self, record: SampleArrays) -> None:
         self._record = record
 
     def _write(self, _pipe: int, _at: int, size: int) -> int:

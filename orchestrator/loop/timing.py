@@ -41,7 +41,7 @@ class Convention(str, Enum):
 
 
 @dataclass(frozen=True)
-class Timing:
+class ControllerTiming:
     """``latency`` in samples from a change of the input to that of the output, None if there is none.
 
     ``first_torque`` [N.m] is the output of the first step at rest.
@@ -67,19 +67,21 @@ STEP = 1
 """The place among them of a step that begins late."""
 
 
-def timing(responses: Sequence[np.ndarray]) -> Timing:
+def timing(responses: Sequence[np.ndarray]) -> ControllerTiming:
     """The timing of a controller from its torques [N.m] in the EXPERIMENTS, each of shape (SAMPLES, 2)."""
     rest, late, early, from_initialization = responses
     torque = (float(rest[0, 0]), float(rest[0, 1]))
+    # NaN differs from itself, and a controller that gives it twice has not responded.
     different = (late != rest) & ~(np.isnan(late) & np.isnan(rest))
     answered = np.flatnonzero(np.any(different, axis=1))
     if answered.size == 0:
-        return Timing(None, Convention.SILENT, torque)
+        return ControllerTiming(None, Convention.SILENT, torque)
     latency = int(answered[0]) - LATE
+    # Before the step begins, both instances were given the same: what differs there is chance.
     if latency < 0:
-        return Timing(None, Convention.RANDOM, torque)
+        return ControllerTiming(None, Convention.RANDOM, torque)
     deviation, first = late[LATE:] - rest[LATE:], early - rest
-    return Timing(latency, _convention(deviation, first, from_initialization - rest), torque)
+    return ControllerTiming(latency, _convention(deviation, first, from_initialization - rest), torque)
 
 
 def _convention(late: np.ndarray, early: np.ndarray, initial: np.ndarray) -> Convention:

@@ -68,5 +68,6 @@ class Trajectory:
     def tcp_error(self) -> np.ndarray:
         """Distance of the TCP from where it began, shape (N + 1,) [m]."""
         offset = self.X - self.X[0]
+        # Not np.hypot, whose last bit is the C library's. IEEE 754 fixes the square root.
         distance: np.ndarray = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         return distance

@@ -36,7 +36,7 @@ def warm_up() -> None:
         pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
         abort_distance=0.0,
     )
-    record = closed_loop.Record(np.zeros((1, 4)), np.zeros((1, 2)), *(np.zeros((0, 2)) for _ in range(3)))
+    record = closed_loop.SampleArrays(np.zeros((1, 4)), np.zeros((1, 2)), *(np.zeros((0, 2)) for _ in range(3)))
     closed_loop.run(port, port, parts, record)
     serving.warm_up()
     arithmetic_now()

@@ -166,8 +166,8 @@ def rehearse(plant: Slave, controller: Slave, task: bytes) -> bytes:
 
 
 def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """A :class:`~orchestrator.loop.stopwatch.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
-    from ..loop.stopwatch import computing_time
+    """A :class:`~orchestrator.loop.computing.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
+    from ..loop.probe import computing_time
 
     wanted = unpack(task, ScenarioTask)
     return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
@@ -175,7 +175,7 @@ def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
 
 def time_answers(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """The wall times [s] of the steps of an :class:`AnswerTask`, shape (N,)."""
-    from ..loop.stopwatch import step_times
+    from ..loop.probe import step_times
 
     wanted = unpack(task, AnswerTask)
     measured = np.array(wanted.q_m) - wanted.errors

@@ -147,7 +147,7 @@ def computing_time(case: Case, own: Pairing) -> ComputingTime | None:
     function = f"{work.__name__}:"
 
     def times(steps: int) -> np.ndarray:
-        """As in :func:`.stopwatch.computing_time`, but each instance in a process of its own."""
+        """As in :func:`~orchestrator.loop.probe.computing_time`, but each instance in a process of its own."""
         short = replace(scenario, duration=min(scenario.duration, steps * scenario.sample_time))
         task = work.ScenarioTask(own.setup, short, OBSERVED)
         loop = only(
