@@ -240,7 +240,7 @@ def test_a_worker_refuses_other_code_and_another_fmu_than_announced(own, monkeyp
 
 
 def test_a_cluster_without_workers_is_an_environment_fault(own, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "LOOK", 0.05)
+    monkeypatch.setattr(cluster, "POLL_INTERVAL", 0.05)
     with running(tmp_path, 0) as empty:
         outcomes = cluster.run([job(own, "echo", b"x")], empty.address, 5.0)
         assert refusal(next, outcomes, kind=EnvironmentFault).what == "no-worker"

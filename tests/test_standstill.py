@@ -15,7 +15,7 @@ from orchestrator.cli import guard
 from orchestrator.execution import standstill
 from orchestrator.execution.standstill import PATIENCE, Lookout, Standstill
 from orchestrator.execution.supervision import run_isolated
-from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, Spent
+from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, TimeSpent
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import runs
@@ -28,7 +28,7 @@ STEP = Place(1200, CONTROLLER, "fmi2DoStep")
 places = st.builds(Place, st.integers(0, 3), st.integers(0, 2), st.sampled_from(["", "fmi2DoStep"]))
 
 
-def looked(*looks: tuple[float, Place, Spent], limit: float = 60.0, longest: float = math.inf) -> list[Standstill]:
+def looked(*looks: tuple[float, Place, TimeSpent], limit: float = 60.0, longest: float = math.inf) -> list[Standstill]:
     """What is told after looks at times [s]."""
     lookout, told = Lookout(), []
     for time, place, spent in looks:
@@ -42,23 +42,23 @@ def looked(*looks: tuple[float, Place, Spent], limit: float = 60.0, longest: flo
 @given(st.floats(0.05, 1.0), st.floats(1.0, 1e3))
 def test_one_that_computes_is_ended_by_its_processor_time(pace, limit):
     """At the pace at which it gets a processor, as on a busy machine."""
-    (told,) = looked(*((t, STEP, Spent(processor=1.0 + pace * t)) for t in (0.0, 5.0, 11.0, 20.0)), limit=limit)
+    (told,) = looked(*((t, STEP, TimeSpent(processor=1.0 + pace * t)) for t in (0.0, 5.0, 11.0, 20.0)), limit=limit)
     assert (told.place, told.seconds, told.limit) == (STEP, 11.0, PROCESSOR_REACHED)
     assert told.remaining == pytest.approx(max(limit - 1.0 - 11.0 * pace, 0.0) / pace)
 
 
 @given(st.floats(20.0, 1e3))
 def test_one_that_waits_is_ended_by_its_waiting(limit):
-    (told,) = looked(*((t, STEP, Spent(processor=1.0, waited=t)) for t in (0.0, 10.0, 30.0)), limit=limit)
+    (told,) = looked(*((t, STEP, TimeSpent(processor=1.0, waited=t)) for t in (0.0, 10.0, 30.0)), limit=limit)
     assert (told.seconds, told.limit) == (10.0, WAITING_REACHED)
     assert told.remaining == pytest.approx(WAITING * limit - 10.0)
 
 
 def test_what_was_spent_before_does_not_count_against_the_longest_call():
-    looks = [(0.0, replace(STEP, sample=1), Spent(40.0, 80.0)), (1.0, STEP, Spent(50.0, 90.0))]
-    (told,) = looked(*looks, (11.0, STEP, Spent(60.0, 90.0)), limit=143.0, longest=65.0)
+    looks = [(0.0, replace(STEP, sample=1), TimeSpent(40.0, 80.0)), (1.0, STEP, TimeSpent(50.0, 90.0))]
+    (told,) = looked(*looks, (11.0, STEP, TimeSpent(60.0, 90.0)), limit=143.0, longest=65.0)
     assert (told.remaining, told.limit) == (pytest.approx(55.0), PROCESSOR_REACHED)
-    (told,) = looked(*looks, (11.0, STEP, Spent(50.0, 100.0)), limit=143.0, longest=65.0)
+    (told,) = looked(*looks, (11.0, STEP, TimeSpent(50.0, 100.0)), limit=143.0, longest=65.0)
     assert (told.remaining, told.limit) == (pytest.approx(120.0), WAITING_REACHED)
 
 
@@ -80,7 +80,7 @@ def test_a_call_that_takes_longer_ends_the_case(what, kind, plant_file, faulty):
 
 
 def test_one_that_gets_no_processor_is_ended_nobody_knows_when():
-    (told,) = looked((0.0, STEP, Spent()), (10.0, STEP, Spent()))
+    (told,) = looked((0.0, STEP, TimeSpent()), (10.0, STEP, TimeSpent()))
     assert told.remaining == math.inf
     assert standstill_words(told, "c00", None).endswith("It is ended when the limit of processor time is reached.")
 
@@ -90,7 +90,7 @@ def test_each_standstill_is_told_once_and_nothing_else(steps):
     time, looks = 0.0, []
     for passed, place in steps:
         time += passed
-        looks.append((time, place, Spent(waited=time)))
+        looks.append((time, place, TimeSpent(waited=time)))
     expected, since, last, told = 0, 0.0, None, False
     for time, place, _ in looks:
         if place != last:
@@ -101,8 +101,8 @@ def test_each_standstill_is_told_once_and_nothing_else(steps):
 
 
 def test_the_next_task_at_the_same_place_is_another_one():
-    before = Lookout().after(0, STEP, 0.0, Spent())
-    assert before.after(1, STEP, PATIENCE, Spent()).standstill(PATIENCE, Spent(), 60.0, 60.0) is None
+    before = Lookout().after(0, STEP, 0.0, TimeSpent())
+    assert before.after(1, STEP, PATIENCE, TimeSpent()).standstill(PATIENCE, TimeSpent(), 60.0, 60.0) is None
 
 
 def test_the_words_name_place_time_limit_and_end():

@@ -19,7 +19,7 @@ from orchestrator.codec import unpack
 from orchestrator.errors import Crash, EnvironmentFault
 from orchestrator.execution import store
 from orchestrator.execution.job import Done
-from orchestrator.execution.supervision import OUTSIDE
+from orchestrator.execution.supervision import NOT_BY_CONTROLLER
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.runs import CaseRun
 from orchestrator.pairing.work import CaseTask
@@ -157,7 +157,7 @@ def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, c
     def answer(request):
         if isinstance(request, Batch) and len(disturbed) < 2:
             disturbed.append(request)
-            raise EnvironmentFault("killed", OUTSIDE)
+            raise EnvironmentFault("killed", NOT_BY_CONTROLLER)
         return player(request)
 
     with caplog.at_level(logging.WARNING, "orchestrator"):
@@ -166,7 +166,7 @@ def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, c
     assert found.repetitions == 2 and len({cases[0].scenario.sensor.noise.seed for cases in tried}) == 3
     assert caplog.text.count("begins again") == 2
     other = EnvironmentFault("no disk")
-    for problem in (other, EnvironmentFault("killed", OUTSIDE)):
+    for problem in (other, EnvironmentFault("killed", NOT_BY_CONTROLLER)):
         with pytest.raises(EnvironmentFault):
             answered(verification(quick, ()), raising(problem, Player()))
 

@@ -214,7 +214,7 @@ def disturbed(monkeypatch, disturb, times=1):
 
 def test_a_worker_that_does_not_end_in_time_may_be_killed_again(monkeypatch):
     """As on a machine that stood still: its exit code was not there when its channel was closed."""
-    monkeypatch.setattr(launch, "LAST_WORDS", 0.0)
+    monkeypatch.setattr(launch, "EXIT_TIMEOUT", 0.0)
     near, far = socket.socketpair()
     process = launch._ForkedProcess.__new__(launch._ForkedProcess)
     process._code, process._status, process.tree = None, near, SimpleNamespace(kill=lambda: None)

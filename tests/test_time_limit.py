@@ -11,26 +11,26 @@ from hypothesis import strategies as st
 from orchestrator.execution.process_tree import ProcessTree, Use, exit_code
 from orchestrator.execution.time_limit import (
     IDLE,
-    LONGEST,
+    MAX_INTERVAL,
     PROCESSOR_REACHED,
     WAITING,
     WAITING_REACHED,
-    Look,
-    Spent,
+    Reading,
     Stopwatch,
+    TimeSpent,
 )
 
 durations = st.floats(1e-3, 1e4)
 shares = st.floats(0.0, 1.0)
 
 
-def spent(*steps: tuple[float, float, bool]) -> Spent:
+def spent(*steps: tuple[float, float, bool]) -> TimeSpent:
     """After looks at these intervals [s], at processor time per second, and at whether the process was ready."""
-    looks = [Look(0.0, Use(0.0, 0.0, 0, False, False))]
+    looks = [Reading(0.0, Use(0.0, 0.0, 0, False, False))]
     for interval, share, ready in steps:
         last = looks[-1]
-        looks.append(Look(last.time + interval, Use(last.use.processor + share * interval, 0.0, 0, ready, False)))
-    total = Spent()
+        looks.append(Reading(last.time + interval, Use(last.use.processor + share * interval, 0.0, 0, ready, False)))
+    total = TimeSpent()
     for one, next in pairwise(looks):
         total = total.after(one, next)
     return total
@@ -49,15 +49,15 @@ def test_who_computes_now_and_then_does_not_wait_because_others_slow_it_down(per
     """Of each period a share is computed; on a busy machine that takes longer, in which it stands in the queue."""
     computed = share * period
     queued = (slower - 1.0) * computed
-    one = Look(0.0, Use(0.0, 0.0, 0, False, False))
-    assert Spent().after(one, Look(period + queued, Use(computed, queued, 0, False, False))).waited == 0.0
+    one = Reading(0.0, Use(0.0, 0.0, 0, False, False))
+    assert TimeSpent().after(one, Reading(period + queued, Use(computed, queued, 0, False, False))).waited == 0.0
 
 
 @given(st.lists(st.tuples(durations, st.just(0.0), st.just(False)), max_size=20))
 def test_who_sleeps_waits(steps):
     total = spent(*steps)
     assert total.processor == 0.0
-    assert total.waited == pytest.approx(sum(min(interval, LONGEST) for interval, _, _ in steps))
+    assert total.waited == pytest.approx(sum(min(interval, MAX_INTERVAL) for interval, _, _ in steps))
 
 
 @given(st.lists(st.tuples(durations, shares, st.booleans()), max_size=20))
@@ -68,14 +68,14 @@ def test_time_is_never_counted_twice(steps):
 
 @given(durations, durations)
 def test_a_limit_is_reached_when_it_is_exceeded(limit, used):
-    assert bool(Spent(processor=used).excess(limit)[0]) == (used > limit)
-    assert bool(Spent(waited=used).excess(limit)[0]) == (used > WAITING * limit)
+    assert bool(TimeSpent(processor=used).excess(limit)[0]) == (used > limit)
+    assert bool(TimeSpent(waited=used).excess(limit)[0]) == (used > WAITING * limit)
 
 
 def test_what_was_reached_is_told_with_figures():
-    told, kind = Spent(processor=65.24, waited=3.0).excess(65.0)
+    told, kind = TimeSpent(processor=65.24, waited=3.0).excess(65.0)
     assert (told, kind) == (f"{PROCESSOR_REACHED}: 65.2 s of 65 s", PROCESSOR_REACHED)
-    told, kind = Spent(processor=1.0, waited=130.1).excess(65.0)
+    told, kind = TimeSpent(processor=1.0, waited=130.1).excess(65.0)
     assert (told, kind) == (
         f"{WAITING_REACHED}: for 130.1 s of 130 s it was not seen to compute, and it computed for 1.0 s",
         WAITING_REACHED,

@@ -36,7 +36,7 @@ from .supervision import run_isolated
 WAIT = 60.0
 """Seconds to wait for the scheduler's and the workers' first words, and for the first worker."""
 
-LOOK = 1.0
+POLL_INTERVAL = 1.0
 """Seconds between two looks whether there is one, and whether the scheduler is still there."""
 
 T = TypeVar("T")
@@ -151,7 +151,7 @@ def _next(finished: queue.SimpleQueue[T], client: Any, wait: float) -> T:
     """What is ``finished`` next; :class:`TimeoutError` if the scheduler says nothing for ``wait`` [s] meanwhile."""
     while True:
         with suppress(queue.Empty):
-            return finished.get(timeout=LOOK)
+            return finished.get(timeout=POLL_INTERVAL)
         _within(wait, client.nthreads)
 
 
@@ -165,14 +165,15 @@ def _within(seconds: float, ask: Callable[[], T]) -> T:
         except BaseException as problem:  # it is raised where it is waited for
             answers.put((None, problem))
 
+    # A daemon: a scheduler that never answers must not keep the program from ending.
     threading.Thread(target=run, daemon=True).start()
     try:
-        found, problem = answers.get(timeout=seconds)
+        answer, problem = answers.get(timeout=seconds)
     except queue.Empty:
         raise TimeoutError(f"no answer within {seconds:g} s") from None
     if problem is not None:
         raise problem
-    return found  # type: ignore[return-value]  # one of the two is there
+    return answer  # type: ignore[return-value]  # one of the two is there
 
 
 def _check_workers(client: Any, address: str, wait: float) -> None:
@@ -181,19 +182,19 @@ def _check_workers(client: Any, address: str, wait: float) -> None:
     told = False
     while True:
         try:
-            found = _within(wait, lambda: client.run(packed_identity, on_error="return"))
+            identities = _within(wait, lambda: client.run(packed_identity, on_error="return"))
         except Exception as problem:  # whatever a worker without this package has to offer
             message = f"The workers of the cluster at {address} do not say who they are: {problem}."
             raise EnvironmentFault(message, "cluster") from problem
-        if found:
+        if identities:
             break
         if time.monotonic() > deadline:
             raise EnvironmentFault(f"The cluster at {address} has had no worker for {wait:g} s.", "no-worker")
         if not told:
             logger.info("waiting for workers of the cluster at %s, %g s at most", address, wait)
         told = True
-        time.sleep(LOOK)
-    for worker, answer in found.items():
+        time.sleep(POLL_INTERVAL)
+    for worker, answer in identities.items():
         whose = f"The worker {worker} of the cluster at {address}"
         try:
             theirs = unpack(answer, Identity) if isinstance(answer, bytes) else None
@@ -206,10 +207,10 @@ def _check_workers(client: Any, address: str, wait: float) -> None:
 
 
 def _check_identity(theirs: Identity, whose: str) -> None:
-    for name, own in plain(identity()).items():
+    for name, ours in plain(identity()).items():
         other = getattr(theirs, name)
-        if other != own:
-            message = f"{whose} has another {name}, {other[:16]} and not {own[:16]}: its numbers could be others."
+        if other != ours:
+            message = f"{whose} has another {name}, {other[:16]} and not {ours[:16]}: its numbers could be others."
             raise InputError(message, f"other-{name}", whose, other)
 
 
@@ -238,8 +239,8 @@ def _run_remotely(packed: bytes, plant: bytes, controller: bytes) -> bytes:
             longest_call=remote.longest_call,
         )
         sent = (
-            Finished(found.index, found.value, found.wall_time) if isinstance(found, Done) else found
-            for found in run_isolated(job)
+            Finished(outcome.index, outcome.value, outcome.wall_time) if isinstance(outcome, Done) else outcome
+            for outcome in run_isolated(job)
         )
         return pack(RemoteAnswer(tuple(sent)))
     except BenchmarkError as error:
@@ -255,6 +256,7 @@ def _open(files: FmuFiles, content: bytes) -> Archive:
         archive = open_archive(file, files.library)
     if archive.sha256 != files.sha256:
         raise InputError(f"{files.name} has changed since it was opened.", "changed", files.name)
+    # The file goes with the scratch folder; its bytes are needed should the worker's cache be deleted.
     return replace(archive, content=content)
 
 
@@ -265,13 +267,14 @@ def _outcomes(answer: object, job: Job) -> list[Outcome]:
     decoded = unpack(answer, RemoteAnswer)
     if decoded.error is not None:
         raise error_of(decoded.error)
-    found = [
+    outcomes = [
         Done(sent.index, job.decode(sent.index, sent.value), sent.wall_time) if isinstance(sent, Finished) else sent
         for sent in decoded.outcomes
     ]
-    if [outcome.index for outcome in found] != list(range(len(job.tasks))):
+    # A worker may be another's machine: an answer that leaves a case out would be scored as if there were fewer.
+    if [outcome.index for outcome in outcomes] != list(range(len(job.tasks))):
         raise Malformed("not one outcome per task")
-    return found
+    return outcomes
 
 
 def _lost(index: int, problem: object) -> Died:

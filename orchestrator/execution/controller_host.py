@@ -13,7 +13,7 @@ from .sandboxed import fill_cache
 
 # Imports inside functions: the process binds itself to its parent before it loads anything.
 
-LARGEST_FILE = 16 * 1024**2
+MAX_FILE_BYTES = 16 * 1024**2
 """Bytes that a file may have which the controller writes, and what it prints and logs."""
 
 OF_THE_USER = {resource.RLIMIT_SIGPENDING: 256, resource.RLIMIT_MSGQUEUE: 0, resource.RLIMIT_MEMLOCK: 1 << 20}
@@ -44,8 +44,9 @@ def main() -> None:
         bind_to_parent(os.getppid())
         warm_up()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A core dump would be a file of gigabytes, and hold what the process had read.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MAX_FILE_BYTES, MAX_FILE_BYTES))
     for kind, limit in OF_THE_USER.items():
         hard = resource.getrlimit(kind)[1]
         least = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
@@ -58,9 +59,12 @@ def main() -> None:
     log.use(log.Log(memoryview(mmap.mmap(2, log.SIZE))))
     with suppress(BrokenPipeError, EOFError):
         begin = read_frame(requests, Begin)
+        # Before the first byte of the FMU runs, and after all that Python itself needs of the refused calls.
         deny_covert_channels(talking=begin.controller.library == WINE)
         files, T_s = begin.controller, begin.sample_time
         try:
+            # Loading may change how numbers are computed: code of -ffast-math
+            # sets flush-to-zero in its library's constructor.
             surroundings = Surroundings()
             slave = load(reopen(files.name, files.sha256, files.folder, files.library), trace.CONTROLLER)
             surroundings.restore()

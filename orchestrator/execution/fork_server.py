@@ -25,7 +25,7 @@ from .lean import lean_imports
 from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
 
-LOOK = 1.0
+POLL_INTERVAL = 1.0
 """Seconds between two looks whether the owner is still there: a fork of it may hold the socket open."""
 
 
@@ -44,6 +44,7 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
     ``module`` is imported first, and its function ``prepare`` called if there is one. Workers work in folders inside
     ``scratch``, which is removed at the end. If ``protected``, the package is read-only where that can be done.
     """
+    # Ctrl-C goes to all processes of the terminal; the owner decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # until there is something to clean up
     workers: dict[int, _Worker] = {}
@@ -57,8 +58,9 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
             if prepare is not None:
                 prepare()
         requests, awake = socket.socket(fileno=control), _wake_up()
+        # A server whose owner was killed has another parent, and would wait for ever.
         while os.getppid() == owner:
-            ready = readable((control, awake), LOOK)
+            ready = readable((control, awake), POLL_INTERVAL)
             if awake in ready and signal.SIGTERM in os.read(awake, 4096):
                 return
             _report_ended(workers)
@@ -80,6 +82,7 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
 def _wake_up() -> int:
     """Descriptor from which the numbers of the signals that arrive can be read."""
     awake, wake = os.pipe()
+    # signal.set_wakeup_fd demands it: a full pipe must not block a handler.
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(wake)
     for number in (signal.SIGCHLD, signal.SIGTERM):
@@ -100,7 +103,7 @@ def _fork(descriptors: list[int], workers: dict[int, _Worker], scratch: str) -> 
         for descriptor in descriptors:
             os.close(descriptor)
         return
-    *own, status = descriptors
+    *inherited, status = descriptors
     try:
         os.makedirs(scratch, exist_ok=True)
         folder = tempfile.mkdtemp(dir=scratch)
@@ -110,10 +113,10 @@ def _fork(descriptors: list[int], workers: dict[int, _Worker], scratch: str) -> 
         os.close(status)
     else:
         if pid == 0:
-            _work(own, folder, server)
+            _work(inherited, folder, server)
         workers[pid] = _Worker(status, folder)
         _send(status, pid)
-    for descriptor in own:
+    for descriptor in inherited:
         os.close(descriptor)
 
 
@@ -122,6 +125,7 @@ def _work(descriptors: list[int], folder: str, server: int) -> None:
     from .worker import main as work  # loaded before the fork, without what is not needed
 
     try:
+        # Else a signal to the worker would be written into the server's pipe.
         signal.set_wakeup_fd(-1)
         for number in (signal.SIGCHLD, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
@@ -130,6 +134,7 @@ def _work(descriptors: list[int], folder: str, server: int) -> None:
     except BaseException:
         sys.excepthook(*sys.exc_info())
     finally:
+        # Not sys.exit: the worker has the server's exit handlers and buffers, which are not its own to run.
         os._exit(1)
 
 
@@ -138,6 +143,7 @@ def _report_ended(workers: dict[int, _Worker]) -> None:
     with suppress(ChildProcessError):  # there is none left
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
             pid, state = ended
+            # An FMU's own child outlives its worker, and would go on using processor and memory beside the next cases.
             _end_strays(workers)
             if pid in workers:
                 worker = workers.pop(pid)

@@ -47,6 +47,8 @@ def run_clean(code: str, arguments: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="flexible-manipulator-", ignore_cleanup_errors=True) as folder, _deaf():
         prefix = os.path.join(os.path.realpath(folder), BYTE_CODE)
         executable, *rest = program(code)
+        # -I leaves out PYTHON* variables, the user's site-packages and the
+        # current folder, each of which an FMU may have prepared.
         command = [executable, "-I", "-X", f"pycache_prefix={prefix}", *rest, *arguments]
         variables = {**os.environ, VARIABLE: os.path.realpath(folder)}
         return subprocess.run(command, env=variables, check=False).returncode

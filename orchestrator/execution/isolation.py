@@ -26,7 +26,7 @@ from .messages import OVERHEAD, ErrorRecord, FmuFiles, error_of, frame, read_fra
 from .process_tree import FOREIGN_SIGNALS, ProcessTree, end_of, exit_code
 from .time_limit import end_within
 
-LAST_WORDS = 1.0
+EXIT_TIMEOUT = 1.0
 """Seconds that a process that gives no answer may go on, computing or waiting, before it is said so."""
 
 
@@ -92,6 +92,7 @@ class Isolated:
                 trace.current.expect(trace.CONTROLLER, tuple(self.calls.values()))
                 yield self._port()
             finally:
+                # Before what it printed is read: it may print without end.
                 process.kill()
                 _hand_on(printed)
 
@@ -106,7 +107,7 @@ class Isolated:
 
     def lost(self) -> Crash:
         """What became of its process, which gives no answer."""
-        code = end_within(LAST_WORDS, partial(exit_code, self._process), ProcessTree(self._process.pid))
+        code = end_within(EXIT_TIMEOUT, partial(exit_code, self._process), ProcessTree(self._process.pid))
         if code is None:
             words, name = "process sent what is no answer", ""
         else:
@@ -132,9 +133,9 @@ class Isolated:
 
     def _port(self) -> port.Port:
         pair = (0, 0)
-        own = port.unconnected(pair, 2, pair, 2)
-        own.functions[port.REQUESTS], own.functions[port.ANSWERS] = self._requests, self._answers
-        return own._replace(
+        unconnected = port.unconnected(pair, 2, pair, 2)
+        unconnected.functions[port.REQUESTS], unconnected.functions[port.ANSWERS] = self._requests, self._answers
+        return unconnected._replace(
             stepping=port.REMOTE,
             set_values=port.c_function("write"),
             get_values=port.c_function("read"),
@@ -146,6 +147,8 @@ class Isolated:
 def _own(record: ErrorRecord) -> BenchmarkError:
     """The error that a controller's process reports: of its input or of the FMU. It cannot blame this machine."""
     told = error_of(record)
+    # A controller may write any error into the pipe. Were it an EnvironmentFault, it
+    # would buy a second try with the draws that it has seen.
     return told if isinstance(told, InputError | FmuError) else FmuError(record.message)
 
 
@@ -161,6 +164,7 @@ def _printed() -> Iterator[int]:
 
 def _hand_on(printed: int) -> None:
     """Print the end of what a controller's process has printed, and keep what it has logged."""
+    # The first bytes are the log, which the process maps.
     begin = max(os.fstat(printed).st_size - TAIL, log.SIZE)
     write_all(2, os.pread(printed, TAIL, begin))
     log.current.take(log.Log(os.pread(printed, log.SIZE, 0).ljust(log.SIZE, b"\0")))

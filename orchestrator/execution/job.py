@@ -99,6 +99,8 @@ class Job:
     def order(self, isolated: tuple[str, ...] = ()) -> Order:
         """What is sent to a worker; ``isolated`` is the command that starts a process for the controller."""
         plant, controller = self.described().fmus
+        # The plant alone: a controller that ran before, with the user's rights,
+        # could have replaced its files to be judged by another arm.
         plant = msgspec.structs.replace(plant, digests=self.plant.digests)
         return Order(plant, controller, self.work, self.tasks, isolated, self.core)
 

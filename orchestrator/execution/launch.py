@@ -31,10 +31,10 @@ from .shared_trace import SharedTrace
 ATTEMPTS = 3
 """Fork servers that the start of a worker may cost: one may be killed for no fault of the worker's."""
 
-LOOK = 0.2
+POLL_INTERVAL = 0.2
 """Seconds between two looks whether a start is still wanted."""
 
-LAST_WORDS = 5.0
+EXIT_TIMEOUT = 5.0
 """Seconds for a process that was killed to be gone."""
 
 LOST = 256
@@ -108,7 +108,7 @@ def _fence(job: Job) -> list[str]:
 def _send(channel: socket.socket, data: bytes, stop: threading.Event) -> None:
     """Send all of ``data``, or raise :class:`Stopped` once ``stop`` is set: the other side may be suspended."""
     view = memoryview(data)
-    channel.settimeout(LOOK)
+    channel.settimeout(POLL_INTERVAL)
     while view:
         if stop.is_set():
             raise Stopped
@@ -149,6 +149,7 @@ class ForkServer:
     def __init__(self, module: str, protected: bool) -> None:
         self._lock = threading.Lock()
         self._closed, self._words = False, ""
+        # Numba's files of machine code end so; where there are none, the first start seems to hang.
         if not any(compiled_code_folder().rglob("*.nbc")):
             logger.info("compiling the master loop, once: this takes some ten seconds")
         with ExitStack() as stack:
@@ -164,6 +165,7 @@ class ForkServer:
     def request(self, descriptors: tuple[int, ...], described: Described) -> None:
         """Ask for a worker; raises :class:`OSError` if the server is gone."""
         with self._lock:
+            # One message at a time: the frame that follows the byte must not be mixed with another thread's.
             socket.send_fds(self._control, [REQUEST, frame(described)], list(descriptors))
 
     def close(self) -> str:
@@ -173,7 +175,7 @@ class ForkServer:
                 self._closed = True
                 self._process.terminate()
                 try:
-                    self._process.wait(LAST_WORDS)
+                    self._process.wait(EXIT_TIMEOUT)
                 except subprocess.TimeoutExpired:
                     self._process.kill()
                     self._process.wait()
@@ -204,7 +206,7 @@ def _fork_server(module: str, protected: bool) -> ForkServer:
 def _discard(server: ForkServer) -> str:
     """End a server; the next worker gets a new one. Returns its last words."""
     with _servers_lock:
-        for key in [key for key, known in _servers.items() if known is server]:
+        for key in [key for key, running in _servers.items() if running is server]:
             del _servers[key]
     return server.close()
 
@@ -223,6 +225,7 @@ def _forget_fork_servers() -> None:
     _servers.clear()
 
 
+# multiprocessing and notebooks fork: two processes on one control socket would take each other's workers.
 os.register_at_fork(after_in_child=_forget_fork_servers)
 
 
@@ -254,7 +257,7 @@ class _ForkedProcess:
 
     def _number(self, stop: threading.Event) -> int | None:
         """The worker's process number, or a negative error number; None if the server is gone."""
-        while not readable([self._status.fileno()], LOOK):
+        while not readable([self._status.fileno()], POLL_INTERVAL):
             if stop.is_set():
                 raise Stopped
         return _received(self._status)
@@ -267,7 +270,7 @@ class _ForkedProcess:
 
     def kill(self) -> None:
         self.tree.kill()
-        self.exit_code(LAST_WORDS)
+        self.exit_code(EXIT_TIMEOUT)
         self._status.close()
 
 

@@ -19,11 +19,13 @@ def lean_imports() -> Iterator[None]:
     Not for the user's process, whose other threads may import what they like.
     """
     hidden = [name for name in UNNEEDED if name not in sys.modules]
+    # Numba looks for SciPy to support scipy.linalg in compiled code, and goes on without it.
     sys.modules.update(dict.fromkeys(hidden))  # type: ignore[arg-type]  # None forbids
     gc.disable()
     try:
         yield
     finally:
+        # The collector writes into every object that it looks at, and a forked worker would copy all these pages.
         gc.freeze()
         gc.enable()
         for name in hidden:

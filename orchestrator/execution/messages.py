@@ -31,7 +31,7 @@ frame with the :class:`Described` FMUs follows."""
 
 NUMBER = struct.Struct("!i")
 
-LONGEST_TEXT, LONGEST_LINE, MOST_LINES = 16_000, 500, 40
+MAX_TEXT, MAX_LINE, MAX_LINES = 16_000, 500, 40
 """Characters and lines of an error that are sent. With UTF-8's four bytes per character they stay below OVERHEAD."""
 
 
@@ -116,17 +116,18 @@ FAMILY: dict[str, tuple[type[BenchmarkError], tuple[str, ...]]] = {
 def error_record(error: BenchmarkError) -> ErrorRecord:
     """``error`` as data, cut to a length and to text that can be sent."""
     kind, fields = next((kind, fields) for kind, (base, fields) in FAMILY.items() if isinstance(error, base))
-    own = {name: getattr(error, name) for name in fields}
-    sent = {name: _sent(value) if isinstance(value, str) else _lines(value) for name, value in own.items()}
-    return convert({"kind": kind, "message": _sent(str(error), LONGEST_TEXT), **sent}, ErrorRecord)
+    values = {name: getattr(error, name) for name in fields}
+    sent = {name: _sent(value) if isinstance(value, str) else _lines(value) for name, value in values.items()}
+    return convert({"kind": kind, "message": _sent(str(error), MAX_TEXT), **sent}, ErrorRecord)
 
 
-def _sent(text: str, longest: int = LONGEST_LINE) -> str:
+def _sent(text: str, longest: int = MAX_LINE) -> str:
+    # A lone surrogate, as of a file name that is not UTF-8, cannot be packed.
     return text[:longest].encode(errors="replace").decode()
 
 
 def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(map(_sent, lines[-MOST_LINES:]))
+    return tuple(map(_sent, lines[-MAX_LINES:]))
 
 
 def error_of(record: ErrorRecord) -> BenchmarkError:
@@ -175,6 +176,7 @@ def read_frame(descriptor: int, kind: type[T], largest: int = sys.maxsize) -> T:
         return data
 
     (length,) = LENGTH.unpack(read(LENGTH.size))
+    # Before the memory for it is taken: a forged length of 4 GB would end the owner and not the worker.
     if length > largest:
         raise Malformed(f"a message of {length} bytes, where {largest} are the most")
     return unpack(read(length), kind)
@@ -194,6 +196,7 @@ class Inbox:
         """Take what is there, of which there must be something; False at the end."""
         try:
             piece = os.read(self._descriptor, CHUNK)
+        # A worker that is killed with data unread resets the connection; that is its end as well.
         except ConnectionError:
             return False
         self._bytes += piece
@@ -211,6 +214,7 @@ class Inbox:
         if len(self._bytes) < LENGTH.size:
             return None
         (length,) = LENGTH.unpack_from(self._bytes)
+        # The same limit as in read_frame: the sender may be an FMU.
         if length > self._largest:
             raise Garbage(f"a message of {length} bytes, where {self._largest} are the most")
         if len(self._bytes) < LENGTH.size + length:

@@ -25,6 +25,7 @@ def run(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Outcome], Non
     results: queue.SimpleQueue[tuple[int, Outcome] | BaseException | None] = queue.SimpleQueue()
     stop = threading.Event()
 
+    # Those that this process may use, not those of the machine: containers and batch systems give a part.
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_setaffinity") else [-1]
 
     def drive(place: int) -> None:

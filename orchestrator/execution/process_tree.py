@@ -39,7 +39,7 @@ class Use:
 class _Member:
     """One process: its own processor time and that of the children it has waited for [s], see :class:`Use`."""
 
-    own: float
+    processor: float
     children: float
     queued: float
     memory: int
@@ -55,25 +55,28 @@ class ProcessTree:
 
     def __init__(self, pid: int) -> None:
         self._pid, self._members = pid, dict[int, psutil.Process]()
-        self._own, self._most = dict[int, float](), 0.0
+        self._processor, self._most = dict[int, float](), 0.0
         self._meet(pid)
 
     def use(self) -> Use:
         """What it uses; also looks for new members."""
         self._look()
-        found = {pid: read for pid, member in self._members.items() if (read := _read(member)) is not None}
-        self._own.update((pid, read.own) for pid, read in found.items())
+        members = {pid: read for pid, member in self._members.items() if (read := _read(member)) is not None}
+        self._processor.update((pid, read.processor) for pid, read in members.items())
         # The system adds the time of a child to that of its parent, unless the parent ignores how its children end:
         # such a child counts as far as it was seen. Neither sum is more than what was used.
-        seen, waited_for = sum(self._own.values()), sum(read.own + read.children for read in found.values())
+        seen, waited_for = (
+            sum(self._processor.values()),
+            sum(read.processor + read.children for read in members.values()),
+        )
         self._most = max(self._most, seen, waited_for)
         return Use(
             processor=self._most,
-            queued=sum(read.queued for read in found.values()),
-            memory=sum(read.memory for read in found.values()),
-            ready=any(read.ready for read in found.values()),
-            stopped=self._pid in found and found[self._pid].stopped,
-            processes=len(found),
+            queued=sum(read.queued for read in members.values()),
+            memory=sum(read.memory for read in members.values()),
+            ready=any(read.ready for read in members.values()),
+            stopped=self._pid in members and members[self._pid].stopped,
+            processes=len(members),
         )
 
     def is_alive(self) -> bool:
@@ -88,6 +91,7 @@ class ProcessTree:
             self._members[self._pid].suspend()  # so that it starts no more while we count
         self._look()
         with suppress(ProcessLookupError, PermissionError):
+            # The group also has those that were started after the last look.
             os.killpg(self._pid, signal.SIGKILL)
         for member in self._members.values():
             with suppress(psutil.Error):
@@ -121,6 +125,7 @@ def _read(member: psutil.Process) -> _Member | None:
     if not fields or not member.is_running():  # another process may have its number by now
         return None
     threads = _threads(place)
+    # By thread: an FMU may compute in one while its first one sleeps.
     states = {thread[_STATE] for thread in map(_fields, threads) if thread}
     tick, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
     user, system, *waited_for = (int(field) / tick for field in fields[_TIMES])
@@ -168,8 +173,8 @@ def end_of(exit_code: int, sandboxed: bool) -> tuple[str, str]:
     number = exit_code - 128 if sandboxed and exit_code > 128 else -exit_code  # a sandbox passes signals on like this
     if number <= 0:
         return f"process ended by itself with exit code {exit_code}", ""
-    known = {each.value: each.name for each in signal.Signals}
-    name = known.get(number, f"signal {number}")
+    names = {item.value: item.name for item in signal.Signals}
+    name = names.get(number, f"signal {number}")
     return f"process was ended by {name}", name
 
 
@@ -184,6 +189,7 @@ def bind_to_parent(parent: int) -> None:
     """End with ``parent``, at once if that is not this process's parent any more (Linux), and adopt orphans."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    # The parent may have ended before prctl, which then waits for nothing.
     if os.getppid() != parent:
         os._exit(1)
     adopt_orphans()

@@ -44,10 +44,10 @@ CAPSET_VERSION = 0x20080522
 def folders() -> tuple[str, ...]:
     """What is to be read-only: real paths of folders that exist, none inside another."""
     libraries = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts"))
-    own = (str(PACKAGE.parent / name) for name in PACKAGES)
-    given = filter(None, (*own, *libraries, site.getusersitepackages(), sys.pycache_prefix))
-    known = {Path(os.path.realpath(each)) for each in given if os.path.isdir(each)}
-    return tuple(sorted(str(each) for each in known if known.isdisjoint(each.parents)))
+    packages = (str(PACKAGE.parent / name) for name in PACKAGES)
+    given = filter(None, (*packages, *libraries, site.getusersitepackages(), sys.pycache_prefix))
+    paths = {Path(os.path.realpath(path)) for path in given if os.path.isdir(path)}
+    return tuple(sorted(str(path) for path in paths if paths.isdisjoint(path.parents)))
 
 
 def protect() -> bool:
@@ -75,16 +75,20 @@ def _protect(chosen: Iterable[str]) -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     uid, gid = os.getuid(), os.getgid()
     _call(libc.unshare(NEW_USER | NEW_MOUNTS))
+    # user_namespaces(7): without "deny" a process without rights may not write gid_map.
     for name, words in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
         Path("/proc/self", name).write_text(words)
+    # Slave: what is mounted outside later still appears here, and nothing of here outside.
     _call(libc.mount(None, b"/", None, ctypes.c_ulong(RECURSIVE | SLAVE), None))
     for folder in chosen:
         path, kept = folder.encode(), os.statvfs(folder).f_flag
+        # A remount that drops nosuid, nodev or noexec of a mount from outside is refused in a user namespace.
         flags = kept & KEPT | (RELATIVE if kept & os.ST_RELATIME else 0)
         _call(libc.mount(path, path, None, ctypes.c_ulong(BIND | RECURSIVE), None))
         _call(libc.mount(None, path, None, ctypes.c_ulong(REMOUNT | BIND | READ_ONLY | flags), None))
     for capability in range(CAPABILITIES):
         libc.prctl(DROP_BOUND, capability, 0, 0, 0)  # it fails for those that there are not
+    # Else a program with setuid, such as sudo or fusermount, would give the capabilities back.
     _call(libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0))
     _call(libc.capset(struct.pack("II", CAPSET_VERSION, 0), bytes(24)))  # none effective, permitted or inheritable
 

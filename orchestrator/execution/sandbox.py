@@ -94,8 +94,8 @@ def command(fmus: Iterable[Path], alone: bool = False, talking: bool = False) ->
 def _processes_only() -> tuple[str, ...]:
     """Options that show of /proc what belongs to processes alone, and the links to that."""
     with os.scandir("/proc") as entries:
-        others = [each for each in entries if not each.name.isdecimal() and not each.is_symlink()]
-    empty = {each.path: ("--tmpfs",) if each.is_dir() else ("--ro-bind", os.devnull) for each in others}
+        others = [entry for entry in entries if not entry.name.isdecimal() and not entry.is_symlink()]
+    empty = {entry.path: ("--tmpfs",) if entry.is_dir() else ("--ro-bind", os.devnull) for entry in others}
     return "--proc", "/proc", *(word for path in sorted(empty) for word in (*empty[path], path)), *NO_PROC[2:]
 
 
@@ -116,6 +116,7 @@ def _mounts(cache: Path, alone: bool) -> tuple[str, ...]:
     needed = [sys.prefix, sys.base_prefix, *filter(None, (sys.pycache_prefix,)), *_search_path(alone)]
     hidden = writable | (_rest(needed) if alone else set())
     mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(ROOM), "--tmpfs", path) for path in hidden}
+    # Both spellings: a virtual environment may be reached through a link that is hidden itself.
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
         if path not in hidden and _is_below(path, hidden) and os.path.exists(path):
             mounts[path] = ("--ro-bind", path, path)
@@ -132,8 +133,9 @@ def _search_path(alone: bool) -> tuple[str, ...]:
     if not alone:
         return (*sys.path, around)
     libraries = filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))
+    # pip may have installed this package into site-packages, which a controller needs as its libraries.
     left_out = {around, os.getcwd()} - {sysconfig.get_path(name) for name in ("purelib", "platlib")}
-    others = [path for path in sys.path if path and not any(_is_below(each, (path,)) for each in left_out)]
+    others = [path for path in sys.path if path and not any(_is_below(folder, (path,)) for folder in left_out)]
     return (*others, *libraries, *(os.path.join(around, name) for name in (*PACKAGES, BUILDERS)))
 
 

@@ -34,8 +34,9 @@ def leaks() -> tuple[str, ...]:
     """
     os.environ[SECRET] = "1"
     with socket.create_server(("127.0.0.1", 0)) as server, tempfile.NamedTemporaryFile() as hidden:
-        own = next((entry.path for entry in os.scandir(Path.home()) if entry.is_file()), hidden.name)
-        told = (server.getsockname()[1], os.getpid(), hidden.name, own)
+        # A real file of the user's home: that one file can be read shows that all can.
+        private = next((entry.path for entry in os.scandir(Path.home()) if entry.is_file()), hidden.name)
+        told = (server.getsockname()[1], os.getpid(), hidden.name, private)
         words = [*command((), alone=True), *boot("sandbox_probe", *told)]
         try:
             tried = subprocess.run(
@@ -62,7 +63,7 @@ GET_KEYRING, SESSION = 0, -3
 """KEYCTL_GET_KEYRING_ID, KEY_SPEC_SESSION_KEYRING of linux/keyctl.h."""
 
 
-def main(port: int, outside: int, hidden: str, own: str) -> None:
+def main(port: int, outside: int, hidden: str, private: str) -> None:
     """Inside: try everything, and print what works."""
     _try({"the network": lambda: socket.create_connection(("127.0.0.1", port), 1.0)})  # the filter refuses it as well
     deny_covert_channels()
@@ -77,7 +78,7 @@ def main(port: int, outside: int, hidden: str, own: str) -> None:
         "more memory than allowed in shared memory": lambda: _fill(Path("/dev/shm")),
         "writing into /dev": lambda: Path("/dev/probe").write_bytes(b""),
         "marking a device": lambda: os.utime("/dev/null", (1, 1)),
-        "reading files of the home folder": lambda: Path(own).read_bytes(),
+        "reading files of the home folder": lambda: Path(private).read_bytes(),
         "the keyring of the session": lambda: _require(_keyring() >= 0),
         "sockets of virtual machines": lambda: socket.socket(VIRTUAL, socket.SOCK_STREAM),
         "locking files of the machine": lambda: _locked(FILE),
@@ -127,8 +128,8 @@ def _errno(number: int) -> int:
 
 def _works(name: str) -> None:
     """Raise :class:`OSError` if the call ``name`` is refused before its arguments are looked at, or is not there."""
-    numbers, known = {**REFUSED, **TALK}[name], MACHINES.get(platform.machine())
-    number = None if known is None else numbers[known[1]]
+    numbers, machine = {**REFUSED, **TALK}[name], MACHINES.get(platform.machine())
+    number = None if machine is None else numbers[machine[1]]
     _require(number is not None and _errno(number) not in (errno.EPERM, errno.ENOSYS))
 
 

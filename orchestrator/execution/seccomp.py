@@ -177,11 +177,11 @@ def deny_covert_channels(talking: bool = False) -> bool:
     A process that goes on ``talking`` with others that it starts, as Wine does with its server, keeps pipes, sockets
     of Unix and memory with a descriptor; its locks by fcntl say that a file is locked, and do nothing.
     """
-    known = MACHINES.get(platform.machine())
-    if sys.platform != "linux" or known is None:
+    machine = MACHINES.get(platform.machine())
+    if sys.platform != "linux" or machine is None:
         return False
     _warm_up()
-    code = program(*known, talking)
+    code = program(*machine, talking)
     memory = ctypes.create_string_buffer(code)
 
     class Program(ctypes.Structure):
@@ -189,9 +189,12 @@ def deny_covert_channels(talking: bool = False) -> bool:
 
         _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_void_p))
 
-    own = Program(len(code) // 8, ctypes.addressof(memory))
+    filter_program = Program(len(code) // 8, ctypes.addressof(memory))
     prctl = ctypes.CDLL(None).prctl
-    done = prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0 and prctl(SET_SECCOMP, FILTER, ctypes.byref(own), 0, 0) == 0
+    done = (
+        prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0
+        and prctl(SET_SECCOMP, FILTER, ctypes.byref(filter_program), 0, 0) == 0
+    )
     return bool(done)
 
 

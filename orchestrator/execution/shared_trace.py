@@ -56,6 +56,7 @@ class SharedTrace:
 def _unnamed_file() -> int:
     """Descriptor of a file of SIZE bytes. On Linux it cannot be cut, which would end whoever reads its memory."""
     if sys.platform == "linux":
+        # A worker that cuts the file would end its owner by SIGBUS, at the next look.
         file = os.memfd_create("trace", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         os.ftruncate(file, SIZE)
         fcntl.fcntl(file, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)

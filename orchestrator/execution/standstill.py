@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from ..fmi.trace import Place
-from .time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, Spent
+from .time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, TimeSpent
 
 PATIENCE = 10.0
 """Seconds at one place after which a simulation stands still: a whole one of 26 s computes for a second or two, so that
@@ -32,20 +32,21 @@ class Lookout:
     task: int = -1
     place: Place | None = None
     since: float = 0.0
-    spent: Spent = Spent()
+    spent: TimeSpent = TimeSpent()
     told: bool = False
 
-    def after(self, task: int, place: Place, time: float, spent: Spent) -> Lookout:
+    def after(self, task: int, place: Place, time: float, spent: TimeSpent) -> Lookout:
         """The same after a look at the ``time`` [s]."""
+        # The sample counts in the place, so a slow controller moves, and only one that hangs does not.
         if (task, place) == (self.task, self.place):
             return self
         return Lookout(task, place, time, spent)
 
-    def here(self, spent: Spent) -> Spent:
+    def here(self, spent: TimeSpent) -> TimeSpent:
         """What of ``spent`` was spent at the place."""
-        return Spent(spent.processor - self.spent.processor, spent.waited - self.spent.waited)
+        return TimeSpent(spent.processor - self.spent.processor, spent.waited - self.spent.waited)
 
-    def standstill(self, time: float, spent: Spent, limit: float, longest: float) -> Standstill | None:
+    def standstill(self, time: float, spent: TimeSpent, limit: float, longest: float) -> Standstill | None:
         """What is to be told at the ``time`` [s] of a task that has ``spent`` so much of its time ``limit`` [s], and
         may spend the ``longest`` time [s] at a place; None if nothing is."""
         seconds, here = time - self.since, self.here(spent)

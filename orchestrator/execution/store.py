@@ -39,14 +39,14 @@ class Store:
 
     def get(self, keys: Sequence[str]) -> dict[str, bytes]:
         """The records of those of ``keys`` that have one."""
-        found: dict[str, bytes] = {}
+        records: dict[str, bytes] = {}
         with self._reported():
             for first in range(0, len(keys), CHUNK):
                 chunk = list(keys[first : first + CHUNK])
                 marks = ", ".join("?" * len(chunk))
                 rows = self._connection.execute(f"SELECT key, record FROM records WHERE key IN ({marks})", chunk)
-                found.update((key, bytes(record)) for key, record in rows if isinstance(record, bytes))
-        return found
+                records.update((key, bytes(record)) for key, record in rows if isinstance(record, bytes))
+        return records
 
     def put(self, key: str, label: str, record: bytes) -> None:
         """Store a record and commit it; a second one of the same key takes the first one's place."""
@@ -80,6 +80,7 @@ def opened(folder: Path | None) -> Iterator[Store]:
         place = folder / FILE if folder is not None else MEMORY
         try:
             connection = stack.enter_context(contextlib.closing(sqlite3.connect(place)))
+            # A commit appends to one file then, and a reader, such as a report, is not in its way.
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = FULL")  # a committed row survives a power cut
             connection.execute(SCHEMA)
@@ -95,6 +96,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
     lock = FileLock(folder / ".lock")
     try:
+        # Two evaluations in one folder would each simulate the same cases, and mix two results in one report.
         lock.acquire(timeout=0)
     except Timeout:
         raise InputError(f"Another evaluation is writing into {folder}.", "folder-in-use", folder) from None

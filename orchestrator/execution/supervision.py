@@ -17,14 +17,14 @@ from ..fmi.archive import restore
 from ..fmi.trace import CONTROLLER
 from ..text import printable
 from .job import MANY_LOGGED, Died, Done, Job, Outcome
-from .launch import LAST_WORDS, LOST, Child, Process, Stopped, started
+from .launch import EXIT_TIMEOUT, LOST, Child, Process, Stopped, started
 from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
 from .standstill import Lookout
 from .time_limit import Stopwatch, end_within
 
-OUTSIDE = "outside"
-"""Code of a fault from outside that an isolated controller may have seen something before."""
+NOT_BY_CONTROLLER = "outside"
+"""Code of a fault for which an isolated controller is not to blame: but it has seen its draws, so they are spent."""
 
 TAIL = 8192
 """Bytes of a worker's printed output that are kept."""
@@ -32,7 +32,7 @@ TAIL = 8192
 LINES = 10
 """Lines that are shown of what a dead worker had printed, and of what the FMUs had logged there."""
 
-LOOK = 0.2
+POLL_INTERVAL = 0.2
 """Seconds between two looks at the stop signal and at what the worker uses."""
 
 START, FRESH_START = 10.0, 60.0
@@ -74,7 +74,7 @@ def run_isolated(job: Job, stop: threading.Event | None = None) -> Iterator[Outc
         except EnvironmentFault as problem:
             faults += 1
             if job.isolated:
-                raise EnvironmentFault(str(problem), OUTSIDE) from problem
+                raise EnvironmentFault(str(problem), NOT_BY_CONTROLLER) from problem
             if faults == ATTEMPTS:
                 raise
             restore(job.plant)
@@ -85,9 +85,9 @@ def _refuse_outside(outcome: Outcome, job: Job) -> None:
     if isinstance(outcome, Done):
         return
     if restore(job.plant) | restore(job.controller):
-        raise EnvironmentFault("The extracted FMUs have been changed or removed.", OUTSIDE)
+        raise EnvironmentFault("The extracted FMUs have been changed or removed.", NOT_BY_CONTROLLER)
     if isinstance(outcome, Died) and outcome.outside:
-        raise EnvironmentFault(outcome.message, OUTSIDE)
+        raise EnvironmentFault(outcome.message, NOT_BY_CONTROLLER)
 
 
 def _deserves_another_chance(outcome: Outcome, job: Job) -> bool:
@@ -125,11 +125,12 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
         if not loaded and place.side != CONTROLLER:
             told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
             raise EnvironmentFault(told, "worker-lost")
+        # Somebody has stopped the process (SIGSTOP, a debugger): the time that passed is not the controller's.
         outside |= timeout and watch.spent.stopped
         return Died(index, timeout, message, kind or message, watch.elapsed, place, words, outside)
 
     while not stop.is_set():
-        ready = readable(sources, LOOK)
+        ready = readable(sources, POLL_INTERVAL)
         if child.output in ready:
             piece = os.read(child.output, 65536)
             tail, printed = (tail + piece)[-TAIL:], printed + len(piece)
@@ -149,6 +150,8 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                         loaded, lookout = True, Lookout()
                         watch.begin()
                         continue
+                    # An FMU may write into the channel: a result before the FMUs
+                    # are loaded, or of another task, is a forged one.
                     if message.index != index or (isinstance(message, Finished) and not loaded):
                         raise Garbage("an outcome that is not due")
                     if isinstance(message, Failed):
@@ -172,7 +175,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
                 words, outside = _ending(child.process, job.sandbox)
                 yield died(words, outside=outside)
                 return
-        if watch.age > LOOK:
+        if watch.age > POLL_INTERVAL:
             used = watch.look()
             if used.memory > job.limits.memory:
                 told = f"it used {used.memory / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
@@ -192,6 +195,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
             if told:
                 yield died(told, timeout=True, kind=kind)
                 return
+            # What is in the channel goes first: a worker may end right after its last result.
             code = None if child.channel in ready else child.process.exit_code(0.0)
             if code is not None:  # whatever it has started may still hold the channel open
                 words, outside = _cause(code, job.sandbox)
@@ -217,7 +221,7 @@ def _lines(tail: bytes) -> tuple[str, ...]:
 
 def _ending(process: Process, sandboxed: bool) -> tuple[str, bool]:
     """How a process ends that has closed its channel, in words; whether somebody else may have ended it."""
-    code = end_within(LAST_WORDS, process.exit_code, process.tree)
+    code = end_within(EXIT_TIMEOUT, process.exit_code, process.tree)
     if code is not None:
         return _cause(code, sandboxed)
     if process.tree.is_alive():

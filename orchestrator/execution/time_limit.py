@@ -21,7 +21,7 @@ IDLE = 0.05
 """Time per second, with a processor or ready for one, below which a process waits: one that sleeps between short calls
 does, too."""
 
-LONGEST = 1.0
+MAX_INTERVAL = 1.0
 """Seconds that count at most between two looks: whoever looks may have been suspended, and the process with it."""
 
 PAUSE = 0.1
@@ -38,7 +38,7 @@ class Tree(Protocol):
 
 
 @dataclass(frozen=True)
-class Look:
+class Reading:
     """What a process has used at a ``time`` [s] of any steady clock."""
 
     time: float
@@ -46,20 +46,22 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Spent:
+class TimeSpent:
     """Since some beginning: ``processor`` time [s], time ``waited`` [s], and whether it was ``stopped`` meanwhile."""
 
     processor: float = 0.0
     waited: float = 0.0
     stopped: bool = False
 
-    def after(self, earlier: Look, later: Look) -> Spent:
+    def after(self, earlier: Reading, later: Reading) -> TimeSpent:
         """What is spent at the ``later`` look, if this is at the ``earlier`` one."""
         passed, used = later.time - earlier.time, max(later.use.processor - earlier.use.processor, 0.0)
+        # Linux counts the time in the run queue; on a busy machine a process that waits for a processor is not idle.
         queued = max(later.use.queued - earlier.use.queued, 0.0)
         waits = not later.use.ready and used + queued < IDLE * passed
-        waited = min(passed, LONGEST) if waits else 0.0
-        return Spent(self.processor + used, self.waited + waited, self.stopped or later.use.stopped)
+        # A laptop that was closed for an hour must not end the case.
+        waited = min(passed, MAX_INTERVAL) if waits else 0.0
+        return TimeSpent(self.processor + used, self.waited + waited, self.stopped or later.use.stopped)
 
     def excess(self, limit: float) -> tuple[str, str]:
         """What has exceeded the time limit [s], in words with and without figures; empty if nothing has."""
@@ -80,8 +82,8 @@ class Stopwatch:
 
     def begin(self) -> None:
         """Begin anew."""
-        self._first = self._last = Look(time.monotonic(), self._tree.use())
-        self.spent = Spent()
+        self._first = self._last = Reading(time.monotonic(), self._tree.use())
+        self.spent = TimeSpent()
 
     @property
     def elapsed(self) -> float:
@@ -95,7 +97,7 @@ class Stopwatch:
 
     def look(self) -> Use:
         """Bring ``spent`` up to date; what the tree uses."""
-        now = Look(time.monotonic(), self._tree.use())
+        now = Reading(time.monotonic(), self._tree.use())
         self.spent = self.spent.after(self._last, now)
         self._last = now
         return now.use

@@ -23,7 +23,7 @@ from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, f
 from .process_tree import bind_to_parent
 from .shared_trace import SharedTrace
 
-MOST_DESCRIPTORS = 65536
+MAX_DESCRIPTORS = 65536
 
 Work = Callable[[Slave, Slave | Isolated, bytes], bytes]
 
@@ -38,6 +38,7 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     # Ctrl-C is the owner's to handle: inside a Python FMU it would be swallowed and look like a fatal error.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if os.getpgrp() != os.getpid():
+        # A group of its own, so that the owner can end all that an FMU starts.
         os.setpgid(0, 0)
     os.dup2(output, 1)
     os.dup2(output, 2)
@@ -46,7 +47,7 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
     log.use(log.Log(memory.log_buffer))
     # Close what the process has inherited: an FMU that writes into all it finds should find little.
     os.closerange(3, channel)
-    os.closerange(channel + 1, min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MOST_DESCRIPTORS))
+    os.closerange(channel + 1, min(resource.getrlimit(resource.RLIMIT_NOFILE)[0], MAX_DESCRIPTORS))
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     order = read_frame(channel, Order)
     if order.core >= 0:
@@ -64,6 +65,8 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
         )
         write_all(channel, frame(Loaded()))
         for index, task in enumerate(order.tasks):  # noqa: B007 - the handler below needs the index
+            # modelica/fmi-guides!19: FMUs change the working folder of
+            # their process; others its file mask, or its rounding.
             surroundings.restore()
             begin = time.perf_counter()
             value = work(plant, controller, task)

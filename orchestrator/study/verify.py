@@ -22,7 +22,7 @@ from ..documents.standard import COUNT, PROTOCOL, STRICT, USUAL
 from ..documents.verification import Verification
 from ..errors import EnvironmentFault, InputError
 from ..execution.interpreter import is_clean
-from ..execution.supervision import OUTSIDE
+from ..execution.supervision import NOT_BY_CONTROLLER
 from ..fmi.library import WINE
 from ..loop.sampling import controller_sample_time
 from ..loop.setup import effective
@@ -83,7 +83,7 @@ class VerificationStudy(Study[Verification]):
                 wanted = self.count, self.strict, tuple(self.beside), sandboxed
                 return (yield from _verified(same, controller, drawn, repetition, *wanted))
             except EnvironmentFault as problem:
-                if problem.what != OUTSIDE or repetition == ATTEMPTS - 1:
+                if problem.what != NOT_BY_CONTROLLER or repetition == ATTEMPTS - 1:
                     raise
                 logger.warning("%s The verification begins again, with other draws.", problem)
         raise AssertionError("the last attempt raises or returns")
