@@ -39,7 +39,7 @@ from orchestrator.execution.supervision import run_isolated  # noqa: E402
 from orchestrator.fmi.slaves import Slave  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
 from orchestrator.pairing import work  # noqa: E402
-from orchestrator.pairing.pairing import GROUP_SIZE, Pairing, judging  # noqa: E402
+from orchestrator.pairing.pairing import GROUP_SIZE, Pairing, judge_job  # noqa: E402
 from orchestrator.pairing.runs import CaseRun  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study import stored as stored_runs  # noqa: E402
@@ -175,7 +175,7 @@ def endure(bench: Pairing, number: int, workers: int, looks: int = 10) -> list[T
         benchmark = Benchmark("paper", seed=len(cases))
         noisy = [case for case in benchmark.cases if case.test.name == "noise"]
         cases += [replace(case, scenario=replace(case.scenario, duration=SHORT)) for case in noisy]
-    jobs = [judging(benchmark.rules, cases[n : n + GROUP_SIZE], bench) for n in range(0, number, GROUP_SIZE)]
+    jobs = [judge_job(benchmark.rules, cases[n : n + GROUP_SIZE], bench) for n in range(0, number, GROUP_SIZE)]
     found, peak = [], 0.0
     for count, (_, outcome) in enumerate(pool.run(jobs, workers), start=1):
         assert isinstance(outcome, Done), outcome

@@ -38,7 +38,7 @@ from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.cache import PACKAGE, source_hash  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
 from orchestrator.documents.results import Results  # noqa: E402
-from orchestrator.pairing.reference import in_c  # noqa: E402
+from orchestrator.pairing.controller import in_c  # noqa: E402
 from orchestrator.search.findings import BUDGET  # noqa: E402
 from orchestrator.study.evaluate import EvaluationStudy, SpreadStudy  # noqa: E402
 from orchestrator.study.requests import Requests, inside  # noqa: E402

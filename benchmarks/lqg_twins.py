@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.codec import to_json  # noqa: E402
-from orchestrator.pairing.reference import in_c  # noqa: E402
+from orchestrator.pairing.controller import in_c  # noqa: E402
 
 TWIN = "DitheredLQG_C"
 CONTROLLERS = {"DitheredLQG": {}, "ManipulatorLQG": {"amplitude[1]": 0.0, "amplitude[2]": 0.0}}

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.protocol import FILES  # noqa: E402
-from orchestrator.pairing.reference import IN_C, in_c, reference  # noqa: E402
+from orchestrator.pairing.controller import IN_C, in_c, reference  # noqa: E402
 
 DATA, PICTURE, LEADERBOARD = (
     ROOT / "docs" / name for name in ("radius.json", "pictures/radius.png", "leaderboard.json")

@@ -12,7 +12,7 @@ from support.command_lines import call
 
 import build_fmus
 from orchestrator import Benchmark, Controller, InputError, compare
-from orchestrator.pairing import twin
+from orchestrator.pairing import built_in as built_in_fmus
 from orchestrator.pairing.plant import choose
 
 ONE = "c00.compliant.noise"
@@ -53,7 +53,7 @@ def test_the_default_controller_is_the_one_in_c_only_if_it_has_proven_equal(
     assert Controller().archive.name == "DiagonalPID_C.fmu"
     assert Controller().name == "DiagonalPID", "the folder of its results has one name on all machines"
     monkeypatch.setenv("FLEXIBLE_MANIPULATOR_CACHE", str(tmp_path))  # where nothing is proven yet
-    monkeypatch.setattr(twin, "_are_equal", lambda python, native: False)
+    monkeypatch.setattr(built_in_fmus, "_are_equal", lambda python, native: False)
     assert Controller().archive.name == "DiagonalPID.fmu"
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
 

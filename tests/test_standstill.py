@@ -19,7 +19,7 @@ from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING, WAITIN
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import runs
-from orchestrator.pairing.pairing import judging
+from orchestrator.pairing.pairing import judge_job
 from orchestrator.pairing.runs import standstill_words
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -65,7 +65,7 @@ def test_what_was_spent_before_does_not_count_against_the_longest_call():
 def test_one_call_may_not_take_longer_than_a_whole_case(harmless):
     """A case that may go on until 60 s in doubt has a longer limit, for its many samples."""
     case = next(case for case in cases(PROTOCOL, NOMINAL, 0) if case.test.requirements)
-    job = judging(PROTOCOL, [case], replace(harmless, timeout=60.0))
+    job = judge_job(PROTOCOL, [case], replace(harmless, timeout=60.0))
     assert (job.time_limits[0], job.longest_call) == (pytest.approx(5.0 + 60.0 * 60.0 / 26.0), 65.0)
 
 
@@ -74,7 +74,7 @@ def test_one_call_may_not_take_longer_than_a_whole_case(harmless):
 @pytest.mark.parametrize(("what", "kind"), [("sleep", WAITING_REACHED), ("spin", PROCESSOR_REACHED)])
 def test_a_call_that_takes_longer_ends_the_case(what, kind, plant_file, faulty):
     own = bench(plant_file, faulty(Fault(what)))
-    job = replace(judging(PROTOCOL, short_cases((STRUCK,)), own), longest_call=0.5 * HANG_LIMIT)
+    job = replace(judge_job(PROTOCOL, short_cases((STRUCK,)), own), longest_call=0.5 * HANG_LIMIT)
     (died,) = run_isolated(job)
     assert (died.kind, died.timeout, died.place.call) == (kind, True, "fmi2DoStep")
 

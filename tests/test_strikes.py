@@ -14,7 +14,7 @@ from orchestrator.execution.job import MANY_LOGGED, Died, Done
 from orchestrator.execution.messages import ErrorRecord, Failed
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
-from orchestrator.pairing.pairing import judging
+from orchestrator.pairing.pairing import judge_job
 from orchestrator.study import rehearsal
 
 pytestmark = [
@@ -165,5 +165,5 @@ def test_a_controller_that_logs_so_much_that_it_takes_time_is_told_once(logged, 
 
 def test_messages_are_counted_in_a_worker(plant_file, faulty):
     own = bench(plant_file, faulty(Fault("chat:3:5:0", "step", 0.0)))
-    (outcome,) = supervision.run_isolated(judging(PROTOCOL, short_cases((STRUCK,)), own))
+    (outcome,) = supervision.run_isolated(judge_job(PROTOCOL, short_cases((STRUCK,)), own))
     assert outcome.logged == 200 * 3 * 5

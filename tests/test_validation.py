@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
-from orchestrator.conformance import validation
-from orchestrator.conformance.validation import FIRST, KINDS, LONGEST, STRUCTURED, summed_up, validation_problems
+from orchestrator.conformance import static as validation
+from orchestrator.conformance.static import FIRST, KINDS, MAX_LENGTH, STRUCTURED, summed_up, validation_problems
 from orchestrator.fmi import connectors, names
 from orchestrator.fmi.description import read_description
 
@@ -83,7 +83,7 @@ def test_problems_of_one_kind_are_one_finding(tmp_path):
 def test_no_problem_is_lost_and_few_are_shown(problems):
     texts = list(summed_up(problems))
     lines = [line for text in texts for line in text.split("\n")]
-    assert len(texts) <= KINDS + 1 and max(map(len, lines), default=0) <= LONGEST
+    assert len(texts) <= KINDS + 1 and max(map(len, lines), default=0) <= MAX_LENGTH
     more = [int(line.removeprefix("and ").split()[0]) for line in lines if " more " in line and "of this kind" in line]
     rest = [int(text.split()[0]) for text in texts[KINDS:]]
     shown = len(lines) - len(more) - len(rest)

@@ -13,8 +13,8 @@ from support.results import trajectory
 import build_fmus
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import one_pass
-from orchestrator.benchmark.doubt import doubtful, longest
-from orchestrator.benchmark.metrics import AT_THE_END, expected, further, judge, measure
+from orchestrator.benchmark.doubt import doubtful, with_latest_end
+from orchestrator.benchmark.metrics import AT_THE_END, continuation_if_in_doubt, expected, judge, measure
 from orchestrator.benchmark.scorecard import kind, outcome
 from orchestrator.codec import Malformed
 from orchestrator.loop.trajectory import Ending, Status
@@ -48,7 +48,7 @@ def with_doubt(*amplitudes, duration=26.0, z=(0.0,)):
 
 
 def goes_on(found):
-    return further(PAPER, GAIN, measure(PAPER, GAIN, found)) is not None
+    return continuation_if_in_doubt(PAPER, GAIN, measure(PAPER, GAIN, found)) is not None
 
 
 def judged(*amplitudes, **options):
@@ -175,9 +175,9 @@ def test_there_is_no_doubt_while_a_disturbance_lasts_or_where_there_is_no_later_
     assert doubtful(PAPER, GAIN, windows, 0.0)
     assert not any(doubtful(PAPER, other, windows, 0.0) for other in (pushed, shaken))
     assert not doubtful(ends, GAIN, windows, 0.0)
-    assert longest(PAPER, GAIN) == replace(GAIN.scenario, duration=Fraction(60))
-    assert longest(PAPER, GAIN).announced == GAIN.scenario.announced == 60.0
-    assert all(longest(PAPER, other) == other.scenario for other in (pushed, shaken))
+    assert with_latest_end(PAPER, GAIN) == replace(GAIN.scenario, duration=Fraction(60))
+    assert with_latest_end(PAPER, GAIN).announced == GAIN.scenario.announced == 60.0
+    assert all(with_latest_end(PAPER, other) == other.scenario for other in (pushed, shaken))
 
 
 def test_one_pass_has_the_same_bits_with_and_without_compilation(monkeypatch):
@@ -246,6 +246,6 @@ def test_verdicts_of_closed_loops(controller, case, verdict, until, fmu_folder):
 def test_a_simulation_that_goes_on_has_the_bits_of_one_that_was_long_from_the_start(pid_c_file):
     pairing, wanted = STRICT.sampled(Controller(pid_c_file), at((72.0, -50.0), "slippery", (8.25, 1.0)))
     found = STRICT.simulate(Controller(pid_c_file), wanted)
-    whole = simulate(pairing, longest(STRICT.rules, wanted))
+    whole = simulate(pairing, with_latest_end(STRICT.rules, wanted))
     for name in ("time", "q_m", "X", "measured", "given", "command", "torque"):
         np.testing.assert_array_equal(getattr(found.trajectory, name), getattr(whole, name), strict=True)

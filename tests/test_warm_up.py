@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 from orchestrator import Benchmark, Controller
 from orchestrator.fmi import slaves, trace
 from orchestrator.pairing import work
-from orchestrator.pairing.pairing import judging
+from orchestrator.pairing.pairing import judge_job
 
 def loaded():
     "The machine code and the modules there are."
@@ -22,7 +22,7 @@ def loaded():
 
 bench = Benchmark("quick")
 _, pairing, _, cases = bench.prepared(Controller(sys.argv[1]))
-job = judging(bench.rules, cases[:1], pairing)
+job = judge_job(bench.rules, cases[:1], pairing)
 work.prepare()
 plant, controller = slaves.load(job.plant, trace.PLANT), slaves.load(job.controller, trace.CONTROLLER)
 before = loaded()

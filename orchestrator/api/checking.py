@@ -81,7 +81,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
 
     first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
     asked = [dynamic.CheckTask(0, pairing.setup, T_s)]
-    (rest,) = run(pairing, dynamic.find_rest, asked, lambda _, value: unpack(value, dynamic.Rest))
+    (rest,) = run(pairing, dynamic.find_rest, asked, lambda _, value: unpack(value, dynamic.RestState))
     yield from failed(dynamic.TIMING_CHECK, rest)
     responses: list[np.ndarray] = []
     if isinstance(rest, Done):

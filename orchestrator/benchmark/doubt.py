@@ -41,7 +41,7 @@ def _left(protocol: Protocol, case: Case) -> int:
     return max(int((limits.longest - end) / limits.limit_cycle_window), 0)
 
 
-def longest(protocol: Protocol, case: Case) -> Scenario:
+def with_latest_end(protocol: Protocol, case: Case) -> Scenario:
     """The scenario of ``case`` with the latest end that it may be simulated to."""
     if _left(protocol, case) == 0:
         return case.scenario

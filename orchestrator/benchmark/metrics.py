@@ -10,7 +10,7 @@ import numpy as np
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status, Trajectory
 from .case import Case
-from .doubt import doubtful, longest
+from .doubt import doubtful, with_latest_end
 from .motion import falls, ratios
 from .protocol import Protocol, Stability
 from .results import CaseResult, Judgement, Measurements, fields_of
@@ -42,10 +42,10 @@ class Measured(NamedTuple):
     windows: list[list[float]]
 
 
-def further(protocol: Protocol, case: Case, measured: Measured) -> Scenario | None:
+def continuation_if_in_doubt(protocol: Protocol, case: Case, measured: Measured) -> Scenario | None:
     """The scenario by which a case goes on that was ``measured`` at its own end; None if that leaves no doubt."""
     doubt = doubtful(protocol, case, measured.windows, measured.measurements.rest_error)
-    return longest(protocol, case) if doubt else None
+    return with_latest_end(protocol, case) if doubt else None
 
 
 def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Measured | None = None) -> Judgement:

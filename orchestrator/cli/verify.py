@@ -16,8 +16,7 @@ from ..documents.standard import PROTOCOL, USUAL
 from ..documents.verification import Verification, differences
 from ..errors import InputError
 from ..execution.interpreter import is_clean, run_clean
-from ..pairing.controller import Controller
-from ..pairing.reference import IN_C
+from ..pairing.controller import IN_C, Controller
 from ..study.declaration import Study
 from ..study.requests import CaseChecked, Event
 from ..study.verify import VerificationStudy

@@ -53,7 +53,7 @@ class CheckTask(Struct):
     sample_time: Fraction
 
 
-class Rest(Struct):
+class RestState(Struct):
     """The steady state that responses begin in: motor angles [rad], torques [N.m], link angles [rad]."""
 
     q_m: tuple[Finite, Finite]
@@ -66,28 +66,31 @@ def timing(
 ) -> Iterator[Finding]:
     """Latency, timing convention, and the first output against ``u_m0`` [N.m], from the ``responses`` to EXPERIMENTS;
     ``torque_step`` [N.m] is that of the benchmark's quantizer per axis."""
-    found = timings.timing(responses)
-    if not np.all(np.isfinite(found.first_torque)):
-        text = f"{found.first_torque[0]:.4g}, {found.first_torque[1]:.4g} N.m at rest"
+    measured = timings.timing(responses)
+    if not np.all(np.isfinite(measured.first_torque)):
+        text = f"{measured.first_torque[0]:.4g}, {measured.first_torque[1]:.4g} N.m at rest"
         remedy = (
             "Look for a division by zero or memory without a start value: every case would end at its first sample."
         )
         yield Finding(Severity.ERROR, "initial output", text, remedy)
         return
-    if found.convention is Convention.SILENT:
-        text = f"the controller {found.convention.value} of {ERROR:g} rad at its inputs"
+    if measured.convention is Convention.SILENT:
+        text = f"the controller {measured.convention.value} of {ERROR:g} rad at its inputs"
         remedy = "Check that q_m is connected inside the model, and that the output is not frozen."
         yield Finding(Severity.ERROR, "latency", text, remedy)
         return
-    if found.convention is Convention.RANDOM:
-        yield Finding(Severity.WARNING, "latency", f"cannot be measured: the controller {found.convention.value}", SEED)
+    if measured.convention is Convention.RANDOM:
+        yield Finding(
+            Severity.WARNING, "latency", f"cannot be measured: the controller {measured.convention.value}", SEED
+        )
     else:
-        late = (Severity.WARNING, EXTRA_DELAY) if found.latency else (Severity.OK, "")
-        yield Finding(late[0], "latency", f"{found.latency} samples from a measurement to the torque", late[1])
-        severity, remedy = TIMING.get(found.convention, (Severity.OK, ""))
-        yield Finding(severity, "timing", found.convention.value, remedy)
-    difference = np.array(found.first_torque) - np.array(u_m0)
+        late = (Severity.WARNING, EXTRA_DELAY) if measured.latency else (Severity.OK, "")
+        yield Finding(late[0], "latency", f"{measured.latency} samples from a measurement to the torque", late[1])
+        severity, remedy = TIMING.get(measured.convention, (Severity.OK, ""))
+        yield Finding(severity, "timing", measured.convention.value, remedy)
+    difference = np.array(measured.first_torque) - np.array(u_m0)
     off = f"u_m0 {difference[0]:+.3g}, {difference[1]:+.3g} N.m at rest"
+    # Below a step of the quantizer nothing of it reaches the plant.
     if np.all(np.abs(difference) < np.array(torque_step)):
         yield Finding(Severity.OK, "initial output", "u_m0 at rest" if not np.any(difference) else off)
     else:
@@ -116,6 +119,7 @@ def carry_over(shown: CarryOver) -> Iterator[Finding]:
 
 def reset(new: np.ndarray, again: np.ndarray) -> Iterator[Finding]:
     """An instance that has run and was reset must answer like a ``new`` one."""
+    # To the last bit, as the benchmark itself is held to; what differs at all, differs more in a long run.
     if np.array_equal(new, again, equal_nan=True):
         yield Finding(Severity.OK, "reset", "a reset instance gives equal torques")
     else:
@@ -129,6 +133,7 @@ def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Itera
     steady = _steady(plant)
     alone = _response(controller, steady, task)
     other, step = load(controller.archive, CONTROLLER), float(task.sample_time)
+    # Another reference: an instance that shares its state with the first one would answer to the wrong one.
     moved = replace(steady, q_m_ref=(steady.q_m_ref[0] + 1.0, steady.q_m_ref[1] - 1.0))
     with prepared(other, task.setup, moved, task.sample_time, 1.0) as port:
         beside = _response(controller, steady, task, lambda k: exchange(port, port.inputs.size, k * step, step, True))
@@ -139,11 +144,11 @@ def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Itera
         yield Finding(Severity.NOTE, "instances", "two at once disturb each other", remedy)
 
 
-def cost(found: ComputingTime, sample_time: float, duration: float, timeout: float) -> Iterator[Finding]:
+def cost(time: ComputingTime, sample_time: float, duration: float, timeout: float) -> Iterator[Finding]:
     """The time that one exchange takes: set, step, get; against the ``sample_time`` [s], and, over the ``duration`` [s]
     of a full simulation, against the ``timeout`` [s]."""
-    spent = found.median
-    text = f"{found.text} per step"
+    spent = time.median
+    text = f"{time.text} per step"
     full = spent * duration / sample_time
     if spent <= sample_time and full <= timeout:
         yield Finding(Severity.OK, "cost", text)
@@ -204,15 +209,15 @@ CHECKS: tuple[tuple[Check, Look], ...] = (
 
 def run_check(plant: Slave, controller: Slave, task: bytes) -> bytes:
     """Findings of a :class:`CheckTask`: the work of a worker process."""
-    wanted = unpack(task, CheckTask)
-    _, look = CHECKS[wanted.number]
-    return pack(tuple(look(plant, controller, wanted)))
+    unpacked = unpack(task, CheckTask)
+    _, look = CHECKS[unpacked.number]
+    return pack(tuple(look(plant, controller, unpacked)))
 
 
 def find_rest(plant: Slave, controller: Slave, task: bytes) -> bytes:
-    """The :class:`Rest` of the plant, whatever the ``task``: the work of a worker process."""
+    """The :class:`RestState` of the plant, whatever the ``task``: the work of a worker process."""
     steady = _steady(plant)
-    return pack(Rest(steady.q_m_ref, steady.u_m0, steady.q_a_ref))
+    return pack(RestState(steady.q_m_ref, steady.u_m0, steady.q_a_ref))
 
 
 def _steady(plant: Slave) -> Steady:

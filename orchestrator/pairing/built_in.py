@@ -1,4 +1,5 @@
-"""The benchmark's own FMUs, built on first use and kept by what they are made from."""
+"""The benchmark's own FMUs, built on first use and kept by what they are made from; in C in place of those in Python,
+where this machine makes them with the same bits."""
 
 from __future__ import annotations
 
@@ -7,15 +8,24 @@ import logging
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 
 import fmpy
+import numpy as np
 
 import build_fmus
+from build_fmus import find_compiler
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
+from ..benchmark.cases import case_named
+from ..benchmark.protocol import load
 from ..cache import cache_folder, source_hash
-from ..errors import EnvironmentFault
+from ..errors import BenchmarkError, EnvironmentFault, InputError
+from ..fmi.archive import Archive, open_archive
+from .pairing import Pairing, simulate
 
 DEFAULT_CONTROLLER = "DiagonalPID"
 
@@ -37,6 +47,8 @@ def built_in(name: str) -> Path:
         made_of = repr((sources, metadata.version("pythonfmu"), compiler, fmpy.platform_tuple))
         folder = cache_folder() / "built" / hashlib.sha256(made_of.encode()).hexdigest()[:16] / name
         for file in folder.glob(f"*/{name}.fmu"):
+            # An FMU that ran with the user's rights may have changed it:
+            # the folder's name is the hash of what was built.
             if file.parent.name == _digest(file):
                 return file
             logger.warning("%s in the cache is not what was built there: it is built anew.", file.name)
@@ -46,6 +58,7 @@ def built_in(name: str) -> Path:
             built = build_fmus.build(name, Path(scratch))
             file = folder / _digest(built) / built.name
             file.parent.mkdir(exist_ok=True)
+            # Two processes may build at once. Both make the same bytes, and neither sees half a file.
             os.replace(built, file)
     except (build_fmus.BuildError, OSError) as problem:
         raise EnvironmentFault(f"The FMU {name} cannot be built: {problem}", "cannot-build") from problem
@@ -54,3 +67,67 @@ def built_in(name: str) -> Path:
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
+DEFAULT_IN_C = "DiagonalPID_C"
+
+PROOF = "c07.random_1.disturbance"
+"""The case in which a twin proves equal."""
+
+logger = logging.getLogger(__name__)
+
+
+def fastest_plant() -> Archive:
+    """The manipulator, in C if that gives the same bits."""
+    return _fastest(
+        "The manipulator", PLANT, PLANT_IN_C, lambda plant: Pairing(plant, open_archive(built_in(DEFAULT_CONTROLLER)))
+    )
+
+
+def fastest_default() -> Archive:
+    """The paper's PID, in C if that gives the same bits."""
+    return _fastest(
+        "The paper's PID",
+        DEFAULT_CONTROLLER,
+        DEFAULT_IN_C,
+        lambda controller: Pairing(open_archive(built_in(PLANT)), controller),
+    )
+
+
+def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Pairing]) -> Archive:
+    """The FMU ``twin`` if this machine can build it and its build gives, in the case PROOF on its ``bench``, the
+    trajectory of the FMU ``name`` in Python to the last bit, which is tried once; else the latter.
+
+    Why a twin is not used, although there is a compiler, is a warning in the log.
+    """
+    if find_compiler() is None:
+        return open_archive(built_in(name))
+    try:
+        native = open_archive(built_in(twin))
+    except (EnvironmentFault, InputError) as problem:
+        logger.warning("%s runs in Python. %s", what, problem)
+        return open_archive(built_in(name))
+    proof = native.file.with_name("equal.txt")
+    with suppress(OSError):
+        # The hash of the twin, not a mere mark: another compiler makes another file, which has to prove itself anew.
+        if proof.read_text(encoding="utf-8") == native.sha256:
+            return native
+    python = open_archive(built_in(name))
+    if not _are_equal(bench(python), bench(native)):
+        logger.warning("%s runs in Python: what the compiler here makes of it gives other bits.", what)
+        return python
+    with suppress(OSError):  # whoever finds none tries again
+        proof.write_text(native.sha256, encoding="utf-8")
+    return native
+
+
+def _are_equal(python: Pairing, native: Pairing) -> bool:
+    # A whole case, since compilers differ in fused operations and order of sums, which a few steps may not show.
+    case = case_named(load("paper"), NOMINAL, 0, PROOF)
+    try:
+        first, second = (simulate(bench, case.scenario) for bench in (python, native))
+    except BenchmarkError:
+        return False
+    names = ("q_m", "X", "measured", "command", "torque")
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)

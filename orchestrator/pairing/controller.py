@@ -1,4 +1,4 @@
-"""A controller FMU, and how it is used."""
+"""A controller FMU, and how it is used; the benchmark's own ones as the references of others."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
+
+from build_fmus import find_compiler
 
 from ..codec import Scalar
 from ..documents.document import Displayable
@@ -22,8 +24,7 @@ from ..fmi.lookup import canonical_values, elements
 from ..fmi.variables import variables
 from ..loop.setup import Setup
 from ..views.table import Cell, Column, Note, Part, Summary, Table, Value
-from .built_in import DEFAULT_CONTROLLER, built_in
-from .twin import fastest_default
+from .built_in import DEFAULT_CONTROLLER, built_in, fastest_default
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,7 @@ class Controller(Displayable):
         given, mapping = self.parameters, self.mapping
         values = elements(given) if isinstance(given, Mapping) else read_parameters(Path(given), self.archive)
         if not isinstance(mapping, Mapping):
+            # What is given beside the file takes precedence over what it says.
             values = {**read_mapped_parameters(Path(mapping)), **values}
             mapping = read_mapping(Path(mapping))
         if values:
@@ -143,15 +145,15 @@ class Controller(Displayable):
         given, mapping = self.setup.parameters, self.setup.mapping
         rows: tuple[tuple[Cell, ...], ...] = tuple(
             (
-                each.name,
-                each.spelled(given.get(each.name, each.start[0]))
-                if each.items or not each.is_real
-                else Value(float(given.get(each.name, each.start[0])), given=True),
-                each.unit or "-",
-                "given" if each.name in given else "of the FMU",
+                variable.name,
+                variable.spelled(given.get(variable.name, variable.start[0]))
+                if variable.items or not variable.is_real
+                else Value(float(given.get(variable.name, variable.start[0])), given=True),
+                variable.unit or "-",
+                "given" if variable.name in given else "of the FMU",
             )
-            for each in variables(self.archive.description).values()
-            if each.causality == "parameter" and len(each.start) == 1
+            for variable in variables(self.archive.description).values()
+            if variable.causality == "parameter" and len(variable.start) == 1
         )
         columns = tuple(map(Column, ("parameter", "value", "unit", "whose value")))
         parts: list[Part] = [Table("Parameters", columns, rows)]
@@ -172,3 +174,33 @@ def _check_finite(parameters: Mapping[str, Scalar]) -> None:
             raise InputError(
                 f"The value of the parameter {name}, {value}, is not a finite number.", "not-finite", name, value
             )
+
+
+IN_C = {
+    "DiagonalPID": "DiagonalPID_C",
+    "TunedPID": "DiagonalPID_C",
+    "DitheredLQG": "DitheredLQG_C",
+    "ManipulatorLQG": "",
+}
+"""The references, each with the FMU in C that can take its place: the same to the last bit for the PIDs, up to rounding
+for the LQG."""
+
+
+def reference(name: str) -> Controller:
+    """The controller called ``name``; raises :class:`InputError` for one that is none of :data:`IN_C`."""
+    if name not in IN_C:
+        raise InputError(f"No reference is named {name}. There are: {', '.join(IN_C)}.", "no-reference", "", name, IN_C)
+    original = Controller.built_in(name)
+    return in_c(original, Controller.built_in(IN_C[name])) if IN_C[name] and find_compiler() is not None else original
+
+
+def in_c(original: Controller, twin: Controller) -> Controller:
+    """The controller ``twin`` with the parameters that ``original`` begins with."""
+    common = _starts(twin)
+    changes = {key: value for key, value in _starts(original).items() if value != common.get(key, value)}
+    return replace(twin, parameters=changes)
+
+
+def _starts(controller: Controller) -> dict[str, float]:
+    variables = controller.archive.description.modelVariables
+    return {variable.name: float(variable.start) for variable in variables if variable.causality == "parameter"}

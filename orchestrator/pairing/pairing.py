@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..benchmark.case import Case
-from ..benchmark.doubt import longest
+from ..benchmark.doubt import with_latest_end
 from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED
@@ -88,7 +88,7 @@ class Pairing:
     ) -> Job:
         """A job of this pairing with any function ("module:name") and time limits [s]."""
         packed = tuple(map(pack, tasks))
-        own = (self.limits, self.sandbox, self.isolated)
+        limits = (self.limits, self.sandbox, self.isolated)
         return Job(
             self.plant,
             self.controller,
@@ -97,8 +97,9 @@ class Pairing:
             time_limits,
             decode,
             largest,
-            *own,
+            *limits,
             separate=self.separate,
+            # One fork server for all of these jobs, whatever function they run: it has loaded Numba once.
             prepared_by=work.__name__,
             on_standstill=lambda index, standstill: tell_standstill(standstill, "The controller's process"),
         )
@@ -128,8 +129,8 @@ def simulate(pairing: Pairing, scenario: Scenario) -> Trajectory:
         FIRST_START_TIME,
         work.largest_trajectory(scenario),
     )
-    found: Trajectory = only(job, scenario)
-    return found
+    trajectory: Trajectory = only(job, scenario)
+    return trajectory
 
 
 def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simulated:
@@ -137,8 +138,8 @@ def simulate_case(pairing: Pairing, protocol: Protocol, case: Case) -> work.Simu
 
     Raises what :func:`simulate` does.
     """
-    found: work.Simulated = only(recording(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
-    return found
+    simulated: work.Simulated = only(record_job(protocol, [case], pairing, FIRST_START_TIME), case.scenario)
+    return simulated
 
 
 def only(job: Job, scenario: Scenario) -> Any:
@@ -154,20 +155,20 @@ def only(job: Job, scenario: Scenario) -> Any:
     return outcome.value
 
 
-def judging(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+def judge_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
     """The job that simulates and judges a ``group`` of cases; its values are judgements."""
     return pairing.job(
         work.judge_case.__name__,
         [work.CaseTask(protocol, pairing.setup, case) for case in group],
-        [longest(protocol, case) for case in group],
+        [with_latest_end(protocol, case) for case in group],
         lambda index, value: work.judged(protocol, group[index], value),
         START_TIME,
     )
 
 
-def digesting(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+def digest_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
     """The same with digests of the signals: the values are :class:`.work.Digested`."""
-    job = judging(protocol, group, pairing)
+    job = judge_job(protocol, group, pairing)
     return replace(
         job,
         work=f"{work.__name__}:{work.digest_case.__name__}",
@@ -175,9 +176,9 @@ def digesting(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Jo
     )
 
 
-def recording(protocol: Protocol, group: Sequence[Case], pairing: Pairing, start: float = START_TIME) -> Job:
+def record_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing, start: float = START_TIME) -> Job:
     """The same with trajectories: the values are :class:`.work.Simulated`."""
-    scenarios = [longest(protocol, case) for case in group]
+    scenarios = [with_latest_end(protocol, case) for case in group]
     return pairing.job(
         work.simulate_case.__name__,
         [work.CaseTask(protocol, pairing.setup, case) for case in group],

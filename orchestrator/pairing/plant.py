@@ -11,8 +11,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..cache import plant_hash
 from ..errors import InputError
 from ..fmi.archive import Archive, open_archive
-from .built_in import built_in
-from .twin import PLANT, PLANT_IN_C, fastest_plant
+from .built_in import PLANT, PLANT_IN_C, built_in, fastest_plant
 
 PYTHON: Final = "python"
 NATIVE: Final = "native"
@@ -42,26 +41,28 @@ class Plant:
         return {name: float(start[name]) for name in NOMINAL}
 
 
-def choose(wanted: str | Path) -> Plant:
-    """The plant that ``wanted`` names: "python", "native", a file, or "auto".
+def choose(given: str | Path) -> Plant:
+    """The plant that ``given`` names: "python", "native", a file, or "auto".
 
     "auto" is the native twin if this machine makes it with the bits of the plant in Python (:mod:`.twin`), else the
     latter. Raises :class:`InputError` if a file is no manipulator,
     :class:`~orchestrator.errors.EnvironmentFault` if an FMU cannot be built.
     """
-    if wanted == AUTO:
+    if given == AUTO:
         return _automatic()
-    if wanted in FMUS:
-        return _own(PYTHON if wanted == PYTHON else NATIVE)
-    archive = open_archive(Path(wanted))
+    if given in FMUS:
+        return _own(PYTHON if given == PYTHON else NATIVE)
+    archive = open_archive(Path(given))
     step = archive.interface.canHandleVariableCommunicationStepSize if archive.kind == "CoSimulation" else True
+    # FMI 2.0 and 3.0 co-simulation: only with this flag may the steps differ in length.
+    # FMI 1.0 has the flag, but its masters vary steps as well.
     if archive.major_version != "1" and not step:
         message = (
             f"{archive.name} does not declare canHandleVariableCommunicationStepSize, and the manipulator's steps "
         )
         raise InputError(f"{message}vary: events divide them.", "no-plant", archive.name)
-    known = {variable.name for variable in archive.description.modelVariables if variable.start is not None}
-    missing = [name for name in NOMINAL if name not in known]
+    with_start = {variable.name for variable in archive.description.modelVariables if variable.start is not None}
+    missing = [name for name in NOMINAL if name not in with_start]
     if missing:
         raise InputError(
             f"{archive.name} is not the manipulator: it has no parameter {', '.join(missing)} with a start value.",

@@ -54,8 +54,10 @@ def controller_record(pairing: Pairing, controller: Controller) -> ControllerRec
     }
     path = "" if controller.file is None else str(controller.file)
     setup = pairing.setup
-    own, library = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.library
-    return ControllerRecord(*_fmu(pairing.controller), *own, library, held_inputs(pairing.controller, setup, binding))
+    used_as, library = (dict(setup.parameters), path, dict(setup.mapping), connectors), pairing.controller.library
+    return ControllerRecord(
+        *_fmu(pairing.controller), *used_as, library, held_inputs(pairing.controller, setup, binding)
+    )
 
 
 def loop_delay(protocol: Protocol, sample_time: Fraction, measured: TimingRecord) -> LoopDelay:

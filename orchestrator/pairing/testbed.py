@@ -28,7 +28,7 @@ from .controller import Controller
 from .pairing import Pairing
 from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 
-LARGEST_SEED = 2**53
+MAX_SEED = 2**53
 """What JSON's numbers hold exactly."""
 
 
@@ -57,10 +57,11 @@ class Testbed:
 
     def __post_init__(self) -> None:
         enter_fields(self)
-        if not 0 <= self.seed <= LARGEST_SEED or (self.workers is not None and self.workers < 1):
-            raise InputError(f"The seed is from 0 to {LARGEST_SEED}, and at least one worker is needed.", "bad-number")
+        if not 0 <= self.seed <= MAX_SEED or (self.workers is not None and self.workers < 1):
+            raise InputError(f"The seed is from 0 to {MAX_SEED}, and at least one worker is needed.", "bad-number")
         for name in ("timeout", "memory_limit", "wait"):
             value = getattr(self, name)
+            # NaN fails as well: a limit of NaN would never be reached.
             if not 0.0 < value < math.inf:
                 raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
         check_changes(self.plant_parameters, self.rules.uncertainty)
@@ -78,8 +79,9 @@ class Testbed:
     @functools.cached_property
     def nominal(self) -> dict[str, float]:
         """The plant's nominal parameters by FMI name, SI units."""
-        own = NOMINAL if self.plant in (AUTO, PYTHON, NATIVE) else self.manipulator.nominal
-        return {**own, **self.plant_parameters}
+        # The benchmark's own builds have the same table: to list cases, nothing has to be built.
+        nominal = NOMINAL if self.plant in (AUTO, PYTHON, NATIVE) else self.manipulator.nominal
+        return {**nominal, **self.plant_parameters}
 
     @functools.cached_property
     def cases(self) -> CaseList:
@@ -103,11 +105,11 @@ class Testbed:
         variation: Variation | None = None,
     ) -> Case:
         """The case of a pose ``q_a`` [rad], anywhere in the workspace, a system and a test, varied if wanted."""
-        wanted = self.rules.test(test)
+        test_rules = self.rules.test(test)
         pose = case_list.configuration(self.rules, *q_a, self.seed)
-        member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, wanted)
-        found = case_list.case(self.rules, pose, member, wanted, self.seed)
-        return found if variation is None else self.varied(found, variation)
+        member = case_list.system(self.rules, self.nominal, self.seed, pose.index, system, test_rules)
+        at_pose = case_list.case(self.rules, pose, member, test_rules, self.seed)
+        return at_pose if variation is None else self.varied(at_pose, variation)
 
     @entered
     def varied(self, case: Case, variation: Variation) -> Case:
@@ -135,6 +137,6 @@ class Testbed:
     def sampled(self, controller: Controller, case: Case | str) -> tuple[Pairing, Case]:
         """A case, sampled by the controller."""
         pairing = self.pairing(controller)
-        wanted = self.case(case) if isinstance(case, str) else case
-        T_s = controller_sample_time(pairing.controller, wanted.scenario.sample_time, controller.given_sample_time)
-        return pairing, replace(wanted, scenario=replace(wanted.scenario, sample_time=T_s.value))
+        chosen = self.case(case) if isinstance(case, str) else case
+        T_s = controller_sample_time(pairing.controller, chosen.scenario.sample_time, controller.given_sample_time)
+        return pairing, replace(chosen, scenario=replace(chosen.scenario, sample_time=T_s.value))

@@ -8,14 +8,15 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib
+from dataclasses import fields
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..benchmark.case import Case
-from ..benchmark.doubt import longest
-from ..benchmark.metrics import AT_THE_END, Measured, expected, further, judge, measure
+from ..benchmark.doubt import with_latest_end
+from ..benchmark.metrics import AT_THE_END, Measured, continuation_if_in_doubt, expected, judge, measure
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
 from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
@@ -115,138 +116,141 @@ def prepare() -> None:
     one_pass.warm_up()
 
 
-def judge_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def judge_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`CaseTask`; gives a :class:`~orchestrator.benchmark.results.Judgement`."""
-    return pack(_judged(plant, controller, unpack(task, CaseTask)).judgement)
+    return pack(_judged(plant, controller, unpack(packed, CaseTask)).judgement)
 
 
-def simulate_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def simulate_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`CaseTask`; gives a :class:`Simulated`."""
-    return pack(_judged(plant, controller, unpack(task, CaseTask), OBSERVED))
+    return pack(_judged(plant, controller, unpack(packed, CaseTask), OBSERVED))
 
 
-def digest_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def digest_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`CaseTask`; gives a :class:`Digested`."""
-    found = _judged(plant, controller, unpack(task, CaseTask))
-    return pack(Digested(found.judgement, digest(found.trajectory)))
+    simulated = _judged(plant, controller, unpack(packed, CaseTask))
+    return pack(Digested(simulated.judgement, digest(simulated.trajectory)))
 
 
-def digest(found: Trajectory) -> bytes:
+def digest(trajectory: Trajectory) -> bytes:
     """SHA-256 of a simulation's status, and of what its controller measured and commanded."""
-    signals = hashlib.sha256(found.ending.status.value.encode())
-    for signal in (found.measured, found.command):
+    signals = hashlib.sha256(trajectory.ending.status.value.encode())
+    for signal in (trajectory.measured, trajectory.command):
         signals.update(signal.tobytes())
     return signals.digest()
 
 
-def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def record_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`RecordTask`; gives a :class:`~orchestrator.documents.recording.Recording`."""
-    wanted = unpack(task, RecordTask)
-    trajectory = _simulate(plant, controller, wanted.case.scenario, wanted.setup, OBSERVED)
-    return pack(record(wanted.case, wanted.roles, trajectory))
+    task = unpack(packed, RecordTask)
+    trajectory = _simulate(plant, controller, task.case.scenario, task.setup, OBSERVED)
+    return pack(record(task.case, task.roles, trajectory))
 
 
-def simulate_scenario(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def simulate_scenario(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`ScenarioTask`; gives a :class:`~orchestrator.loop.trajectory.Trajectory`."""
-    wanted = unpack(task, ScenarioTask)
-    return pack(_simulate(plant, controller, wanted.scenario, wanted.setup, wanted.observe))
+    task = unpack(packed, ScenarioTask)
+    return pack(_simulate(plant, controller, task.scenario, task.setup, task.observe))
 
 
-def rehearse(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def rehearse(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`Beginning` for a :class:`ScenarioTask`, torques as in :func:`answer` for an :class:`AnswerTask`; raises
     :class:`FmuError` if a call fails in the first sample."""
-    wanted = unpack(task, ScenarioTask | AnswerTask)  # type: ignore[arg-type]  # a union of types
-    if isinstance(wanted, AnswerTask):
-        return pack(_answers(controller, wanted))
-    found = _simulate(plant, controller, wanted.scenario, wanted.setup, OBSERVED)
-    if found.ending.status is Status.ERROR and found.ending.failed_call and not len(found.command):
-        raise FmuError(f"The first sample fails: {found.ending.message}", found.ending.failed_call)
-    q_a = (float(found.extra["q_a[1]"][0]), float(found.extra["q_a[2]"][0]))
-    return pack(Beginning(found.q_m_ref, found.u_m0, q_a, digest(found)))
+    task = unpack(packed, ScenarioTask | AnswerTask)  # type: ignore[arg-type]  # a union of types
+    if isinstance(task, AnswerTask):
+        return pack(_answers(controller, task))
+    trajectory = _simulate(plant, controller, task.scenario, task.setup, OBSERVED)
+    if trajectory.ending.status is Status.ERROR and trajectory.ending.failed_call and not len(trajectory.command):
+        raise FmuError(f"The first sample fails: {trajectory.ending.message}", trajectory.ending.failed_call)
+    q_a = (float(trajectory.extra["q_a[1]"][0]), float(trajectory.extra["q_a[2]"][0]))
+    return pack(Beginning(trajectory.q_m_ref, trajectory.u_m0, q_a, digest(trajectory)))
 
 
-def time_steps(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def time_steps(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """A :class:`~orchestrator.loop.computing.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
     from ..loop.probe import computing_time
 
-    wanted = unpack(task, ScenarioTask)
-    return pack(computing_time(plant, controller, wanted.setup, wanted.scenario))
+    task = unpack(packed, ScenarioTask)
+    return pack(computing_time(plant, controller, task.setup, task.scenario))
 
 
-def time_answers(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def time_answers(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """The wall times [s] of the steps of an :class:`AnswerTask`, shape (N,)."""
     from ..loop.probe import step_times
 
-    wanted = unpack(task, AnswerTask)
-    measured = np.array(wanted.q_m) - wanted.errors
-    return pack(step_times(controller, wanted.setup, _steady(wanted), wanted.sample_time, measured))
+    task = unpack(packed, AnswerTask)
+    measured = np.array(task.q_m) - task.errors
+    return pack(step_times(controller, task.setup, _steady(task), task.sample_time, measured))
 
 
-def answer(plant: Slave, controller: Slave, task: bytes) -> bytes:
+def answer(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     """An :class:`AnswerTask`; gives the torques [N.m], shape (N, 2)."""
-    return pack(_answers(controller, unpack(task, AnswerTask)))
+    return pack(_answers(controller, unpack(packed, AnswerTask)))
 
 
 def judged(protocol: Protocol, case: Case, value: bytes) -> Judgement:
     """What a worker sent for a :class:`CaseTask`, checked; raises :class:`~orchestrator.codec.Malformed`."""
-    found = unpack(value, Judgement)
-    _check(protocol, case, found)
-    return found
+    judgement = unpack(value, Judgement)
+    _check(protocol, case, judgement)
+    return judgement
 
 
-def _check(protocol: Protocol, case: Case, found: Judgement) -> None:
-    if found.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
-        raise Malformed(f"the status {found.status.value}, which only the supervision gives")
-    check_judgement(protocol, case, found)
+def _check(protocol: Protocol, case: Case, judgement: Judgement) -> None:
+    # The worker runs the controller: it could write into its channel that it was skipped, which counts for nothing.
+    if judgement.status not in (Status.DONE, Status.UNSTABLE, Status.ERROR):
+        raise Malformed(f"the status {judgement.status.value}, which only the supervision gives")
+    check_judgement(protocol, case, judgement)
 
 
-def check_judgement(protocol: Protocol, case: Case, found: Judgement) -> None:
+def check_judgement(protocol: Protocol, case: Case, judgement: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
-    names, wanted, end = found.measurements.names, expected(protocol, case), case.end
-    early = wanted - AT_THE_END if found.time > end else frozenset[str]()  # it failed after the case's own end
-    possible = {Status.DONE: (wanted,), Status.UNSTABLE: (wanted, frozenset(), early)}
-    if names not in possible.get(found.status, (frozenset(), early)):
-        raise Malformed(f"the status {found.status.value} with the figures {', '.join(sorted(names)) or 'none'}")
-    scenario = longest(protocol, case)
+    names, figures, end = judgement.measurements.names, expected(protocol, case), case.end
+    early = figures - AT_THE_END if judgement.time > end else frozenset[str]()  # it failed after the case's own end
+    possible = {Status.DONE: (figures,), Status.UNSTABLE: (figures, frozenset(), early)}
+    if names not in possible.get(judgement.status, (frozenset(), early)):
+        raise Malformed(f"the status {judgement.status.value} with the figures {', '.join(sorted(names)) or 'none'}")
+    scenario = with_latest_end(protocol, case)
     latest = float(scenario.samples * scenario.sample_time)
-    if found.time > latest or (found.judged_until or 0.0) > latest:
-        raise Malformed(f"a time of {found.time:g} s, beyond the end")
+    # A time beyond the end would enter the means of the tuning and the plots.
+    if judgement.time > latest or (judgement.judged_until or 0.0) > latest:
+        raise Malformed(f"a time of {judgement.time:g} s, beyond the end")
 
 
 def largest_trajectory(scenario: Scenario) -> int:
     """Bytes that the trajectory of ``scenario`` has at most, packed."""
-    pairs, scalars = 6, 1  # of a Trajectory: q_m, X, measured, given, command, torque; time
-    columns = 2 * pairs + scalars + len(OBSERVED)
+    arrays = [field.name for field in fields(Trajectory) if field.type == "np.ndarray"]
+    # All but the time have a column for each axis, or for x and z.
+    columns = 2 * len(arrays) - 1 + len(OBSERVED)
     return (scenario.samples + 2) * columns * 8 + (1 << 16)
 
 
 def recording(value: bytes) -> Recording:
     """What a worker sent for a :class:`RecordTask`, checked."""
-    found = unpack(value, Recording)
-    found.check()
-    return found
+    sent = unpack(value, Recording)
+    sent.check()
+    return sent
 
 
 def simulated(protocol: Protocol, case: Case, value: bytes) -> Simulated:
     """What a worker sent for a :class:`CaseTask` with its trajectory, checked."""
-    found = unpack(value, Simulated)
-    _check_trajectory(longest(protocol, case).samples, OBSERVED, found.trajectory)
-    _check(protocol, case, found.judgement)
-    return found
+    sent = unpack(value, Simulated)
+    _check_trajectory(with_latest_end(protocol, case).samples, OBSERVED, sent.trajectory)
+    _check(protocol, case, sent.judgement)
+    return sent
 
 
 def digested(protocol: Protocol, case: Case, value: bytes) -> Digested:
     """What a worker sent for a :class:`CaseTask` with a digest, checked."""
-    found = unpack(value, Digested)
-    _check(protocol, case, found.judgement)
-    return found
+    sent = unpack(value, Digested)
+    _check(protocol, case, sent.judgement)
+    return sent
 
 
 def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajectory:
     """What a worker sent for a :class:`ScenarioTask`, checked."""
-    found = unpack(value, Trajectory)
-    _check_trajectory(samples, observe, found)
-    return found
+    sent = unpack(value, Trajectory)
+    _check_trajectory(samples, observe, sent)
+    return sent
 
 
 def answered(samples: int, value: bytes) -> np.ndarray:
@@ -259,45 +263,49 @@ def answered(samples: int, value: bytes) -> np.ndarray:
 
 def times(steps: int, value: bytes) -> np.ndarray:
     """The times that a worker sent for the ``steps`` of an :class:`AnswerTask`, checked; shape (steps,) [s]."""
-    found = unpack(value, np.ndarray)
-    if found.shape != (steps,) or not (np.isfinite(found) & (found >= 0.0)).all():
+    sent = unpack(value, np.ndarray)
+    if sent.shape != (steps,) or not (np.isfinite(sent) & (sent >= 0.0)).all():
         raise Malformed("times of another number of steps, or none at all")
-    return found
+    return sent
 
 
-def _check_trajectory(samples: int, observe: tuple[str, ...], found: Trajectory) -> None:
-    if found.time.ndim != 1 or not 1 <= len(found.time) <= samples + 1:
+def _check_trajectory(samples: int, observe: tuple[str, ...], trajectory: Trajectory) -> None:
+    # What comes from a worker may be made by the controller in it; figures, reports and NumPy would fail far from here.
+    if trajectory.time.ndim != 1 or not 1 <= len(trajectory.time) <= samples + 1:
         raise Malformed("a trajectory of another length than the scenario's")
-    states = len(found.time)
-    pairs = (found.q_m, found.X, found.measured, found.given, found.command, found.torque)
+    states = len(trajectory.time)
+    pairs = (trajectory.q_m, trajectory.X, trajectory.measured, trajectory.given, trajectory.command, trajectory.torque)
     shapes = [(states, 2)] * 3 + [(states - 1, 2)] * 3
-    fits = set(found.extra) == set(observe) and [array.shape for array in pairs] == shapes
-    if not fits or any(array.shape != (states,) for array in found.extra.values()):
+    fits = set(trajectory.extra) == set(observe) and [array.shape for array in pairs] == shapes
+    if not fits or any(array.shape != (states,) for array in trajectory.extra.values()):
         raise Malformed("a trajectory of other sizes than the scenario's")
-    if not (np.isfinite(found.time).all() and np.isfinite((*found.q_m_ref, *found.u_m0, found.ending.time)).all()):
+    if not (
+        np.isfinite(trajectory.time).all()
+        and np.isfinite((*trajectory.q_m_ref, *trajectory.u_m0, trajectory.ending.time)).all()
+    ):
         raise Malformed("a time or a steady state that is not finite")
-    if (np.diff(found.time) < 0.0).any():
+    if (np.diff(trajectory.time) < 0.0).any():
         raise Malformed("times that do not increase")
 
 
-def _answers(controller: Slave, wanted: AnswerTask) -> np.ndarray:
+def _answers(controller: Slave, task: AnswerTask) -> np.ndarray:
     from ..loop.probe import answers
 
     return answers(
         controller,
-        wanted.setup,
-        _steady(wanted),
-        wanted.sample_time,
-        wanted.errors,
-        wanted.initial_error,
-        after_reset=wanted.after_reset,
+        task.setup,
+        _steady(task),
+        task.sample_time,
+        task.errors,
+        task.initial_error,
+        after_reset=task.after_reset,
     )
 
 
-def _steady(wanted: AnswerTask) -> Steady:
+def _steady(task: AnswerTask) -> Steady:
     from ..loop.controller import Steady
 
-    return Steady(wanted.q_m, wanted.u_m, wanted.q_a)
+    return Steady(task.q_m, task.u_m, task.q_a)
 
 
 def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) -> Trajectory:
@@ -306,18 +314,18 @@ def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) 
     return simulate(plant, controller, *arguments, **options)
 
 
-def _judged(plant: Slave, controller: Slave, wanted: CaseTask, observe: tuple[str, ...] = ()) -> Simulated:
+def _judged(plant: Slave, controller: Slave, task: CaseTask, observe: tuple[str, ...] = ()) -> Simulated:
     """The case of a task, simulated until its end leaves no doubt. What is measured there is not measured again."""
-    protocol, case = wanted.protocol, wanted.case
+    protocol, case = task.protocol, task.case
     measured: Measured | None = None
 
     def look(trajectory: Trajectory) -> Scenario | None:
         nonlocal measured
         measured = measure(protocol, case, trajectory)
-        later = further(protocol, case, measured)
+        later = continuation_if_in_doubt(protocol, case, measured)
         if later is not None:
             measured = None
         return later
 
-    trajectory = _simulate(plant, controller, case.scenario, wanted.setup, observe, further=look)
+    trajectory = _simulate(plant, controller, case.scenario, task.setup, observe, further=look)
     return Simulated(judge(protocol, case, trajectory, measured), trajectory)

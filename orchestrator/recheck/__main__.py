@@ -30,23 +30,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("files", nargs="+", type=Path, metavar="CASE.npz", help="what simulate or verify has recorded")
     parser.add_argument("--json", action="store_true", help="print JSON")
     given = parser.parse_args(arguments)
-    found = []
+    rechecks = []
     for file in given.files:
         try:
-            found.append(recheck(file))
+            rechecks.append(recheck(file))
         except Unreadable as problem:
             print(f"error: {file} cannot be read: {problem}.", file=sys.stderr)
             return 2
         if not given.json:
-            _print(found[-1])
+            _print(rechecks[-1])
     if given.json:
-        print(json.dumps([each.to_dict() for each in found], indent=1))
-    return 0 if all(each.ok for each in found) else 1
+        print(json.dumps([case.to_dict() for case in rechecks], indent=1))
+    return 0 if all(case.ok for case in rechecks) else 1
 
 
-def _print(found: Recheck) -> None:
-    print(f"{found.id}, {found.controller}")
-    for row in found.rows:
+def _print(result: Recheck) -> None:
+    print(f"{result.id}, {result.controller}")
+    for row in result.rows:
         at = "" if row.time is None else f"at {row.time:.4f} s"
         words = "" if row.ok else "  ABOVE ITS BOUND"
         print(f"  {row.name:40} {row.difference:10.2e} {row.unit:9} bound {row.bound:.0e}  {at:14}{words}")

@@ -1,9 +1,10 @@
-"""A recorded case beside the same computed anew: the largest differences, each with its bound."""
+"""A recorded case beside the same computed anew: the largest differences, each with its bound; and its figures, judged
+anew from its recorded motion and torques."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,17 +12,16 @@ from typing import Any
 import numpy as np
 
 from .equations import rest, tool
-from .figures import figures
 from .motion import SEGMENT, integrated
 from .reading import Recorded, read
-from .signals import chirp, delayed, force, limited, rounded, tied
+from .signals import RecordedScenario, chirp, delayed, force, limited, rounded, tied
 
 Array = np.ndarray
 
 START_BOUND = 1e-9
 """Of the angles at rest [rad]: both solve the same equation, up to rounding times the ratio of the gears."""
 
-USUAL = {"motor angles": 1e-6, "link angles": 1e-8, "TCP": 1e-8}
+MAX_MEDIAN = {"motor angles": 1e-6, "link angles": 1e-8, "TCP": 1e-8}
 """Bounds of the median over the segments of 0.1 s, of the largest difference in each [rad, m]. A wrong parameter shows
 in all segments. The plant's steps of fourth order have differences of some 1e-10 m while the arm is held, and larger
 ones where motors turn around fast: in few segments, or, in a limit cycle, in all."""
@@ -29,7 +29,7 @@ ones where motors turn around fast: in few segments, or, in a limit cycle, in al
 METHOD = 2.0
 """So many times the median of what the plant's method itself is apart from DOP853 may be added to these."""
 
-MOST = {"motor angles": 5e-2, "link angles": 2e-4, "TCP": 1e-4, "motor speeds": 1.0, "link speeds": 3e-3}
+MAX_DIFFERENCE = {"motor angles": 5e-2, "link angles": 2e-4, "TCP": 1e-4, "motor speeds": 1.0, "link speeds": 3e-3}
 """Bounds of the largest difference of all: a disturbance at another time shows in one segment."""
 
 FIGURE_BOUND = 1e-9
@@ -77,45 +77,56 @@ def recheck(source: Path | bytes) -> Recheck:
 
 
 def _rows(case: Recorded) -> Iterator[Row]:
-    own, arrays, samples = case.scenario, case.arrays, case.samples
+    scenario, arrays, samples = case.scenario, case.arrays, case.samples
     q_m_ref, u_m0 = rest(case.arm, case.start)
-    yield _row("motor angles at rest", "rad", np.abs(arrays["q_m"][:1] - q_m_ref), START_BOUND * 200.0, own.sample_time)
-    yield _row("link angles at rest", "rad", np.abs(arrays["q_a"][:1] - case.start), START_BOUND, own.sample_time)
+    yield _row(
+        "motor angles at rest", "rad", np.abs(arrays["q_m"][:1] - q_m_ref), START_BOUND * 200.0, scenario.sample_time
+    )
+    yield _row("link angles at rest", "rad", np.abs(arrays["q_a"][:1] - case.start), START_BOUND, scenario.sample_time)
     yield from _signals(case, q_m_ref, u_m0)
-    driven = delayed(arrays["torque"], own.drive_lag, u_m0)
-    u_d, pushed = chirp(own, samples), force(own, samples)
-    found = integrated(case.arm, own.sample_time, arrays["q_m"], arrays["q_a"], driven, u_d, pushed)
-    method = found.method
-    moved = tool(case.arm, (found.q_a + method[:, 2:]).T).T - tool(case.arm, found.q_a.T).T
+    driven = delayed(arrays["torque"], scenario.drive_lag, u_m0)
+    u_d, pushed = chirp(scenario, samples), force(scenario, samples)
+    motion = integrated(case.arm, scenario.sample_time, arrays["q_m"], arrays["q_a"], driven, u_d, pushed)
+    method = motion.method
+    moved = tool(case.arm, (motion.q_a + method[:, 2:]).T).T - tool(case.arm, motion.q_a.T).T
     for name, unit, difference, allowed in (
-        ("motor angles", "rad", arrays["q_m"] - found.q_m, method[:, :2]),
-        ("link angles", "rad", arrays["q_a"] - found.q_a, method[:, 2:]),
-        ("TCP", "m", arrays["X"] - tool(case.arm, found.q_a.T).T, moved),
+        ("motor angles", "rad", arrays["q_m"] - motion.q_m, method[:, :2]),
+        ("link angles", "rad", arrays["q_a"] - motion.q_a, method[:, 2:]),
+        ("TCP", "m", arrays["X"] - tool(case.arm, motion.q_a.T).T, moved),
     ):
-        each, slack = _by_segment(difference), METHOD * float(np.median(_by_segment(allowed)))
-        yield Row(f"{name}, median of segments", unit, float(np.median(each)), USUAL[name] + slack)
-        yield _row(f"{name}, largest", unit, np.abs(difference), MOST[name], own.sample_time)
-        yield Row(f"{name}, the method's own", unit, float(np.abs(allowed).max()), MOST[name])
-    for name, unit, jumps in (("motor speeds", "rad/s", found.jump_m), ("link speeds", "rad/s", found.jump_a)):
-        yield _row(f"{name} between segments, largest", unit, np.abs(jumps), MOST[name], SEGMENT * own.sample_time)
+        largest, slack = _by_segment(difference), METHOD * float(np.median(_by_segment(allowed)))
+        yield Row(f"{name}, median of segments", unit, float(np.median(largest)), MAX_MEDIAN[name] + slack)
+        yield _row(f"{name}, largest", unit, np.abs(difference), MAX_DIFFERENCE[name], scenario.sample_time)
+        yield Row(f"{name}, the method's own", unit, float(np.abs(allowed).max()), MAX_DIFFERENCE[name])
+    for name, unit, jumps in (("motor speeds", "rad/s", motion.jump_m), ("link speeds", "rad/s", motion.jump_a)):
+        yield _row(
+            f"{name} between segments, largest",
+            unit,
+            np.abs(jumps),
+            MAX_DIFFERENCE[name],
+            SEGMENT * scenario.sample_time,
+        )
     yield from _figures(case, u_m0)
 
 
 def _signals(case: Recorded, q_m_ref: Array, u_m0: Array) -> Iterator[Row]:
     """What the controller was given and what became of its torques: equal, but where the last bit decides."""
-    own, arrays = case.scenario, case.arrays
+    scenario, arrays = case.scenario, case.arrays
     for i, axis in enumerate(("axis 1", "axis 2")):
-        seen = delayed(arrays["q_m"] + arrays["noise"], own.sensor_lag, q_m_ref)[:-1, i]
-        asked = limited(arrays["command"], u_m0, own)[:, i]
+        seen = delayed(arrays["q_m"] + arrays["noise"], scenario.sensor_lag, q_m_ref)[:-1, i]
+        asked = limited(arrays["command"], u_m0, scenario)[:, i]
         for name, unit, values, quantum, recorded in (
-            ("given angles", "rad", seen, own.angle_quantum, arrays["given"][:, i]),
-            ("torques", "N.m", asked, own.torque_quantum[i], arrays["torque"][:, i]),
+            ("given angles", "rad", seen, scenario.angle_quantum, arrays["given"][:, i]),
+            ("torques", "N.m", asked, scenario.torque_quantum[i], arrays["torque"][:, i]),
         ):
             difference = np.abs(rounded(values, quantum) - recorded)
+            # Two programs that compute in another order may round a tie
+            # to either side; no other difference is forgiven.
             difference[tied(values, quantum) & (difference <= 1.000001 * quantum)] = 0.0
-            yield _row(f"{name}, {axis}", unit, difference, 1e-6 * quantum if quantum else 1e-9, own.sample_time)
+            yield _row(f"{name}, {axis}", unit, difference, 1e-6 * quantum if quantum else 1e-9, scenario.sample_time)
+    # The noise is taken from the file. That it is noise, and no help for the controller, shows in its size alone.
     spread = float(np.abs(arrays["noise"]).max())
-    yield Row("noise, in standard deviations", "1", spread / own.sigma if own.sigma else spread, 8.0)
+    yield Row("noise, in standard deviations", "1", spread / scenario.sigma if scenario.sigma else spread, 8.0)
 
 
 def _by_segment(difference: Array) -> Array:
@@ -126,10 +137,10 @@ def _by_segment(difference: Array) -> Array:
 
 def _figures(case: Recorded, u_m0: Array) -> Iterator[Row]:
     arrays = case.arrays
-    found = figures(case.scenario, case.duration, arrays["X"], arrays["torque"], u_m0, case.definitions)
+    judged = figures(case.scenario, case.duration, arrays["X"], arrays["torque"], u_m0, case.definitions)
     for name, value in case.claimed.items():
-        own = found.get(name, math.inf)
-        yield Row(name, "of itself", abs(own - value) / max(abs(value), 1e-6), FIGURE_BOUND)
+        figure = judged.get(name, math.inf)
+        yield Row(name, "of itself", abs(figure - value) / max(abs(value), 1e-6), FIGURE_BOUND)
     if case.status == "done" and not case.claimed:
         yield Row("figures of a case that is done", "1", math.inf, 0.0)
 
@@ -137,3 +148,33 @@ def _figures(case: Recorded, u_m0: Array) -> Iterator[Row]:
 def _row(name: str, unit: str, difference: Array, bound: float, interval: float) -> Row:
     worst = int(np.argmax(difference.max(axis=1) if difference.ndim > 1 else difference))
     return Row(name, unit, float(difference.max()), bound, worst * interval)
+
+
+def figures(
+    scenario: RecordedScenario, end: float, X: Array, torque: Array, u_m0: Array, definitions: Mapping[str, float]
+) -> dict[str, float]:
+    """B1 to B7 of the paper's Section 6, the largest TCP error at the end, half the peak-to-peak of a last window.
+
+    ``X`` has shape (N + 1, 2) [m], ``torque`` (N, 2) [N.m]; ``end`` [s] is that of the case itself, which a simulation
+    may go on beyond. Errors are distances from where the TCP began.
+    """
+    count = round(end / scenario.sample_time)
+    t, error = np.arange(len(X)) * scenario.sample_time, np.hypot(*(X - X[0]).T)
+    own_time = np.arange(len(X)) <= count
+    pushed, released = scenario.force_times
+    judged = dict(zip(("B1", "B2"), np.abs(torque[:count] - u_m0).max(axis=0).tolist(), strict=True))
+    judged |= dict(zip(("B3", "B4"), np.abs(torque[:count]).max(axis=0).tolist(), strict=True))
+    judged["B5"] = _largest(error[own_time & (t >= pushed)])
+    late = np.flatnonzero(own_time & (t > released) & (error >= definitions["settling_error"]))
+    judged["B6"] = float(t[late[-1]] - released) if late.size else 0.0
+    judged["B7"] = _largest(error[own_time & (t >= scenario.chirp_times[0]) & (t < pushed)])
+    judged["rest_error"] = _largest(error[t >= t[-1] - definitions["rest_window"] - 1e-9])
+    last = min(count, len(t) - 1)
+    # Of the case itself, although a simulation in doubt goes on beyond its end.
+    window = X[: last + 1][t[: last + 1] >= t[last] - definitions["limit_cycle_window"] - 1e-9]
+    judged["limit_cycle_at_end"] = 0.5 * float(np.ptp(window, axis=0).max())
+    return judged
+
+
+def _largest(values: Array) -> float:
+    return float(values.max()) if values.size else 0.0

@@ -53,9 +53,9 @@ def arm(parameters: Mapping[str, float]) -> Arm:
     return Arm((one, two), parameters["g"])
 
 
-def tool(own: Arm, q: Array) -> Array:
+def tool(arm: Arm, q: Array) -> Array:
     """Position of the tool centre point, eq. (9) [m]: shape (2, S) for link angles of shape (2, S)."""
-    l_1, l_2 = (axis.l for axis in own.axes)
+    l_1, l_2 = (axis.l for axis in arm.axes)
     a, b = q[0], q[0] + q[1]
     return np.stack([l_1 * np.sin(a) + l_2 * np.cos(b), l_1 * np.cos(a) - l_2 * np.sin(b)])
 
@@ -81,36 +81,39 @@ def spring(axis: Axis, twist: Array) -> Array:
     the square of the twist from k_low to k_high at psi, and stays there."""
     inner = np.clip(twist, -axis.psi, axis.psi)
     growth = (axis.k_high - axis.k_low) / axis.psi**2
-    found: Array = axis.k_low * inner + growth * inner**3 / 3.0 + axis.k_high * (twist - inner)
-    return found
+    torque: Array = axis.k_low * inner + growth * inner**3 / 3.0 + axis.k_high * (twist - inner)
+    return torque
 
 
 def friction(axis: Axis, speed: Array) -> Array:
     """Torque [N.m] against a motor's ``speed`` [rad/s], eq. (8) with sech for the misprinted cosh^-1."""
+    # cosh overflows a float64 from 710 on.
     falling = 1.0 / np.cosh(np.clip(axis.beta * speed, -700.0, 700.0))
     return axis.f_d * speed + axis.f_c * (axis.mu_k + (1.0 - axis.mu_k) * falling) * np.tanh(axis.alpha * speed)
 
 
-def rates(own: Arm, state: Array, u_m: Array, u_d: Array, force: Array) -> Array:
+def rates(arm: Arm, state: Array, u_m: Array, u_d: Array, force: Array) -> Array:
     """Time derivative of the state (q_m, q_a, dq_m, dq_a), shape (8, S), under motor torques ``u_m``, disturbances
     ``u_d`` [N.m] and tool force ``force`` [N], each of shape (2, S)."""
     q_m, q_a, dq_m, dq_a = state[0:2], state[2:4], state[4:6], state[6:8]
-    one, two = own.axes
+    one, two = arm.axes
     bodies = ((one.m, one.xi, 0.0), (two.m, one.l, two.xi))
     mass = [[one.j + two.j, two.j], [two.j, two.j]]
     load = [np.zeros_like(q_a[0]), np.zeros_like(q_a[0])]
+    # Kane: each body's inertial force, projected on the speeds of the joints by the columns of its Jacobian.
     for m, first, second in bodies:
         columns, drift = _jacobian(q_a, first, second), _drift(q_a, dq_a, first, second)
         for i in range(2):
             # Gravity pulls along -z.
-            load[i] = load[i] - m * (columns[i] * drift).sum(axis=0) - m * own.g * columns[i][1]
+            load[i] = load[i] - m * (columns[i] * drift).sum(axis=0) - m * arm.g * columns[i][1]
             mass[i] = [mass[i][k] + m * (columns[i] * columns[k]).sum(axis=0) for k in range(2)]
     reach = _jacobian(q_a, one.l, two.l)
     ddq_m = []
-    for i, axis in enumerate(own.axes):
+    for i, axis in enumerate(arm.axes):
         gear = spring(axis, q_a[i] - q_m[i] / axis.n) + axis.d * (dq_a[i] - dq_m[i] / axis.n)
         load[i] = load[i] - gear + (reach[i] * force).sum(axis=0)
         ddq_m.append((axis.gamma * u_m[i] + u_d[i] - friction(axis, dq_m[i]) + gear / axis.n) / axis.j_m)
+    # Two by two, solved by hand: for all segments at once, without a library's factorization.
     determinant = mass[0][0] * mass[1][1] - mass[0][1] * mass[1][0]
     ddq_a = [
         (mass[1][1] * load[0] - mass[0][1] * load[1]) / determinant,
@@ -119,19 +122,20 @@ def rates(own: Arm, state: Array, u_m: Array, u_d: Array, force: Array) -> Array
     return np.stack([*dq_m, *dq_a, *ddq_m, *ddq_a])
 
 
-def rest(own: Arm, q_a: Array) -> tuple[Array, Array]:
+def rest(arm: Arm, q_a: Array) -> tuple[Array, Array]:
     """Motor angles [rad] and torque commands [N.m] that hold the links at ``q_a``, shape (2,) each.
 
     The gears carry gravity: their twist is found by Newton's method; what they carry, divided by n and gamma, is the
     command.
     """
-    one, two = own.axes
+    one, two = arm.axes
     gravity = np.zeros(2)
     for m, first, second in ((one.m, one.xi, 0.0), (two.m, one.l, two.xi)):
-        gravity += [-m * own.g * column[1] for column in _jacobian(q_a, first, second)]
+        gravity += [-m * arm.g * column[1] for column in _jacobian(q_a, first, second)]
     q_m, u_m = np.zeros(2), np.zeros(2)
-    for i, axis in enumerate(own.axes):
+    for i, axis in enumerate(arm.axes):
         twist = np.array(gravity[i] / axis.k_low)
+        # The stiffness is never below k_low, so Newton's steps are bounded, and converge within a few rounds.
         for _ in range(100):
             inner = min(abs(float(twist)), axis.psi)
             stiffness = axis.k_low + (axis.k_high - axis.k_low) * (inner / axis.psi) ** 2

@@ -46,7 +46,7 @@ class Motion:
     method: Array
 
 
-def integrated(own: Arm, interval: float, q_m: Array, q_a: Array, u_m: Array, u_d: Array, force: Array) -> Motion:
+def integrated(arm: Arm, interval: float, q_m: Array, q_a: Array, u_m: Array, u_d: Array, force: Array) -> Motion:
     """The motion from the recorded angles ``q_m`` and ``q_a`` at the beginning of each segment.
 
     ``u_m``, ``u_d`` and ``force`` have shape (N, 2) and are held between two samples.
@@ -58,53 +58,56 @@ def integrated(own: Arm, interval: float, q_m: Array, q_a: Array, u_m: Array, u_
     recorded = np.concatenate([q_m, q_a], axis=1)
     start = recorded[begins].T
     following = [np.minimum(begins + number, samples) for number in (1, 2)]
+    # A one-sided difference of second order, to begin the fit with.
     speeds = (-3.0 * start + 4.0 * recorded[following[0]].T - recorded[following[1]].T) / (2.0 * interval)
     fitted = min(FITTED, length)
     # Of the last segment there may be fewer samples; rows beyond the end repeat the last one and count nothing.
     rows = np.minimum(begins[None, :] + np.arange(1, fitted + 1)[:, None], samples)
     counted = begins[None, :] + np.arange(1, fitted + 1)[:, None] <= samples
-    ratio = np.array([axis.n for axis in own.axes])
+    ratio = np.array([axis.n for axis in arm.axes])
     scale = np.concatenate([1.0 / ratio, [1.0, 1.0]])[None, :, None]
     for _ in range(FITS):
         nudged = np.concatenate([np.zeros((4, 1)), np.diag(NUDGE)], axis=1)  # (4, copies)
         speeds_now = speeds[:, :, None] + nudged[:, None, :]
         state = np.concatenate([np.broadcast_to(start[:, :, None], speeds_now.shape), speeds_now])
-        path = _run(own, interval, state, inputs[:, :, :fitted], ratio)[:, :4]  # (fitted, 4, segments, copies)
+        path = _run(arm, interval, state, inputs[:, :, :fitted], ratio)[:, :4]  # (fitted, 4, segments, copies)
         error = (recorded[rows].transpose(0, 2, 1) - path[..., 0]) * scale * counted[:, None, :]
         slope = (path[..., 1:] - path[..., :1]) / NUDGE * scale[..., None] * counted[:, None, :, None]
         for segment in range(len(begins)):
             matrix = slope[:, :, segment].reshape(-1, 4)
             speeds[:, segment] += np.linalg.lstsq(matrix, error[:, :, segment].ravel(), rcond=None)[0]
     state = np.concatenate([start, speeds])
-    path = _run(own, interval, state, inputs, ratio)  # (length, 8, segments)
-    apart = _run(own, interval, state, inputs, ratio, substeps(own, interval)) - path
-    found, method = recorded.copy(), np.zeros_like(recorded)
+    path = _run(arm, interval, state, inputs, ratio)  # (length, 8, segments)
+    # How far the plant's own method is from DOP853 tells which
+    # differences are errors of a method, and not of an equation.
+    apart = _run(arm, interval, state, inputs, ratio, substeps(arm, interval)) - path
+    angles, method = recorded.copy(), np.zeros_like(recorded)
     ends = np.zeros((4, len(begins)))
     for place, begin in enumerate(begins):
         count = min(length, samples - begin)
-        found[begin + 1 : begin + 1 + count] = path[:count, :4, place]
+        angles[begin + 1 : begin + 1 + count] = path[:count, :4, place]
         method[begin + 1 : begin + 1 + count] = apart[:count, :4, place]
         ends[:, place] = path[count - 1, 4:, place]
     before = np.concatenate([np.zeros((4, 1)), ends[:, :-1]], axis=1)
     jumps = (speeds - before).T
-    return Motion(found[:, :2], found[:, 2:], jumps[:, :2], jumps[:, 2:], method)
+    return Motion(angles[:, :2], angles[:, 2:], jumps[:, :2], jumps[:, 2:], method)
 
 
-def substeps(own: Arm, interval: float) -> int:
+def substeps(arm: Arm, interval: float) -> int:
     """Steps in a sample that docs/plant.md states, by the fastest rate of a motor: friction at rest and the gear's
     damping over its inertia. The link's share of the damping is left out, which is small."""
-    fastest = max((a.f_d + a.alpha * a.f_c + a.d / a.n**2) / a.j_m for a in own.axes)
+    fastest = max((a.f_d + a.alpha * a.f_c + a.d / a.n**2) / a.j_m for a in arm.axes)
     return 1 if interval * fastest <= 0.5 else max(2, int(np.ceil(interval * fastest / 1.7)))
 
 
 def _cut(signal: Array, begins: Array, length: int) -> Array:
     """The signal of each segment, shape (2, length, segments); beyond the end its last value goes on."""
     rows = np.minimum(begins[None, :] + np.arange(length)[:, None], len(signal) - 1)
-    found: Array = signal[rows].transpose(2, 0, 1)
-    return found
+    pieces: Array = signal[rows].transpose(2, 0, 1)
+    return pieces
 
 
-def _run(own: Arm, interval: float, state: Array, inputs: Array, ratio: Array, fixed: int = 0) -> Array:
+def _run(arm: Arm, interval: float, state: Array, inputs: Array, ratio: Array, fixed: int = 0) -> Array:
     """States of shape ``state.shape`` after each sample; the inputs jump at samples, where the integrator begins anew.
     With so many ``fixed`` steps per sample by the classical method of fourth order, else by DOP853.
 
@@ -114,19 +117,20 @@ def _run(own: Arm, interval: float, state: Array, inputs: Array, ratio: Array, f
     shape, steps = state.shape, inputs.shape[2]
     scale = np.array([*ratio, 1.0, 1.0, *ratio, 1.0, 1.0]).reshape(8, *(1,) * (len(shape) - 1))
     more = (1,) * (len(shape) - 2)
-    now, found = (state / scale).ravel(), np.empty((steps, *shape))
+    now, states = (state / scale).ravel(), np.empty((steps, *shape))
     step = None
     for k in range(steps):
         u_m, u_d, force = (signal[:, k].reshape(*signal[:, k].shape, *more) for signal in inputs)
 
         def slope(_t: float, y: Array, u_m: Array = u_m, u_d: Array = u_d, force: Array = force) -> Array:
-            found: Array = rates(own, y.reshape(shape) * scale, u_m, u_d, force) / scale
-            return found.ravel()
+            rate: Array = rates(arm, y.reshape(shape) * scale, u_m, u_d, force) / scale
+            return rate.ravel()
 
         if fixed:
             now = _classical(slope, now, interval / fixed, fixed)
-            found[k] = now.reshape(shape) * scale
+            states[k] = now.reshape(shape) * scale
             continue
+        # A new integrator for each sample: the inputs jump there, and a step across a jump loses its order.
         solver = DOP853(slope, 0.0, now, interval, rtol=TOLERANCE, atol=TOLERANCE, first_step=step)
         while solver.status == "running":
             solver.step()
@@ -134,8 +138,8 @@ def _run(own: Arm, interval: float, state: Array, inputs: Array, ratio: Array, f
             raise FloatingPointError("the motion cannot be integrated")
         step = min(interval, float(solver.h_abs))
         now = solver.y
-        found[k] = now.reshape(shape) * scale
-    return found
+        states[k] = now.reshape(shape) * scale
+    return states
 
 
 def _classical(slope: Callable[[float, Array], Array], y: Array, h: float, steps: int) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from .equations import Arm, arm
-from .signals import Scenario
+from .signals import RecordedScenario
 
 SCHEMA = "flexible-manipulator-case/1"
 
@@ -24,7 +24,7 @@ STATES, STEPS = ("q_m", "q_a", "X", "noise"), ("given", "command", "torque")
 
 DEFINITIONS = ("settling_error", "rest_window", "limit_cycle_window")
 
-LARGEST = 256 * 1024**2
+MAX_BYTES = 256 * 1024**2
 """Bytes that the arrays of a file may have together."""
 
 
@@ -45,7 +45,7 @@ class Recorded:
     controller: str
     arm: Arm
     start: np.ndarray
-    scenario: Scenario
+    scenario: RecordedScenario
     duration: float
     arrays: Mapping[str, np.ndarray]
     definitions: Mapping[str, float]
@@ -63,8 +63,10 @@ def read(source: Path | bytes) -> Recorded:
     try:
         content = source if isinstance(source, bytes) else source.read_bytes()
         with zipfile.ZipFile(io.BytesIO(content)) as listed:
-            if sum(entry.file_size for entry in listed.infolist()) > LARGEST:
+            # Before NumPy unpacks it: an .npz is a zip file, and may be a bomb.
+            if sum(entry.file_size for entry in listed.infolist()) > MAX_BYTES:
                 raise Unreadable("it is larger than a case can be")
+        # A pickle in it could run anything.
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"][()]))
             arrays = {name: np.asarray(file[name]) for name in (*STATES, *STEPS)}
@@ -82,9 +84,9 @@ def _recorded(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Rec
         raise Unreadable(f"it has the schema {str(about['schema'])[:60]}, not {SCHEMA}")
     samples = len(arrays["command"])
     for name, array in arrays.items():
-        wanted = (samples + (name in STATES), 2)
-        if array.shape != wanted or array.dtype != np.float64 or not np.isfinite(array).all():
-            raise Unreadable(f"its array {name} is not of {wanted[0]} x 2 finite numbers")
+        shape = (samples + (name in STATES), 2)
+        if array.shape != shape or array.dtype != np.float64 or not np.isfinite(array).all():
+            raise Unreadable(f"its array {name} is not of {shape[0]} x 2 finite numbers")
     if samples == 0:
         raise Unreadable("it has no samples")
     parameters = _numbers(about["parameters"])
@@ -103,19 +105,20 @@ def _recorded(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Rec
 
 
 def _numbers(given: Mapping[str, Any]) -> dict[str, float]:
-    found = {str(name): float(value) for name, value in given.items()}
-    if not all(map(math.isfinite, found.values())):
+    numbers = {str(name): float(value) for name, value in given.items()}
+    if not all(map(math.isfinite, numbers.values())):
         raise Unreadable("a number is not finite")
-    return found
+    return numbers
 
 
-def _scenario(given: Mapping[str, Any], parameters: Mapping[str, float]) -> Scenario:
+def _scenario(given: Mapping[str, Any], parameters: Mapping[str, float]) -> RecordedScenario:
     for name, value in given["parameters"]:
+        # Else the case could be simulated with one arm and checked with another.
         if parameters.get(name) != float(value):
             raise Unreadable(f"its scenario has another {name} than its parameters")
     interval = Fraction(given["sample_time"])
     sensor, drive, chirp, pulse = (given[name] for name in ("sensor", "drive", "chirp", "pulse"))
-    found = Scenario(
+    scenario = RecordedScenario(
         sample_time=float(interval),
         sigma=float(sensor["noise"]["sigma"]),
         sensor_lag=_lags(sensor["delay"], interval),
@@ -134,7 +137,7 @@ def _scenario(given: Mapping[str, Any], parameters: Mapping[str, float]) -> Scen
         raise Unreadable("its sample time is not positive")
     if float(drive.get("dropout", 0.0)) or Fraction(sensor.get("jitter", 0)):
         raise Unreadable("its samples are dropped or have jitter, which is not computed anew")
-    return found
+    return scenario
 
 
 def _pair(given: Any) -> tuple[float, float]:

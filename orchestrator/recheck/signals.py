@@ -10,7 +10,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Scenario:
+class RecordedScenario:
     """The numbers of a simulation in SI units; pairs are per axis, lags are whole samples."""
 
     sample_time: float
@@ -30,8 +30,8 @@ class Scenario:
 
 def rounded(values: Array, quantum: float) -> Array:
     """To the nearest multiple of ``quantum``; as they are if that is 0."""
-    found: Array = np.rint(values / quantum) * quantum if quantum else values
-    return found
+    multiples: Array = np.rint(values / quantum) * quantum if quantum else values
+    return multiples
 
 
 def tied(values: Array, quantum: float, within: float = 1e-6) -> Array:
@@ -40,42 +40,42 @@ def tied(values: Array, quantum: float, within: float = 1e-6) -> Array:
     if not quantum:
         return np.zeros(values.shape, dtype=bool)
     share = values / quantum
-    found: Array = np.abs(np.abs(share - np.floor(share)) - 0.5) < within
-    return found
+    near_middle: Array = np.abs(np.abs(share - np.floor(share)) - 0.5) < within
+    return near_middle
 
 
 def delayed(values: Array, lags: tuple[int, int], before: Array) -> Array:
     """Columns of shape (N, 2), each so many samples later; before its first value stands that of ``before``."""
-    found = np.empty_like(values)
+    late = np.empty_like(values)
     for i, lag in enumerate(lags):
-        found[:lag, i] = before[i]
-        found[lag:, i] = values[: len(values) - lag, i]
-    return found
+        late[:lag, i] = before[i]
+        late[lag:, i] = values[: len(values) - lag, i]
+    return late
 
 
-def limited(command: Array, u_m0: Array, own: Scenario) -> Array:
+def limited(command: Array, u_m0: Array, scenario: RecordedScenario) -> Array:
     """The torques of a controller after loop gain and limits, before they are rounded, shape (N, 2) [N.m]."""
-    gain = np.array(own.gain)
+    gain = np.array(scenario.gain)
     asked = np.where(gain == 1.0, command, u_m0 + gain * (command - u_m0))
-    return np.clip(asked, -np.array(own.limit), own.limit)
+    return np.clip(asked, -np.array(scenario.limit), scenario.limit)
 
 
-def chirp(own: Scenario, samples: int) -> Array:
+def chirp(scenario: RecordedScenario, samples: int) -> Array:
     """Motor torque disturbance at each sample, shape (samples, 2) [N.m]: its frequency grows linearly in time."""
-    t = np.arange(samples) * own.sample_time
-    (begin, end), (low, high) = own.chirp_times, own.chirp_frequencies
+    t = np.arange(samples) * scenario.sample_time
+    (begin, end), (low, high) = scenario.chirp_times, scenario.chirp_frequencies
     if end <= begin:
         return np.zeros((samples, 2))
     since = t - begin
     turns = low * since + 0.5 * (high - low) / (end - begin) * since**2
     wave = np.where((begin <= t) & (t < end), np.sin(2.0 * np.pi * turns), 0.0)
-    found: Array = wave[:, None] * np.array(own.chirp_amplitude)
-    return found
+    torques: Array = wave[:, None] * np.array(scenario.chirp_amplitude)
+    return torques
 
 
-def force(own: Scenario, samples: int) -> Array:
+def force(scenario: RecordedScenario, samples: int) -> Array:
     """Tool force at each sample, shape (samples, 2) [N]."""
-    t = np.arange(samples) * own.sample_time
-    begin, end = own.force_times
-    found: Array = np.where((begin <= t) & (t < end), 1.0, 0.0)[:, None] * np.array(own.force)
-    return found
+    t = np.arange(samples) * scenario.sample_time
+    begin, end = scenario.force_times
+    forces: Array = np.where((begin <= t) & (t < end), 1.0, 0.0)[:, None] * np.array(scenario.force)
+    return forces

@@ -17,7 +17,7 @@ from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
 from ..loop.carry_over import CarryOver, carry_over
 from ..loop.trajectory import Status
-from ..pairing.pairing import GROUP_SIZE, Pairing, digesting, judging, recording
+from ..pairing.pairing import GROUP_SIZE, Pairing, digest_job, judge_job, record_job
 from ..pairing.runs import CaseRun, case_run
 from ..pairing.work import Digested, Simulated, digest
 from . import stored
@@ -204,7 +204,7 @@ def _simulated(
             again = several and repeat and repetition is None
             numbers = _longest_first(entry, numbers) if again else numbers
             cases = [entry.cases[number] for number in numbers]
-            ask = recording if entry.witness is not None else digesting if again else judging
+            ask = record_job if entry.witness is not None else digest_job if again else judge_job
             if again:
                 repetition = _Repetition(each, numbers, ask(entry.protocol, cases[:1], entry.pairing))
                 repeated, cases = len(jobs), [*cases, cases[0]]

@@ -26,9 +26,8 @@ from ..execution.supervision import NOT_BY_CONTROLLER
 from ..fmi.library import WINE
 from ..loop.sampling import controller_sample_time
 from ..loop.setup import effective
-from ..pairing.controller import Controller
+from ..pairing.controller import IN_C, Controller, reference
 from ..pairing.pairing import Pairing
-from ..pairing.reference import IN_C, reference
 from ..pairing.testbed import Testbed
 from . import engine
 from .declaration import Study, described, option
