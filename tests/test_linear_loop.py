@@ -15,8 +15,7 @@ from support.reports import searched
 
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import loop_analysis
-from orchestrator.benchmark.loop_analysis import StateSpace
-from orchestrator.benchmark.realization import realizations, simulated
+from orchestrator.benchmark.loop_analysis import StateSpace, realizations, simulated
 
 T_S = 0.25e-3
 BENCH, POSE = Benchmark(), (0.3, -0.9)

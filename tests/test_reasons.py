@@ -34,7 +34,7 @@ from orchestrator.documents.spread import spread_of, spread_reasons
 from orchestrator.documents.verification import Verification, differences, verification_reasons
 from orchestrator.errors import Crash
 from orchestrator.loop.trajectory import Status
-from orchestrator.search.findings import RequirementFound
+from orchestrator.search.findings import RequirementSearched
 from orchestrator.views.page import page_html
 from orchestrator.views.terminal import show
 
@@ -324,7 +324,7 @@ def test_a_certificate_whose_cases_contradict_it_is_refused():
 
 
 def test_a_search_of_which_simulations_were_lost_is_not_judged():
-    lost = RequirementFound(None, "quiet", 1e-6, 1.0, 3.0, 0, 0, "")
+    lost = RequirementSearched(None, "quiet", 1e-6, 1.0, 3.0, 0, 0, "")
     found = replace(searched(), requirements={"A1": lost})
     assert (found.completeness, searched().completeness) == ("not judged", "complete")
     assert found.broken == () and "A1 not judged" in repr(found) and "not judged" in found._repr_html_()

@@ -13,7 +13,7 @@ from support.closed_loops import simulate_all
 
 from orchestrator.api import selftest as api
 from orchestrator.benchmark import bits
-from orchestrator.benchmark.bits import CASES, PAIRS, Comparison
+from orchestrator.benchmark.bits import CASES, PAIRS, BitComparison
 from orchestrator.cli import main, selftest
 from orchestrator.loop.scenario import Scenario
 
@@ -23,7 +23,7 @@ def here():
     """What this machine finds."""
     found = api.selftest()
     if os.environ.get("REFRESH") == "bits" and not found.skipped:
-        bits.publish(found.found)
+        bits.publish(found.hashes)
         return replace(found, published=bits.published())
     return found
 
@@ -35,7 +35,7 @@ def test_this_machine_gives_the_published_bits(here):
 @pytest.mark.needs("compiler")
 def test_every_pair_and_case_is_published(here):
     assert not here.skipped
-    assert list(bits.published()) == list(here.found) == [f"{pair.name}/{case}" for pair in PAIRS for case in CASES]
+    assert list(bits.published()) == list(here.hashes) == [f"{pair.name}/{case}" for pair in PAIRS for case in CASES]
 
 
 def test_c_and_python_have_one_trajectory():
@@ -65,7 +65,7 @@ def test_a_last_bit_changes_the_hash(quick_plant_file, quick_pid_file):
 
 
 def test_what_differs_is_told(monkeypatch, capsys):
-    other = Comparison({"a/x": "1", "a/y": "2"}, {"a/x": "1", "a/y": "3"}, ("b",))
+    other = BitComparison({"a/x": "1", "a/y": "2"}, {"a/x": "1", "a/y": "3"}, ("b",))
     monkeypatch.setattr(selftest, "selftest", lambda: other)
     assert main.main(["selftest"]) == 1
     told = capsys.readouterr().out
@@ -79,5 +79,5 @@ def test_without_a_compiler_the_rest_is_skipped(monkeypatch):
     monkeypatch.setattr(api, "find_compiler", lambda: None)
     monkeypatch.setattr(api, "_hash", lambda pair, id: bits.published()[f"{pair.name}/{id}"])
     found = api.selftest()
-    assert set(found.skipped) == {pair.name for pair in PAIRS[1:]} and len(found.found) == len(CASES)
+    assert set(found.skipped) == {pair.name for pair in PAIRS[1:]} and len(found.hashes) == len(CASES)
     assert found.equal

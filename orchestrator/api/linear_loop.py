@@ -215,7 +215,7 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
 def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.ndarray) -> tuple[StateSpace, float]:
     """The smallest system that repeats the ``torques`` of a ``motion`` exactly, or the one that does it best, and the
     relative difference that remains."""
-    from ..benchmark.realization import realizations, simulated
+    from ..benchmark.loop_analysis import realizations, simulated
 
     best: tuple[float, StateSpace] | None = None
     largest = float(np.abs(torques).max())

@@ -6,14 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 from build_fmus import find_compiler
 
-from ..benchmark.bits import CASES, PAIRS, Comparison, Pair, hash_of, published, short_case
+from ..benchmark.bits import CASES, PAIRS, BitComparison, Pair, hash_of, published, short_case
 from ..pairing.built_in import built_in
 from ..pairing.controller import Controller
 from ..pairing.pairing import simulate
 from ..pairing.testbed import Testbed, available_cores
 
 
-def selftest() -> Comparison:
+def selftest() -> BitComparison:
     """Simulate the loops of :mod:`~orchestrator.benchmark.bits` and compare their hashes with the published ones.
 
     What needs a C compiler is skipped where there is none.
@@ -27,7 +27,7 @@ def selftest() -> Comparison:
         built_in(pair.controller)
     with ThreadPoolExecutor(available_cores()) as pool:
         hashes = list(pool.map(lambda task: _hash(*task), tasks))
-    return Comparison(
+    return BitComparison(
         {f"{pair.name}/{id}": value for (pair, id), value in zip(tasks, hashes, strict=True)}, published(), skipped
     )
 

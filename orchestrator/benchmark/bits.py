@@ -64,10 +64,10 @@ CASES = (
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """What this machine found; ``found`` and ``published`` are hashes by pair and case."""
+class BitComparison:
+    """What this machine found: its ``hashes`` beside those that are ``published``, by pair and case."""
 
-    found: Mapping[str, str]
+    hashes: Mapping[str, str]
     published: Mapping[str, str]
     skipped: tuple[str, ...] = ()
     """Names of the pairs that were not simulated, as there is no C compiler."""
@@ -75,18 +75,18 @@ class Comparison:
     @property
     def differing(self) -> tuple[str, ...]:
         """The trajectories whose hash is not the published one."""
-        return tuple(name for name, value in self.found.items() if self.published.get(name) != value)
+        return tuple(name for name, value in self.hashes.items() if self.published.get(name) != value)
 
     @property
     def equal(self) -> bool:
         """Whether all that was simulated has the published bits."""
-        return bool(self.found) and not self.differing
+        return bool(self.hashes) and not self.differing
 
 
 def short_case(id: str) -> Case:
     """A case of CASES with its disturbances within DURATION."""
-    found = case_named(load("paper"), NOMINAL, 0, id)
-    return replace(found, scenario=_short(found.scenario))
+    case = case_named(load("paper"), NOMINAL, 0, id)
+    return replace(case, scenario=_short(case.scenario))
 
 
 def _short(scenario: Scenario) -> Scenario:
@@ -101,6 +101,7 @@ def hash_of(trajectory: Trajectory) -> str:
     """The SHA-256 of a trajectory, in hexadecimal."""
     digest = hashlib.sha256()
     for signal in SIGNALS:
+        # Little-endian, so that machines of the other order find the same hash.
         digest.update(np.ascontiguousarray(getattr(trajectory, signal), dtype="<f8").tobytes())
     return digest.hexdigest()
 
@@ -110,6 +111,6 @@ def published() -> dict[str, str]:
     return from_json(PUBLISHED.read_bytes(), dict[str, str])
 
 
-def publish(found: Mapping[str, str]) -> None:
+def publish(hashes: Mapping[str, str]) -> None:
     """Write other hashes in their place."""
-    PUBLISHED.write_text(to_json(dict(found)) + "\n", encoding="utf-8")
+    PUBLISHED.write_text(to_json(dict(hashes)) + "\n", encoding="utf-8")

@@ -46,6 +46,7 @@ def _moved(protocol: Protocol, pose: Configuration, seed: int) -> Configuration:
         moves + (pose.q_a1, pose.q_a2), (protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg), strict=True
     ):
         low, high = np.radians(ends)
+        # Mirrored, not cut: cutting would gather the poses at the ends of the workspace.
         mirrored = 2 * low - angle if angle < low else 2 * high - angle if angle > high else angle
         angles.append(float(np.clip(mirrored, low, high)))
     return Configuration(pose.index, angles[0], angles[1])
@@ -62,7 +63,7 @@ def cases(
     Random draws and noise depend on (seed, configuration, system) alone: every controller meets the same systems,
     disturbances and noise, and every test of a system the same noise, unless the protocol's jitter is of ``tests``.
     """
-    found = tuple(
+    listed = tuple(
         case(protocol, pose, system(protocol, nominal, seed, pose.index, name, test), test, seed)
         for pose in grid(protocol, seed)
         for test in protocol.tests
@@ -70,8 +71,8 @@ def cases(
         for name in protocol.sets[test.systems]
     )
     if sample_time is None:
-        return found
-    return tuple(replace(case, scenario=replace(case.scenario, sample_time=sample_time)) for case in found)
+        return listed
+    return tuple(replace(case, scenario=replace(case.scenario, sample_time=sample_time)) for case in listed)
 
 
 def configuration(protocol: Protocol, q_a1: float, q_a2: float, seed: int = 0) -> Configuration:
@@ -81,6 +82,7 @@ def configuration(protocol: Protocol, q_a1: float, q_a2: float, seed: int = 0) -
     """
     limits = protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg
     for name, value, (low, high) in zip(("q_a1", "q_a2"), (q_a1, q_a2), limits, strict=True):
+        # An end of the workspace, given in radians, may be a rounding beyond it in degrees.
         if not low - 1e-9 <= math.degrees(value) <= high + 1e-9:
             message = f"{name} = {math.degrees(value):g} deg is outside the workspace, {low:g} to {high:g} deg."
             raise InputError(message, "outside-workspace", name, value)
@@ -126,14 +128,16 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
                 for symbol, (sign, _) in deviations.items()
             }
     else:
-        known = (*protocol.systems, "random_1", "random_2")
-        message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(known)} and so on."
-        raise InputError(message, "no-system", protocol.name, name, known)
+        systems = (*protocol.systems, "random_1", "random_2")
+        message = f"The protocol {protocol.name} has no system {name}. It has: {', '.join(systems)} and so on."
+        raise InputError(message, "no-system", protocol.name, name, systems)
     parameters = {name: value for name, value in nominal.items() if not name.startswith("q_a_start")}
     for symbol, pair in deviations.items():
         for axis, deviation in zip((1, 2), pair, strict=True):
             parameters[f"{symbol}[{axis}]"] *= 1.0 + protocol.uncertainty[symbol] * deviation
     jitter = protocol.jitter
+    # Else a controller could learn its disturbance in one test, and use
+    # it in the next: with state that passes from case to case.
     if jitter.tests:
         stream = stable_stream((*_seed_words(seed, index, name, DRAWS), _checksum(test.name)))
     disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
@@ -148,7 +152,8 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
     loop, rules = protocol.loop, protocol.disturbance
     limit, disturbance = loop.torque_limit, system.disturbance
     on_axis = [test.axis == axis for axis in (1, 2)]
-    own = (_checksum(test.name),) if protocol.jitter.tests else tuple(filter(None, (test.noise,)))
+    # No word for the noise number 0: its seed stays that of all versions before the number was there.
+    noise_words = (_checksum(test.name),) if protocol.jitter.tests else tuple(filter(None, (test.noise,)))
     scenario = Scenario(
         parameters=(
             ("q_a_start[1]", configuration.q_a1),
@@ -159,8 +164,9 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         sample_time=loop.sample_time,
         sensor=Sensor(
             noise=Noise(
+                # Band-limited white noise: the variance of a sample is P_n / T_s (docs/paper.md).
                 sigma=math.sqrt(loop.noise_power / loop.sample_time),
-                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *own),
+                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *noise_words),
             ),
             quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
         ),
@@ -172,7 +178,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
         ),
         abort_distance=loop.abort_distance,
         longest_hold=loop.sample_time,
-        stop_time=max(Fraction(protocol.stability.longest), *(each.duration for each in protocol.tests)),
+        stop_time=max(Fraction(protocol.stability.longest), *(other.duration for other in protocol.tests)),
     )
     if test.disturbed:
         phi_F = disturbance.phi_F
@@ -204,6 +210,7 @@ def _listed(protocol: Protocol, test: Test) -> Disturbance:
 
 
 def _draw(protocol: Protocol, stream: np.random.RandomState) -> Disturbance:
+    # The order of the draws is part of the benchmark: another one gives other systems for the same seed.
     phi_F = float(stream.uniform(0.0, 2.0 * math.pi))
     t_3 = float(stream.uniform(*protocol.disturbance.t_3_range))
     low, high = protocol.disturbance.chirp_frequencies
@@ -217,4 +224,5 @@ def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ..
 
 
 def _checksum(name: str) -> int:
+    # Not hash(), which Python salts anew in each process.
     return zlib.crc32(name.encode(errors="surrogateescape"))  # a word of a command line may hold bytes of no text

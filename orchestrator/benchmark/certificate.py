@@ -34,7 +34,7 @@ class WorstDraw(Struct):
     value: NonNegative | None
 
 
-class CriterionFound(Figure):
+class CriterionOverDraws(Figure):
     """A criterion over the draws, each as in Table 2, beside its target; and the worst case of all."""
 
     unit: str
@@ -42,7 +42,7 @@ class CriterionFound(Figure):
     worst_case: WorstDraw | None
 
 
-class RequirementFound(Struct):
+class RequirementOverDraws(Struct):
     """A requirement over the draws.
 
     ``passed`` is False if it is not met in a draw (there are ``failed_draws`` of them), else None if it is not judged
@@ -61,6 +61,10 @@ class RequirementFound(Struct):
     def reason(self) -> str:
         """Why it is not met or not judged, in words; empty if it is met."""
         return reason(self.tally)
+
+
+# The names of version 1.0.0, which its API page promises.
+CriterionFound, RequirementFound = CriterionOverDraws, RequirementOverDraws
 
 
 class CaseEnding(Struct, omit_defaults=True):
@@ -84,8 +88,8 @@ class Score(Struct):
 
     complete: bool
     cost: Figure
-    criteria: dict[str, CriterionFound]
-    requirements: dict[str, RequirementFound]
+    criteria: dict[str, CriterionOverDraws]
+    requirements: dict[str, RequirementOverDraws]
     cases: tuple[CaseEnding, ...]
 
 
@@ -133,13 +137,17 @@ def seeds(entropy: str, sha256: str, count: int, repetition: int = 0) -> tuple[i
     They follow from nothing else: with one FMU and one round of the beacon, nobody can choose among draws. Without the
     FMU, one could be made for the draws of a round that is known already.
     """
+    # Neither parameters nor mapping: 60 spellings of one PID gave 60 sets of
+    # draws, with V from 115.1 to 138.5 (the plain one had 130.8).
     words = (f"{entropy}\n{sha256}\n{repetition * count + number}" for number in range(count))
+    # 48 bits: a seed is a number in JSON, which is exact up to 2**53.
     return tuple(int(hashlib.sha256(word.encode()).hexdigest()[:12], 16) for word in words)
 
 
 def digest(results: Iterable[CaseResult]) -> str:
     """SHA-256 of what cases came to, to the last bit, without words."""
-    told = [[each.id, each.status, each.time, each.measurements, each.warnings] for each in results]
+    # Without messages: their words may change with a version, the numbers may not.
+    told = [[result.id, result.status, result.time, result.measurements, result.warnings] for result in results]
     return hashlib.sha256(to_json(told, indent=None).encode()).hexdigest()
 
 
@@ -152,49 +160,58 @@ def overall(rules: Rules, draws: Sequence[tuple[int, Sequence[CaseResult]]]) -> 
         criteria={name: _criterion(name, cards) for name in rules.criteria},
         requirements={name: _requirement(name, cards) for name in cards[0][1].stability},
         cases=tuple(
-            CaseEnding(each.id, seed, each.status, each.time, each.message)
+            CaseEnding(result.id, seed, result.status, result.time, result.message)
             for seed, results in draws
-            for each in results
+            for result in results
         ),
     )
 
 
 def figure(draws: Iterable[tuple[int, float | None]]) -> Figure:
     """The figure over values by seed."""
-    found = statistic(dict(draws))
-    return Figure(found.mean, found.deviation)
+    over_draws = statistic(dict(draws))
+    return Figure(over_draws.mean, over_draws.deviation)
 
 
-def _criterion(name: str, cards: Sequence[tuple[int, Scorecard]]) -> CriterionFound:
-    found = [(seed, card.criteria[name]) for seed, card in cards]
-    worst = [WorstDraw(each.worst_case.id, seed, each.worst_case.value) for seed, each in found if each.worst_case]
-    first = found[0][1]
-    largest = max(worst, key=lambda each: math.inf if each.value is None else each.value, default=None)
-    over = figure((seed, each.value) for seed, each in found)
-    return CriterionFound(over.mean, over.sd, first.unit, first.target, largest)
+def _criterion(name: str, cards: Sequence[tuple[int, Scorecard]]) -> CriterionOverDraws:
+    scores = [(seed, card.criteria[name]) for seed, card in cards]
+    worst = [
+        WorstDraw(criterion.worst_case.id, seed, criterion.worst_case.value)
+        for seed, criterion in scores
+        if criterion.worst_case
+    ]
+    first = scores[0][1]
+    largest = max(worst, key=lambda draw: math.inf if draw.value is None else draw.value, default=None)
+    over = figure((seed, criterion.value) for seed, criterion in scores)
+    return CriterionOverDraws(over.mean, over.sd, first.unit, first.target, largest)
 
 
-def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> RequirementFound:
-    found = [(seed, _failing(card.stability[name])) for seed, card in cards]
+def _requirement(name: str, cards: Sequence[tuple[int, Scorecard]]) -> RequirementOverDraws:
+    drawn = [(seed, _failing(card.stability[name])) for seed, card in cards]
 
     def badness(draw: tuple[int, Requirement]) -> tuple[bool, bool, bool, float]:
-        own = draw[1]
-        return own.passed is False, own.passed is None, own.limit_cycle is None, own.limit_cycle or 0.0
+        requirement = draw[1]
+        return (
+            requirement.passed is False,
+            requirement.passed is None,
+            requirement.limit_cycle is None,
+            requirement.limit_cycle or 0.0,
+        )
 
-    seed, worst = max(found, key=badness)
+    seed, worst = max(drawn, key=badness)
     id = worst.tally.first or worst.worst_case
     value = worst.limit_cycle if id == worst.worst_case else None
-    over = merged((each.tally for _, each in found), worst.tally.first)
-    return RequirementFound(
+    over = merged((requirement.tally for _, requirement in drawn), worst.tally.first)
+    return RequirementOverDraws(
         passed=over.passed,
-        failed_draws=sum(each.passed is False for _, each in found),
+        failed_draws=sum(requirement.passed is False for _, requirement in drawn),
         kind=worst.kind if id == worst.worst_case else "no verdict",
         worst_case=None if id is None else WorstDraw(id, seed, value),
         tally=over,
     )
 
 
-def _failing(found: Requirement) -> Requirement:
+def _failing(requirement: Requirement) -> Requirement:
     """The same requirement where a case that was skipped has failed."""
-    own = with_given_up(found.tally)
-    return structs.replace(found, tally=own, passed=own.passed)
+    tally = with_given_up(requirement.tally)
+    return structs.replace(requirement, tally=tally, passed=tally.passed)

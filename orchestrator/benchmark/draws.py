@@ -108,6 +108,7 @@ class Entropy(Struct):
 
 def fresh() -> Entropy:
     """Bits that the operating system has drawn now."""
+    # From the operating system, not from a generator with a seed, which could be set.
     return Entropy(secrets.token_hex(32))
 
 
@@ -122,14 +123,15 @@ def from_beacon(text: str, published: str) -> Entropy:
     chain, number, signature = (told.get(name) for name in ("chain_hash", "round", "signature"))
     chain = QUICKNET if chain is None else chain
     if chain not in CHAINS:
-        known = ", ".join(f"{key} ({each.name})" for key, each in CHAINS.items())
-        raise InputError(f"The beacon's chain {chain} is not known. Known: {known}.", "no-beacon", "", chain)
+        chains = ", ".join(f"{key} ({network.name})" for key, network in CHAINS.items())
+        raise InputError(f"The beacon's chain {chain} is not known. Known: {chains}.", "no-beacon", "", chain)
     if not isinstance(number, int) or not 0 < number < 2**53 or not _is_hexadecimal(signature, SIGNATURE):
         message = f"A round of drand has a number and a signature of {SIGNATURE} hexadecimal digits."
         raise InputError(message, "no-beacon", "", text[:100])
     when = moment(published)
     checked = check(CHAINS[chain], number, signature)
     beacon = Beacon(chain, number, signature, checked, when.isoformat())
+    # The API gives it beside the signature. It follows from that, so another one is a slip or a forgery.
     if told.get("randomness") not in (None, beacon.randomness):
         raise InputError("The beacon's randomness is not the SHA-256 of its signature.", "no-beacon")
     if beacon.time <= when:
@@ -154,11 +156,11 @@ def _told(text: str) -> Mapping[str, Any]:
 def moment(text: str) -> datetime:
     """An ISO 8601 time; without a zone it is taken as UTC. Raises :class:`InputError`."""
     try:
-        found = datetime.fromisoformat(text.replace("Z", "+00:00"))
+        time = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
         message = f"{text!r} is no time, such as 2027-01-31T12:00:00Z."
         raise InputError(message, "no-time", "", text) from None
-    return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
+    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 
 @functools.cache
@@ -175,12 +177,15 @@ def check(chain: Chain, number: int, signature: str) -> bool:
         from py_ecc.optimized_bls12_381 import G2, pairing
     except ImportError:
         return False
+    # The scheme bls-unchained-g1-rfc9380: the message is the number
+    # alone, so a round can be checked without the one before.
     tag = b"BLS_SIG_BLS12381G1_XMD:SHA-256_SSWU_RO_NUL_"
     halves = chain.public_key[:96], chain.public_key[96:]
     key = decompress_G2((int(halves[0], 16), int(halves[1], 16)))
     hashed = hash_to_G1(hashlib.sha256(number.to_bytes(8, "big")).digest(), tag, hashlib.sha256)
     try:
         point = decompress_G1(int(signature, 16))
+        # A point outside the subgroup may pass the pairing, and is no signature.
         good = subgroup_check(point) and pairing(G2, point) == pairing(key, hashed)
     except (ValueError, AssertionError):
         good = False
@@ -190,4 +195,4 @@ def check(chain: Chain, number: int, signature: str) -> bool:
 
 
 def _is_hexadecimal(text: object, digits: int) -> TypeGuard[str]:
-    return isinstance(text, str) and len(text) == digits and all(each in "0123456789abcdef" for each in text)
+    return isinstance(text, str) and len(text) == digits and all(digit in "0123456789abcdef" for digit in text)

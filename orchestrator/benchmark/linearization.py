@@ -52,9 +52,9 @@ def rest(parameters: Mapping[str, float], q_a: Pair) -> Rest:
     from plant_fmu.flexible_manipulator import equilibrium, kinematics  # loads Numba
 
     links, joints = arm(parameters), (joint(parameters, 1), joint(parameters, 2))
-    found = equilibrium.solve(links, joints, q_a)
+    steady = equilibrium.solve(links, joints, q_a)
     X: Pair = kinematics.tcp(links, *q_a)  # type: ignore[no-untyped-call]  # as it is written in its FMU
-    return Rest(q_a, found.q_m, found.u_m, X)
+    return Rest(q_a, steady.q_m, steady.u_m, X)
 
 
 def linearized(parameters: Mapping[str, float], at: Rest, friction: Friction, gain: Pair = (1.0, 1.0)) -> Matrices:
@@ -68,20 +68,22 @@ def linearized(parameters: Mapping[str, float], at: Rest, friction: Friction, ga
 
     links, joints = arm(parameters), (joint(parameters, 1), joint(parameters, 2))
     (s_1, c_1), (s_12, c_12) = ((math.sin(angle), math.cos(angle)) for angle in (at.q_a[0], sum(at.q_a)))
-    bent = [angle - motor * own.per_n for angle, motor, own in zip(at.q_a, at.q_m, joints, strict=True)]
+    bent = [angle - motor * actuator.per_n for angle, motor, actuator in zip(at.q_a, at.q_m, joints, strict=True)]
+    # Slope of the gear's torque, eq. (5): cubic within psi, and linear beyond.
     stiffness = [
-        own.k_1 + 3.0 * own.k_3 * delta**2 if abs(delta) <= own.psi else own.m_1
-        for own, delta in zip(joints, bent, strict=True)
+        actuator.k_1 + 3.0 * actuator.k_3 * delta**2 if abs(delta) <= actuator.psi else actuator.m_1
+        for actuator, delta in zip(joints, bent, strict=True)
     ]
+    # Derivative of the gravity torques by both angles.
     weight = links.c_2 * s_12 * np.ones((2, 2)) - np.diag([links.c_1 * c_1, 0.0])
-    brake = [sticking(own) if friction == "sticking" else own.f_d for own in joints]
+    brake = [sticking(actuator) if friction == "sticking" else actuator.f_d for actuator in joints]
     s_2 = math.sin(at.q_a[1])
     pushes = ((1.0, 0.0), (0.0, 1.0))
     jacobian = np.array([tool_torque(links, s_1, c_1, s_12, c_12, *F) for F in pushes])  # type: ignore[no-untyped-call]
     B, C = np.zeros((8, 6)), np.zeros((4, 8))
     B[4:6, 4:] = np.linalg.solve(inertia(links, s_2), jacobian.T)
-    for axis, own in enumerate(joints):
-        B[6 + axis, axis], B[6 + axis, 2 + axis] = gain[axis] * own.gamma * own.per_j_m, own.per_j_m
+    for axis, actuator in enumerate(joints):
+        B[6 + axis, axis], B[6 + axis, 2 + axis] = gain[axis] * actuator.gamma * actuator.per_j_m, actuator.per_j_m
         C[axis, 2 + axis] = 1.0
     C[2:, :2] = jacobian
     return Matrices(system_matrix(links, joints, stiffness, brake, s_2, weight), B, C, np.zeros((4, 6)), STATES)
@@ -106,7 +108,9 @@ def system_matrix(
     ``stiffness`` [N.m/rad] and ``friction`` [N.m.s/rad] are the slopes of gears and motor friction, one an axis,
     ``gravity`` [N.m/rad] that of the gravity torques, shape (2, 2); ``s_2`` = sin q_a2.
     """
-    per_j_m, per_n, d = (np.array([getattr(own, name) for own in joints]) for name in ("per_j_m", "per_n", "d"))
+    per_j_m, per_n, d = (
+        np.array([getattr(actuator, name) for actuator in joints]) for name in ("per_j_m", "per_n", "d")
+    )
     bending = np.hstack([np.eye(2), -np.diag(per_n)])  # of the gears, by the angles of links and motors
     torques = np.hstack([np.asarray(stiffness)[:, None] * bending, d[:, None] * bending])
     braking = np.hstack([np.zeros((2, 6)), np.diag(friction)])
@@ -155,6 +159,7 @@ def modes(A: np.ndarray, sample_time: float | None) -> tuple[Mode, ...]:
     """The motions of a system matrix, slowest first; conjugate poles are one, and torques under way none."""
     poles = np.linalg.eigvals(A).astype(complex)
     if sample_time is not None:
+        # Delays are poles at zero, which have no logarithm.
         poles = np.log(poles[np.abs(poles) > 1e-6]) / sample_time
     sizes = [(abs(pole), pole.real) for pole in poles.tolist() if pole.imag >= 0.0]
     return tuple(Mode(size / (2.0 * math.pi), -real / size if size > 0.0 else 1.0) for size, real in sorted(sizes))

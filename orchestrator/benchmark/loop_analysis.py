@@ -2,12 +2,17 @@
 
 The loop is broken at the torque u_m, where the gain and the delay of A1 and A2 act. The loop of one axis is broken
 while the other one stays closed; singular values look at both at once.
+
+A controller in a file has no matrices: its system follows from its impulse response, by the realization of Ho and
+Kalman (1966), as of Juang and Pappa (1985). The Hankel matrix of a response h has the blocks h[i + j] of chosen rows i
+and columns j. These need not be consecutive: dense ones see fast modes, sparse ones slow modes and integrators, both
+with a small matrix.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +22,7 @@ import numpy as np
 LOWEST = 0.01
 """Lowest frequency of a grid [Hz]: slower than any motion of the arm under control."""
 
-POINTS, NEAR = 3000, 41
+POINTS, AROUND_RESONANCE = 3000, 41
 """Frequencies of a grid, and those around each resonance, which may be narrower than the grid's steps."""
 
 GROWTH = 1e-9
@@ -54,20 +59,21 @@ class LoopMargins(NamedTuple):
 def grid(system: StateSpace, highest: float | None = None) -> np.ndarray:
     """Frequencies [Hz], increasing, up to half the sampling frequency or ``highest``, denser at the resonances."""
     end = highest if highest is not None else 0.5 / system.T_s if system.T_s else 1e3
-    found = [np.geomspace(LOWEST, end, POINTS)]
+    frequencies = [np.geomspace(LOWEST, end, POINTS)]
     for pole in continuous(np.linalg.eigvals(system.A), system.T_s):
         size = abs(pole)
         if pole.imag > 0.0:
+            # A resonance is as wide as its damping ratio; at 1e-4, three widths to both sides still hold the peak.
             width = max(-pole.real / size, 1e-4)
-            found.append(size / (2 * math.pi) * (1.0 + width * np.linspace(-3.0, 3.0, NEAR)))
-    merged = np.unique(np.concatenate(found))
+            frequencies.append(size / (2 * math.pi) * (1.0 + width * np.linspace(-3.0, 3.0, AROUND_RESONANCE)))
+    merged = np.unique(np.concatenate(frequencies))
     return merged[(merged >= LOWEST) & (merged <= end)]
 
 
 def continuous(poles: np.ndarray, T_s: float | None) -> np.ndarray:
     """Poles in the s-plane [rad/s]: those of a sampled system are log(z) / T_s, without those at the origin."""
-    found = np.asarray(poles, dtype=complex)
-    return found if T_s is None else np.log(found[np.abs(found) > 1e-6]) / T_s
+    numbers = np.asarray(poles, dtype=complex)
+    return numbers if T_s is None else np.log(numbers[np.abs(numbers) > 1e-6]) / T_s
 
 
 def response(system: StateSpace, frequencies: np.ndarray) -> np.ndarray:
@@ -75,8 +81,8 @@ def response(system: StateSpace, frequencies: np.ndarray) -> np.ndarray:
     turn = 2j * math.pi * frequencies
     at = turn if system.T_s is None else np.exp(turn * system.T_s)
     resolvent = at[:, None, None] * np.eye(len(system.A)) - system.A
-    found: np.ndarray = system.C @ np.linalg.solve(resolvent, system.B[None].astype(complex)) + system.D
-    return found
+    answer: np.ndarray = system.C @ np.linalg.solve(resolvent, system.B[None].astype(complex)) + system.D
+    return answer
 
 
 def closed(plant: StateSpace, controller: StateSpace) -> StateSpace:
@@ -104,15 +110,17 @@ def is_stable(system: StateSpace) -> bool:
 def loop_gain(plant: StateSpace, controller: StateSpace, frequencies: np.ndarray) -> np.ndarray:
     """``K G`` at the torque, shape (frequencies, 2, 2): the controller's answer to the plant's answer to u_m."""
     inner = StateSpace(plant.A, plant.B[:, :2], plant.C[:2], np.zeros((2, 2)), plant.T_s)
-    found: np.ndarray = response(controller, frequencies) @ response(inner, frequencies)
-    return found
+    gain: np.ndarray = response(controller, frequencies) @ response(inner, frequencies)
+    return gain
 
 
 def at_a_time(gain: np.ndarray, axis: int) -> np.ndarray:
     """The scalar loop of ``axis`` (0 or 1) with the other one closed, of a :func:`loop_gain`; shape (frequencies,)."""
     other = 1 - axis
-    own: np.ndarray = gain[:, axis, axis] - gain[:, axis, other] * gain[:, other, axis] / (1.0 + gain[:, other, other])
-    return own
+    scalar: np.ndarray = gain[:, axis, axis] - gain[:, axis, other] * gain[:, other, axis] / (
+        1.0 + gain[:, other, other]
+    )
+    return scalar
 
 
 def singular_values(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,6 +141,7 @@ def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins
     real = [complex(loop(np.array([f]))[0]) for f in _crossings(lambda f: loop(f).imag, frequencies, values.imag)]
     if plant.T_s is not None:
         real.append(complex(values[-1].real))  # at half the sampling frequency every response is real
+    # The Nyquist curve crosses the negative real axis there: this factor of the gain puts the crossing at -1.
     factors = [-1.0 / value.real for value in real if value.real < 0.0]
     ones = _crossings(lambda f: np.log(np.abs(loop(f))), frequencies, np.log(np.abs(values)))
     # The way from -1 against the sense in which a delay turns: a delay w tau = angle brings the curve to -1.
@@ -161,8 +170,64 @@ def _crossings(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, val
 def step(system: StateSpace, given: int, samples: int) -> np.ndarray:
     """Outputs of a sampled ``system`` after a unit step of its input number ``given``; shape (samples, outputs)."""
     x, u = np.zeros(len(system.A)), system.B[:, given]
-    found = np.empty((samples, len(system.C)))
+    outputs = np.empty((samples, len(system.C)))
     for k in range(samples):
-        found[k] = system.C @ x + system.D[:, given]
+        outputs[k] = system.C @ x + system.D[:, given]
         x = system.A @ x + u
-    return found
+    return outputs
+
+
+# Imports inside functions: SciPy takes longer to load than all else here.
+
+SPARSE, DENSE = 25, 25
+"""Rows and columns of blocks: one after the other, then at equal ratios."""
+
+NOISE = 1e-12
+"""Singular values below this, relative to the largest, are rounding."""
+
+MAX_STATES = 40
+"""States that a realization has at most."""
+
+
+def realizations(impulse: np.ndarray, T_s: float) -> Iterator[StateSpace]:
+    """Systems with the impulse response ``impulse`` (shape (N, outputs, inputs), first the feedthrough), sampled every
+    ``T_s`` [s]: with one state, two states, and so on, as far as the response tells them from rounding."""
+    from scipy.linalg import svd
+
+    D, h = impulse[0], impulse[1:]
+    length, outputs, inputs = h.shape
+    chosen = _places((length - 1) // 2)
+    now = _hankel(h, chosen, 0)
+    later = _hankel(h, chosen, 1)
+    left, sizes, right = svd(now)
+    most = int(np.sum(sizes > NOISE * sizes[0])) if sizes[0] > 0.0 else 0
+    yield StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D, T_s)
+    for order in range(1, min(most, MAX_STATES) + 1):
+        # Balanced: observability and controllability get the same share of the singular values.
+        root = np.sqrt(sizes[:order])
+        out, back = left[:, :order] / root, right[:order].T / root
+        A = out.T @ later @ back
+        # The first block row and column are those of the place 0.
+        yield StateSpace(A, root[:, None] * right[:order, :inputs], left[:outputs, :order] * root, D, T_s)
+
+
+def simulated(system: StateSpace, inputs: np.ndarray) -> np.ndarray:
+    """Outputs of a sampled system from rest; ``inputs`` has the shape (N, inputs)."""
+    x, outputs = np.zeros(len(system.A)), np.empty((len(inputs), len(system.D)))
+    for k, u in enumerate(inputs):
+        outputs[k] = system.C @ x + system.D @ u
+        x = system.A @ x + system.B @ u
+    return outputs
+
+
+def _places(end: int) -> np.ndarray:
+    """Rows or columns of the Hankel matrix, up to ``end``."""
+    return np.unique(np.concatenate([np.arange(DENSE), np.geomspace(DENSE, end, SPARSE).astype(int)]))
+
+
+def _hankel(h: np.ndarray, places: np.ndarray, shift: int) -> np.ndarray:
+    """The Hankel matrix of blocks of ``h`` at these places, ``shift`` samples on."""
+    blocks: np.ndarray = h[places[:, None] + places[None, :] + shift]
+    rows, columns, outputs, inputs = blocks.shape
+    stacked: np.ndarray = blocks.transpose(0, 2, 1, 3).reshape(rows * outputs, columns * inputs)
+    return stacked

@@ -10,8 +10,7 @@ import numpy as np
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status, Trajectory
 from .case import Case
-from .doubt import doubtful, with_latest_end
-from .motion import falls, ratios
+from .doubt import doubtful, falls, ratios, with_latest_end
 from .protocol import Protocol, Stability
 from .results import CaseResult, Judgement, Measurements, fields_of
 
@@ -57,6 +56,7 @@ def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Meas
         return judgement
     measurements, _ = measured or measure(protocol, case, trajectory)
     limits = protocol.stability
+    # The paper asks for stability; a loop that stands still beside its reference is none (A1, A2).
     if measurements.rest_error is not None and measurements.rest_error > limits.rest_error:
         reason = f"the TCP error was {measurements.rest_error * 1e3:.3g} mm in the last {limits.rest_window:g} s"
         judgement = msgspec.structs.replace(judgement, status=Status.UNSTABLE, message=reason)
@@ -95,24 +95,24 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
 def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measured:
     """What a simulation has shown that ran to the case's end, or on to a later one; of one that failed later, the
     figures of the case's own time."""
-    wanted, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
+    names, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
     if trajectory.ending.status is not Status.DONE:
-        wanted -= AT_THE_END
-    windows = _windows(protocol.stability, time) if OSCILLATION[0] in wanted else np.zeros(0, dtype=np.int64)
+        names -= AT_THE_END
+    windows = _windows(protocol.stability, time) if OSCILLATION[0] in names else np.zeros(0, dtype=np.int64)
     read = _scan(protocol, case, trajectory, windows)
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         **dict(zip(("B1", "B2", "B3", "B4"), (*read.noise, *read.torque), strict=True)),
         "B5": read.force_error,
         "B7": read.chirp_error,
         "rest_error": read.rest_error,
     }
     for name, settled, last in (("B6", "settled", read.settling), ("recovery", "recovered", read.recovery)):
-        found[name] = 0.0 if last < 0 else float(time[last]) - release
-        found[settled] = last < case.scenario.samples
+        values[name] = 0.0 if last < 0 else float(time[last]) - release
+        values[settled] = last < case.scenario.samples
     if windows.size:
         figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
-        found.update(zip(OSCILLATION, figures, strict=True))
-    return Measured(Measurements(**{name: found[name] for name in wanted}), read.amplitudes.T.tolist())
+        values.update(zip(OSCILLATION, figures, strict=True))
+    return Measured(Measurements(**{name: values[name] for name in names}), read.amplitudes.T.tolist())
 
 
 def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:
@@ -146,11 +146,12 @@ def oscillation(
     strongest frequency [Hz], and the largest ratio of any two successive windows. Last, the larger amplitude at the
     case's own end.
     """
-    own, curves = case.scenario.samples + 1, amplitudes.T.tolist()
+    samples, curves = case.scenario.samples + 1, amplitudes.T.tolist()
     last = at_end = [curve[-1] for curve in curves]
-    if trajectory.time.size > own:
-        begin = _windows(limits, trajectory.time[:own])[-1]
-        at_end = (0.5 * np.ptp(trajectory.X[begin:own], axis=0)).tolist()
+    if trajectory.time.size > samples:
+        begin = _windows(limits, trajectory.time[:samples])[-1]
+        at_end = (0.5 * np.ptp(trajectory.X[begin:samples], axis=0)).tolist()
+        # A limit cycle that begins late, or swells and shrinks, is as large as it ever was, not as in the last window.
         goes_on = [curve[-1] >= limits.doubtful and not falls(curve) for curve in curves]
         last = [
             max(*curve, before) if lasting else curve[-1]
@@ -159,11 +160,13 @@ def oscillation(
 
     def severity(axis: int) -> tuple[bool, float]:
         slow = max(ratios(curves[axis]), default=1.0) >= limits.ring_down
+        # A smaller motion that stays is worse than a larger one that dies away.
         return slow and last[axis] >= limits.limit_cycle, last[axis]
 
     worst = max((0, 1), key=severity)
     shares = ratios(curves[worst])
     curve = trajectory.X[windows[-1] :, worst]
+    # Without the mean, which would be the strongest of all.
     strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
     frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
     return last[0], last[1], shares[-1], frequency, max(shares), max(at_end)

@@ -77,6 +77,7 @@ def pass_over(
     x_0, z_0 = X[0, 0], X[0, 1]
     for k in range(X.shape[0]):
         x, z = X[k, 0], X[k, 1]
+        # Not hypot: its last bit is the C library's.
         error = np.sqrt((x - x_0) * (x - x_0) + (z - z_0) * (z - z_0))
         if k < places.end:
             if k >= places.force:
@@ -90,6 +91,7 @@ def pass_over(
                     later = k
         if k >= places.rest:
             figures[6] = max(figures[6], error)
+        # Torques have a row less than positions.
         if k + 1 < places.end:
             for axis in range(2):
                 u = torque[k, axis]
@@ -109,5 +111,6 @@ def pass_over(
 
 def warm_up() -> None:
     """Load, or once compile, the machine code for the arrays of the master loop."""
+    # Not contiguous, as columns of the record are: Numba compiles for the layout as well.
     X, torque = np.zeros((2, 4))[:, 2:], np.zeros((1, 2))
     scan(X, torque, (0.0, 0.0), Places(2, 0, 0, 0, 0), np.zeros(1, dtype=np.int64), 0.0, 0.0)

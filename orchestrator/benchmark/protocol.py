@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from fractions import Fraction
@@ -10,13 +11,41 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-from msgspec import structs
+from msgspec import inspect, structs
 
 from ..bounded import read_toml
 from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
-from .allowed import allowed
 from .case import CRITERIA, REQUIREMENTS, Disturbance, Test
+
+
+def allowed(problem: str, kind: type) -> str:
+    """The names or values that a ``kind`` allows at the place that ``problem``, a message of msgspec, tells; empty if
+    they are not a list."""
+    # msgspec names what is wrong, but not what would be right.
+    place = re.search(r" - at `\$(.*)`$", problem)
+    place_type = _at(inspect.type_info(kind), place[1] if place else "")
+    if isinstance(place_type, inspect.StructType) and "unknown field" in problem:
+        return ", ".join(field.name for field in place_type.fields)
+    if isinstance(place_type, inspect.LiteralType):
+        return ", ".join(map(str, place_type.values))
+    return ""
+
+
+def _at(kind: inspect.Type, path: str) -> inspect.Type | None:
+    """The type at a ``path`` such as ``.tests[0].sweep`` below ``kind``; None if there is none."""
+    inner: inspect.Type | None = kind
+    for name, _ in re.findall(r"\.(\w+)|(\[[^]]*\])", path):
+        if isinstance(inner, inspect.StructType) and name:
+            inner = next((field.type for field in inner.fields if field.name == name), None)
+        elif isinstance(inner, inspect.DictType):
+            inner = inner.value_type
+        elif isinstance(inner, inspect.VarTupleType):
+            inner = inner.item_type
+        else:
+            return None
+    return inner
+
 
 FILES = resources.files(__package__) / "protocols"
 
@@ -229,13 +258,14 @@ def _check_criteria(protocol: Protocol) -> None:
         _check_names(where, names, CRITERIA)
     for test in protocol.tests:
         _check_names(f"the requirements of {test.name}", test.requirements, REQUIREMENTS)
+    # Every report has the column of the paper.
     if absent := [name for name in (*protocol.criteria, "V") if name not in protocol.reference]:
         raise Malformed(f"reference has no value of {absent[0]}")
 
 
-def _check_names(where: str, names: Iterable[str], known: Sequence[str]) -> None:
-    if wrong := [name for name in names if name not in known]:
-        raise Malformed(f"{where}: there is no {wrong[0]}, only {', '.join(known)}")
+def _check_names(where: str, names: Iterable[str], legal: Sequence[str]) -> None:
+    if wrong := [name for name in names if name not in legal]:
+        raise Malformed(f"{where}: there is no {wrong[0]}, only {', '.join(legal)}")
 
 
 def _check(protocol: Protocol, test: Test) -> None:
@@ -246,6 +276,7 @@ def _check(protocol: Protocol, test: Test) -> None:
         raise Malformed(f"the test {test.name} has a pose {max(test.poses)}; there are {protocol.grid.size}")
     if test.repeats and test.repeats not in {other.name for other in protocol.tests}:
         raise Malformed(f"the test {test.name} repeats {test.repeats}, which is no test")
+    # A verdict compares a window with the one before, so there must be two.
     if test.requirements and test.duration < least:
         raise Malformed(
             f"the test {test.name} of {test.requirements[0]} takes {float(test.duration):g} s, not {least:g}"
@@ -263,6 +294,7 @@ def _read(name: str, above: tuple[str, ...] = ()) -> dict[str, Any]:
     base = raw.get("extends")
     if not isinstance(base, str) or base == name:
         return raw
+    # Found by name on the way up: files that extend each other would be read for ever.
     if base in above:
         raise InputError(f"{file} extends {base}, which extends it.", "bad-protocol", file, base)
     return _merged(_read(base, (*above, name)), raw)

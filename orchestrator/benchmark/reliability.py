@@ -60,6 +60,7 @@ def draws_needed(probability: float, confidence: float, failures: int = 0) -> in
     """The smallest number of draws with so many failures that bounds the probability of failure by ``probability``;
     both lie between 0 and 1."""
     low, high = failures, max(1, failures)
+    # The bound falls with the draws, so doubling and halving find the number in some 20 steps.
     while probability_bound(failures, high, confidence) > probability:
         low, high = high, 2 * high
     while high - low > 1:
@@ -90,11 +91,12 @@ def failing(failures: Sequence[Failure], judged: int, confidence: float) -> Fail
 
 def quantile(values: Sequence[float | None], probability: float, confidence: float) -> Quantile:
     """The quantile of a figure in independent draws; one without a value is worse than all others."""
-    known = sorted(value for value in values if value is not None)
-    ordered = [*known, *([math.inf] * (len(values) - len(known)))]
+    numbers = sorted(value for value in values if value is not None)
+    # A draw that failed has no V. Left out, the worst draws would improve the quantile.
+    ordered = [*numbers, *([math.inf] * (len(values) - len(numbers)))]
     place = rank_from_top(len(ordered), probability, confidence)
     bound = ordered[-place] if place else math.inf
     middle = ordered[(len(ordered) - 1) // 2] if ordered else math.inf
     largest = ordered[-1] if ordered else math.inf
     finite = [value if math.isfinite(value) else None for value in (middle, largest, bound)]
-    return Quantile(len(values), finite[0], finite[1], finite[2], tuple(known))
+    return Quantile(len(values), finite[0], finite[1], finite[2], tuple(numbers))

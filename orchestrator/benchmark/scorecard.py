@@ -58,6 +58,7 @@ def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = No
 
 def _by_configuration(results: Iterable[CaseResult]) -> list[list[CaseResult]]:
     groups: dict[int, list[CaseResult]] = {}
+    # By number, whatever order the cases ended in: sums of floats depend on the order.
     for result in sorted(results, key=lambda result: result.configuration.index):
         groups.setdefault(result.configuration.index, []).append(result)
     return list(groups.values())
@@ -94,6 +95,7 @@ def _criterion(rules: Rules, name: str, spec: CriterionSpec, results: Sequence[C
     chosen = _measured_in(rules, name, results)
     groups = _by_configuration(chosen)
     total = _sum(_worst(group, name)[0] for group in groups)
+    # Eq. (14): the mean over configurations of the worst case in each.
     value = None if total is None or not groups else total / len(groups)
     worst_value, worst = _worst(chosen, name)
     return CriterionScore(
@@ -123,12 +125,12 @@ def _configuration(rules: Rules, results: Sequence[CaseResult]) -> Configuration
 def kind(result: Judgement, limits: Stability, amplitude: float | None = None) -> Kind:
     """What the simulation of ``result`` came to, with the limit cycle's ``amplitude`` [m] in place of its own."""
     figures = result.measurements
-    found = figures.limit_cycle if amplitude is None else amplitude
+    size = figures.limit_cycle if amplitude is None else amplitude
     if result.status is Status.UNSTABLE:
         return "unstable"
-    if result.status is not Status.DONE or found is None:
+    if result.status is not Status.DONE or size is None:
         return "no verdict"
-    if found < limits.limit_cycle:
+    if size < limits.limit_cycle:
         died = (figures.limit_cycle or 0.0) < limits.limit_cycle <= (figures.limit_cycle_at_end or 0.0)
         return "ring-down" if died else "quiet"
     decay = figures.slowest_decay
@@ -141,10 +143,10 @@ def outcome(result: Judgement, limits: Stability, amplitude: float | None = None
         return "left the workspace" if result.measurements.rest_error is None else "no rest"
     if result.status is not Status.DONE:
         return ENDED[result.status]
-    found = kind(result, limits, amplitude)
-    if found == "limit cycle":
+    ending = kind(result, limits, amplitude)
+    if ending == "limit cycle":
         return "limit cycle"
-    return "holds" if found in HOLDING else "lost"  # what has no figure says nothing
+    return "holds" if ending in HOLDING else "lost"  # what has no figure says nothing
 
 
 def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]], expected: int) -> Verdict:
@@ -163,13 +165,14 @@ def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]]
     worst, amplitude = min(judged, key=badness)
     fails = ended[worst.id] != "holds"
     left = min((result for result, _ in pairs if ended[result.id] in UNJUDGED), key=_place, default=None)
-    found = tally(ended.values(), expected, worst.id if fails else left.id if left else "")
+    counted = tally(ended.values(), expected, worst.id if fails else left.id if left else "")
+    # One realization of the noise may kick a loop into a cycle that others do not: it is told with how many it fails.
     alike = [result for result, _ in judged if _experiment(rules, result) == _experiment(rules, worst)]
     figures = worst.measurements
     alone = ended[worst.id] == "no rest" and amplitude is not None and amplitude < limits.limit_cycle
     return Verdict(
-        passed=found.passed,
-        tally=found,
+        passed=counted.passed,
+        tally=counted,
         limit_cycle=amplitude,
         rest_error=figures.rest_error if alone else None,
         worst_case=worst.id,
@@ -194,20 +197,20 @@ def _experiment(rules: Rules, result: CaseResult) -> tuple[int, str, str]:
 
 def _required(name: str, rules: Rules, results: Sequence[CaseResult]) -> dict[int, list[CaseResult]]:
     """The cases that requirement ``name`` is judged by, per axis of the test."""
-    found: dict[int, list[CaseResult]] = {}
+    by_axis: dict[int, list[CaseResult]] = {}
     axes = {test.name: test.axis for test in rules.tests if name in test.requirements}
     for result in results:
         if result.test in axes:
-            found.setdefault(axes[result.test], []).append(result)
-    return found
+            by_axis.setdefault(axes[result.test], []).append(result)
+    return by_axis
 
 
 def _expected(name: str, rules: Rules, results: Sequence[CaseResult], axis: int | None = None) -> int:
     """Number of cases that the protocol asks for to judge a requirement, in tests of ``axis`` or in all."""
     tests = {test.name: test.cases for test in rules.tests if name in test.requirements and axis in (None, test.axis)}
-    known = [count for count in tests.values() if count is not None]
-    if len(known) == len(tests):
-        return sum(known)
+    counts = [count for count in tests.values() if count is not None]
+    if len(counts) == len(tests):
+        return sum(counts)
     # Results of the older form do not say whose cases those are that were not run.
     return sum(result.test in tests for result in results) + rules.cases - len(results)
 
@@ -240,5 +243,5 @@ def _limit_cycles(name: str, rules: Rules, results: Sequence[CaseResult]) -> Req
 
 
 def _in_order(results: Sequence[CaseResult], chosen: dict[int, list[CaseResult]]) -> list[CaseResult]:
-    wanted = {result.id for group in chosen.values() for result in group}
-    return [result for result in results if result.id in wanted]
+    ids = {result.id for group in chosen.values() for result in group}
+    return [result for result in results if result.id in ids]

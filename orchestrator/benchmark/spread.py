@@ -54,7 +54,7 @@ class Paired(Struct):
     better: Natural
 
 
-class Summary(Struct):
+class SeedSummary(Struct):
     """The statistics over all seeds, of V and of each criterion, and the requirements."""
 
     cost: Statistic
@@ -74,14 +74,14 @@ def seed_score(seed: int, card: Scorecard, cases: Iterable[CaseResult]) -> SeedS
     )
 
 
-def summary(rules: Rules, scores: Sequence[SeedScore], incomplete: Sequence[SeedScore] = ()) -> Summary:
+def summary(rules: Rules, scores: Sequence[SeedScore], incomplete: Sequence[SeedScore] = ()) -> SeedSummary:
     """The statistics of ``scores``, which have the criteria of ``rules``. Of evaluations that are ``incomplete`` only
     the requirements count: a failure is one, whatever was not run."""
     verdicts: dict[str, list[bool]] = {}
     for score in (*scores, *incomplete):
         for name, passed in score.requirements.items():
             verdicts.setdefault(name, []).extend([] if passed is None else [passed])
-    return Summary(
+    return SeedSummary(
         cost=statistic({score.seed: score.cost for score in scores}),
         criteria={name: statistic({score.seed: score.criteria[name] for score in scores}) for name in rules.criteria},
         requirements={name: Holding(sum(passed), len(passed)) for name, passed in verdicts.items()},
@@ -90,14 +90,14 @@ def summary(rules: Rules, scores: Sequence[SeedScore], incomplete: Sequence[Seed
 
 def statistic(values: Mapping[int, float | None]) -> Statistic:
     """The statistic of values by seed."""
-    known = [value for value in values.values() if value is not None]
+    numbers = [value for value in values.values() if value is not None]
     without = tuple(seed for seed, value in values.items() if value is None)
-    every = bool(known) and not without
+    every = bool(numbers) and not without
     return Statistic(
-        mean=statistics.fmean(known) if every else None,
-        deviation=statistics.stdev(known) if every and len(known) > 1 else None,
-        smallest=min(known, default=None),
-        largest=max(known) if every else None,
+        mean=statistics.fmean(numbers) if every else None,
+        deviation=statistics.stdev(numbers) if every and len(numbers) > 1 else None,
+        smallest=min(numbers, default=None),
+        largest=max(numbers) if every else None,
         without=without,
     )
 
@@ -110,9 +110,10 @@ def paired(scores: Sequence[SeedScore], others: Sequence[SeedScore]) -> Paired |
     if not shared:
         return None
     difference = statistic(
-        {seed: None if own is None or other is None else own - other for seed, (own, other) in shared.items()}
+        # Pairs of one seed: the same arms, disturbances and noise, so their chance does not count.
+        {seed: None if cost is None or other is None else cost - other for seed, (cost, other) in shared.items()}
     )
-    return Paired(tuple(shared), difference, sum(_rank(own) < _rank(other) for own, other in shared.values()))
+    return Paired(tuple(shared), difference, sum(_rank(cost) < _rank(other) for cost, other in shared.values()))
 
 
 def _rank(cost: float | None) -> float:

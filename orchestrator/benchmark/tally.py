@@ -72,22 +72,24 @@ def tally(outcomes: Iterable[Outcome], expected: int, first: str = "") -> Tally:
 def merged(tallies: Iterable[Tally], first: str = "") -> Tally:
     """The tally over several draws or seeds, each with its own."""
     counts, cases = Counter[str](), 0
-    for each in tallies:
-        cases += each.cases
-        counts.update(each.failed)
-        counts.update(each.not_judged)
+    for part in tallies:
+        cases += part.cases
+        counts.update(part.failed)
+        counts.update(part.not_judged)
     return _of(cases, counts, first)
 
 
-def with_given_up(found: Tally) -> Tally:
+def with_given_up(counted: Tally) -> Tally:
     """The tally in which cases that were skipped have failed.
 
     In a verification nothing but failures of the controller itself makes that other cases are skipped; which ones
     follows from the order of the cases, which says nothing about a requirement.
     """
-    counts: dict[str, int] = {name: count for each in (found.failed, found.not_judged) for name, count in each.items()}
+    counts: dict[str, int] = {
+        name: count for group in (counted.failed, counted.not_judged) for name, count in group.items()
+    }
     skipped = counts.pop("skipped", 0)
-    return _of(found.cases, {**counts, "given up": counts.get("given up", 0) + skipped}, found.first)
+    return _of(counted.cases, {**counts, "given up": counts.get("given up", 0) + skipped}, counted.first)
 
 
 def _of(cases: int, counts: Mapping[str, int], first: str) -> Tally:
@@ -96,24 +98,24 @@ def _of(cases: int, counts: Mapping[str, int], first: str) -> Tally:
     return Tally(cases, failed, unjudged, first)
 
 
-def reason(found: Tally) -> str:
+def reason(counted: Tally) -> str:
     """Why a requirement is not met or not judged, such as "3 of 36 cases ended with `timeout`, first
     c04.sticky.gain_1"; empty if it is met."""
-    if found.passed:
+    if counted.passed:
         return ""
-    if not found.cases:
+    if not counted.cases:
         return "the protocol has no case for it"
-    counts: Mapping[Any, int] = found.failed or found.not_judged
+    counts: Mapping[Any, int] = counted.failed or counted.not_judged
     total, ended = sum(counts.values()), [f"{count} {_verb(name, count)}" for name, count in counts.items()]
-    text = f"{total} of {found.cases} cases "
+    text = f"{total} of {counted.cases} cases "
     if len(ended) == 1:
         text += ended[0].removeprefix(f"{total} ")
     else:
-        text += ("failed" if found.failed else "were not judged") + f" ({', '.join(ended)})"
-    if found.first:
-        text += f", {'worst' if found.failed and found.failed.keys() <= MEASURED else 'first'} {found.first}"
-    if found.failed and found.not_judged:
-        rest = sum(found.not_judged.values())
+        text += ("failed" if counted.failed else "were not judged") + f" ({', '.join(ended)})"
+    if counted.first:
+        text += f", {'worst' if counted.failed and counted.failed.keys() <= MEASURED else 'first'} {counted.first}"
+    if counted.failed and counted.not_judged:
+        rest = sum(counted.not_judged.values())
         text += f"; {rest} more {_be(rest)} not judged"
     return text
 

@@ -17,7 +17,7 @@ from .protocol import Protocol
 
 T = TypeVar("T")
 
-LONGEST = 1000
+MAX_DURATION = 1000
 """Duration of a simulation [s] whose trajectory still fits into memory."""
 
 FINEST_BITS = 52
@@ -57,8 +57,8 @@ class Variation:
 
     def __post_init__(self) -> None:
         enter_fields(self)
-        if self.duration is not None and not 0 < self.duration <= LONGEST:
-            message = f"The duration {float(self.duration):g} s is not between 0 and {LONGEST} s."
+        if self.duration is not None and not 0 < self.duration <= MAX_DURATION:
+            message = f"The duration {float(self.duration):g} s is not between 0 and {MAX_DURATION} s."
             raise InputError(message, "bad-duration", "", float(self.duration))
         for bits in (self.angle_bits, self.torque_bits):
             if bits is not None and not 0 <= bits <= FINEST_BITS:
@@ -68,63 +68,68 @@ class Variation:
             raise InputError(message, "bad-dropout", "", self.dropout)
 
     def __repr__(self) -> str:
-        changed = {own.name: getattr(self, own.name) for own in fields(self) if getattr(self, own.name) != own.default}
+        changed = {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if getattr(self, field.name) != field.default
+        }
         return f"Variation({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
 
 
-def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
+def vary(scenario: Scenario, protocol: Protocol, variation: Variation) -> Scenario:
     """``scenario`` with the variation applied, the sweeping ones (undisturbed, ideal) first.
 
     Raises :class:`InputError` if a disturbance would end before it starts, or has an angle without a sine.
     """
     rules, fixed, loop = protocol.disturbance, protocol.fixed_disturbance, protocol.loop
     sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
-    if wanted.undisturbed:
+    if variation.undisturbed:
         chirp, pulse = replace(chirp, amplitude=(0.0, 0.0)), replace(pulse, force=(0.0, 0.0))
-    if wanted.ideal:
+    if variation.ideal:
         sensor, drive = Sensor(), Drive()
-    if wanted.chirp_amplitude is not None and not chirp.stop:  # a test without a chirp gets the fixed one
+    if variation.chirp_amplitude is not None and not chirp.stop:  # a test without a chirp gets the fixed one
         chirp = Chirp(start=fixed.t_3, stop=rules.t_4, f_start=fixed.f_start, f_stop=fixed.f_stop)
-    if wanted.force is not None and not pulse.stop:
+    if variation.force is not None and not pulse.stop:
         pulse = Pulse(start=rules.t_1, stop=rules.t_2)
 
     sigma = sensor.noise.sigma
-    if wanted.noise_power is not None:
-        sigma = math.sqrt(wanted.noise_power / scenario.longest_hold)
+    if variation.noise_power is not None:
+        # By the benchmark's sample time, whatever the controller's: the noise is the sensor's own.
+        sigma = math.sqrt(variation.noise_power / scenario.longest_hold)
     angle_quantum, torque_quantum = sensor.quantum, drive.quantum
-    if wanted.angle_bits is not None:
-        angle_quantum = _quantum(math.radians(loop.angle_range_deg), wanted.angle_bits)
-    if wanted.torque_bits is not None:
-        first, second = (_quantum(2 * value, wanted.torque_bits) for value in loop.torque_limit)
+    if variation.angle_bits is not None:
+        angle_quantum = _quantum(math.radians(loop.angle_range_deg), variation.angle_bits)
+    if variation.torque_bits is not None:
+        first, second = (_quantum(2 * value, variation.torque_bits) for value in loop.torque_limit)
         torque_quantum = (first, second)
-    f_start, f_stop = _given(wanted.chirp_frequencies, (chirp.f_start, chirp.f_stop))
+    f_start, f_stop = _given(variation.chirp_frequencies, (chirp.f_start, chirp.f_stop))
     varied = replace(
         scenario,
-        duration=_given(wanted.duration, scenario.duration),
+        duration=_given(variation.duration, scenario.duration),
         sensor=Sensor(
             noise=Noise(sigma, scenario.sensor.noise.seed),
-            delay=_given(wanted.sensor_delay, sensor.delay),
+            delay=_given(variation.sensor_delay, sensor.delay),
             quantum=angle_quantum,
-            jitter=_given(wanted.jitter, sensor.jitter),
+            jitter=_given(variation.jitter, sensor.jitter),
         ),
         drive=Drive(
-            gain=_given(wanted.gain, drive.gain),
-            limit=_given(wanted.torque_limit, drive.limit),
+            gain=_given(variation.gain, drive.gain),
+            limit=_given(variation.torque_limit, drive.limit),
             quantum=torque_quantum,
-            delay=_given(wanted.delay, drive.delay),
-            dropout=_given(wanted.dropout, drive.dropout),
+            delay=_given(variation.delay, drive.delay),
+            dropout=_given(variation.dropout, drive.dropout),
         ),
         chirp=Chirp(
-            amplitude=_given(wanted.chirp_amplitude, chirp.amplitude),
-            start=_given(wanted.t_3, chirp.start),
-            stop=_given(wanted.t_4, chirp.stop),
+            amplitude=_given(variation.chirp_amplitude, chirp.amplitude),
+            start=_given(variation.t_3, chirp.start),
+            stop=_given(variation.t_4, chirp.stop),
             f_start=f_start,
             f_stop=f_stop,
         ),
         pulse=Pulse(
-            _force(pulse.force, wanted, scenario.pulse.force, fixed.phi_F),
-            _given(wanted.t_1, pulse.start),
-            _given(wanted.t_2, pulse.stop),
+            _force(pulse.force, variation, scenario.pulse.force, fixed.phi_F),
+            _given(variation.t_1, pulse.start),
+            _given(variation.t_2, pulse.stop),
         ),
     )
     for name, signal in (("force", varied.pulse), ("chirp", varied.chirp)):
@@ -132,21 +137,22 @@ def vary(scenario: Scenario, protocol: Protocol, wanted: Variation) -> Scenario:
             message = f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s."
             raise InputError(message, "ends-before-start", name, signal.stop)
     turns = max(abs(varied.chirp.f_start), abs(varied.chirp.f_stop)) * (varied.chirp.stop - varied.chirp.start)
-    for name, angle in (("direction of the force", wanted.phi_F or 0.0), ("chirp", 2.0 * math.pi * turns)):
+    for name, angle in (("direction of the force", variation.phi_F or 0.0), ("chirp", 2.0 * math.pi * turns)):
+        # The benchmark's sine reduces its argument exactly up to there, with the same bits everywhere.
         if not abs(angle) <= ANGLE_MAX:
             message = f"The {name} comes to {angle:g} rad: its sine is computed up to {ANGLE_MAX:g} rad."
             raise InputError(message, "bad-number", name, angle)
     return varied
 
 
-def _force(before: Pair, wanted: Variation, planned: Pair, phi_F: float) -> Pair:
+def _force(before: Pair, variation: Variation, planned: Pair, phi_F: float) -> Pair:
     """``before`` [N] with another size or direction; without a force, that of ``planned``, and else ``phi_F`` [rad]."""
-    if wanted.force is None and wanted.phi_F is None:
+    if variation.force is None and variation.phi_F is None:
         return before
-    size, length = _given(wanted.force, hypot(*before)), hypot(*planned)
-    if wanted.phi_F is None and length > 0.0:
+    size, length = _given(variation.force, hypot(*before)), hypot(*planned)
+    if variation.phi_F is None and length > 0.0:
         return size * (planned[0] / length), size * (planned[1] / length)
-    return force(size, _given(wanted.phi_F, phi_F))
+    return force(size, _given(variation.phi_F, phi_F))
 
 
 def _given(value: T | None, default: T) -> T:

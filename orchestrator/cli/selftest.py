@@ -6,7 +6,7 @@ import platform
 from collections.abc import Sequence
 
 from ..api.selftest import selftest
-from ..benchmark.bits import CASES, PAIRS, Comparison
+from ..benchmark.bits import CASES, PAIRS, BitComparison
 from ..codec import to_json
 from . import output
 from .guard import EXIT_INCOMPLETE, EXIT_OK
@@ -34,20 +34,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK if found.equal else EXIT_INCOMPLETE
 
 
-def _document(found: Comparison) -> dict[str, object]:
+def _document(found: BitComparison) -> dict[str, object]:
     return {
         "equal": found.equal,
         "differing": found.differing,
         "skipped": found.skipped,
         "machine": platform.platform(),
-        "found": dict(found.found),
+        "found": dict(found.hashes),
     }
 
 
-def _words(found: Comparison) -> str:
+def _words(found: BitComparison) -> str:
     lines = [f"skipped {name}: there is no C compiler" for name in found.skipped]
     lines += [f"differs {name}" for name in found.differing]
-    count, other = len(found.found), len(found.differing)
+    count, other = len(found.hashes), len(found.differing)
     if found.equal:
         lines.append(f"This machine gives the published bits: {count} trajectories are equal.")
     else:

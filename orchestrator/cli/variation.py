@@ -7,7 +7,7 @@ import math
 from dataclasses import fields
 from typing import Any
 
-from ..benchmark.variation import FINEST_BITS, LONGEST, Variation
+from ..benchmark.variation import FINEST_BITS, MAX_DURATION, Variation
 from .values import natural, number, time
 
 NUMBER = number()
@@ -27,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
     group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
     group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
-    single("--duration", f"length of the simulation [s], up to {LONGEST}", time)
+    single("--duration", f"length of the simulation [s], up to {MAX_DURATION}", time)
     single("--noise-power", "P_n of the measurement noise", number(0.0))
     single("--angle-bits", "steps of a motor revolution, as a power of two", natural(most=FINEST_BITS))
     single("--torque-bits", "steps of the torque range, as a power of two", natural(most=FINEST_BITS))

@@ -9,12 +9,12 @@ from typing import ClassVar, Literal
 from ..codec import Natural, NonNegative, plain
 from ..search.findings import (
     ConfigurationFound,
-    CriterionFound,
+    CriterionSearched,
     Effect,
     Margin,
     PeakFound,
     Radius,
-    RequirementFound,
+    RequirementSearched,
     Step,
 )
 from ..views.table import Beside, Cell, Column, Commands, Facts, Note, Page, Part, Summary, Value
@@ -58,8 +58,8 @@ class Robustness(Document, Comparable, kw_only=True):
     cost: NonNegative | None
     protocol_cost: NonNegative | None
     starts: tuple[NonNegative | None, ...] = ()
-    criteria: dict[str, CriterionFound]
-    requirements: dict[str, RequirementFound]
+    criteria: dict[str, CriterionSearched]
+    requirements: dict[str, RequirementSearched]
     margins: dict[str, Margin]
     radius: Radius | None
     configurations: tuple[ConfigurationFound, ...]

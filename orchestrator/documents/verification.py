@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 from ..benchmark.certificate import (
     CaseEnding,
     CheckedCase,
-    CriterionFound,
+    CriterionOverDraws,
     Draw,
     Figure,
     Reference,
-    RequirementFound,
+    RequirementOverDraws,
     Score,
     figure,
     seeds,
@@ -80,8 +80,8 @@ class Verification(Document, Comparable, kw_only=True):
 
     complete: bool
     cost: Figure
-    criteria: dict[str, CriterionFound]
-    requirements: dict[str, RequirementFound]
+    criteria: dict[str, CriterionOverDraws]
+    requirements: dict[str, RequirementOverDraws]
     cases: tuple[CaseEnding, ...]
     draws: tuple[Draw, ...]
     strict: Score | None
@@ -281,11 +281,11 @@ def _table(title: str, found: Score | Verification, others: Mapping[str, Score])
     return Table(title, columns, tuple(rows))
 
 
-def _worst(found: CriterionFound | RequirementFound) -> str:
+def _worst(found: CriterionOverDraws | RequirementOverDraws) -> str:
     worst = found.worst_case
     return in_draw(worst.id, worst.seed) if worst else "-"
 
 
-def _verdict(found: RequirementFound) -> VerdictCell:
+def _verdict(found: RequirementOverDraws) -> VerdictCell:
     draws = f" in {found.failed_draws}" if found.failed_draws else ""
     return VerdictCell(found.passed, VERDICTS[found.passed] + draws)

@@ -8,7 +8,7 @@ from typing import Any
 from ..benchmark.results import Rules
 from ..codec import plain
 from ..loop.trajectory import Status
-from ..search.findings import CriterionFound, Margin, Radius, RequirementFound
+from ..search.findings import CriterionSearched, Margin, Radius, RequirementSearched
 from ..views.table import (
     Cell,
     Chart,
@@ -74,7 +74,7 @@ def facts(
 
 def largest(
     rules: Rules,
-    found: Mapping[str, CriterionFound],
+    found: Mapping[str, CriterionSearched],
     cost: float | None,
     listed: float | None,
     shown: Mapping[str, int],
@@ -92,7 +92,7 @@ def largest(
     return Table("Largest values found", columns, tuple(rows), (total,), VALUE)
 
 
-def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Mapping[str, int]) -> Table:
+def requirements(rules: Rules, found: Mapping[str, RequirementSearched], shown: Mapping[str, int]) -> Table:
     """What the requirements came to."""
     rows: list[tuple[Cell, ...]] = []
     for name, entry in found.items():
@@ -106,7 +106,7 @@ def requirements(rules: Rules, found: Mapping[str, RequirementFound], shown: Map
     return Table("Requirements", columns, tuple(rows), caption=NO_PROOF)
 
 
-def ending(found: RequirementFound) -> str:
+def ending(found: RequirementSearched) -> str:
     """What the worst case of a requirement came to."""
     if found.passed:
         return f"nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
@@ -153,7 +153,9 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
 
 
 def commands(
-    found: Mapping[str, CriterionFound], requirements: Mapping[str, RequirementFound], margins: Mapping[str, Margin]
+    found: Mapping[str, CriterionSearched],
+    requirements: Mapping[str, RequirementSearched],
+    margins: Mapping[str, Margin],
 ) -> Iterator[tuple[str, str]]:
     """Commands by what they repeat: failures first, then margins, then the largest values. A case that is the worst in
     several respects has one command."""
@@ -168,7 +170,7 @@ def commands(
         yield ", ".join(names), command
 
 
-def specs(rules: Rules, found: Mapping[str, CriterionFound]) -> list[dict[str, Any]]:
+def specs(rules: Rules, found: Mapping[str, CriterionSearched]) -> list[dict[str, Any]]:
     """The criteria for the charts."""
     known = {name: spec for name, spec in rules.criteria.items() if name in found}
     return [{**spec, **plain(found[spec["name"]])} for spec in criteria(known)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..benchmark.results import CaseResult
 from ..benchmark.scorecard import kind
 from .descent import Levels, contenders, descend
-from .findings import ConfigurationFound, CriterionFound, Effect, Found, PeakFound, RequirementFound
+from .findings import ConfigurationFound, CriterionSearched, Effect, Found, PeakFound, RequirementSearched
 from .history import Asking
 from .hunt import CONFIRMED, Hunt, card, possible
 from .member import Member, Pair, loose, spelled
@@ -31,7 +31,7 @@ def worst_members(hunt: Hunt) -> dict[Target, Member]:
     return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
 
 
-def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
+def criteria(hunt: Hunt) -> dict[str, CriterionSearched]:
     """The criteria with the largest values found."""
     found, listed = card(hunt, possible(hunt)), card(hunt, hunt.listed)
     entries = {}
@@ -41,7 +41,7 @@ def criteria(hunt: Hunt) -> dict[str, CriterionFound]:
         where = Found(None, "") if worst is None else Found(hunt.history.severity(target), hunt.command(worst))
         if worst is not None and name in {each.criterion for each in hunt.wanted}:
             hunt.shown.setdefault(worst, []).append(name)
-        entries[name] = CriterionFound(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
+        entries[name] = CriterionSearched(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
     return entries
 
 
@@ -99,7 +99,7 @@ def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
     )
 
 
-def requirements(hunt: Hunt, seed: int) -> Asking[dict[str, RequirementFound]]:
+def requirements(hunt: Hunt, seed: int) -> Asking[dict[str, RequirementSearched]]:
     """The requirements, each with the worst case found by a search at its own level; where it fails it is tried with
     other noise."""
     if hunt.complete:  # else time is over
@@ -139,14 +139,14 @@ def _search_levels(hunt: Hunt, seed: int) -> Asking[None]:
     yield from hunt.note("requirements")
 
 
-def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementFound]:
+def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementSearched]:
     """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
     limits = hunt.protocol.stability
     (result,) = yield from hunt.history.results([worst])
     broken = fails(result, limits)
     failed, tried = (yield from other_noise(hunt, worst)) if broken and result.simulated else (0, 0)
     figures = result.measurements
-    return RequirementFound(
+    return RequirementSearched(
         passed=False if broken else True if whole else None,
         kind=kind(result, limits),
         limit_cycle=figures.limit_cycle,

@@ -21,7 +21,7 @@ class Found(Struct):
     command: str
 
 
-class CriterionFound(Struct):
+class CriterionSearched(Struct):
     """A criterion: the mean over the configurations of the largest values found, as in eq. (14) and Table 2, beside
     that of the protocol's list alone; and the largest of all."""
 
@@ -31,7 +31,7 @@ class CriterionFound(Struct):
     worst_case: Found
 
 
-class RequirementFound(Struct):
+class RequirementSearched(Struct):
     """A requirement: the worst case found, which fails with ``seeds_failed`` of ``seeds_tried`` realizations of the
     noise. A longer search may find a failure where this one found none. ``passed`` is None if nothing fails, but a
     simulation was skipped or lost. ``status`` is that of the worst case's simulation."""
@@ -45,6 +45,10 @@ class RequirementFound(Struct):
     seeds_tried: Natural
     command: str
     status: Status = Status.DONE
+
+
+# The names of version 1.0.0, which its API page promises.
+CriterionFound, RequirementFound = CriterionSearched, RequirementSearched
 
 
 class Margin(Struct):

@@ -33,13 +33,13 @@ from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import Range, Trial
 from orchestrator.search.findings import (
     ConfigurationFound,
-    CriterionFound,
+    CriterionSearched,
     Effect,
     Found,
     Margin,
     PeakFound,
     Radius,
-    RequirementFound,
+    RequirementSearched,
     Step,
 )
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
@@ -131,9 +131,9 @@ def searched(factor: float = 1.0, **controller: Any) -> Robustness:
         cut_short=("radius of V",),
         cost=200.0,
         protocol_cost=180.0,
-        criteria={"B5": CriterionFound(0.02, 0.01, "m", Found(0.025, "simulate <this>")),
-                  "B6": CriterionFound(None, 5.0, "s", Found(None, "simulate that"))},
-        requirements={name: RequirementFound(name == "A1", "limit cycle", 1e-4, 1.0, 5.0, 3, 8, "")
+        criteria={"B5": CriterionSearched(0.02, 0.01, "m", Found(0.025, "simulate <this>")),
+                  "B6": CriterionSearched(None, 5.0, "s", Found(None, "simulate that"))},
+        requirements={name: RequirementSearched(name == "A1", "limit cycle", 1e-4, 1.0, 5.0, 3, 8, "")
                       for name in ("A1", "A2")},
         margins={"gain_1": Margin(2.5, 20.0), "delay_2": Margin(1.5e-3, 1e-2), "gain_2_down": Margin(None, 0.05)},
         radius=Radius(0.75, None, 1.2),
@@ -194,13 +194,13 @@ def stored(folder: Path, results: Results, recordings: tuple[Recording, ...] = R
 def hunted(**controller: Any) -> tuple[Robustness, tuple[Recording, ...]]:
     """A search with recordings: A2 fails, more was found than the list has, and two parameters matter."""
     criteria = {
-        name: CriterionFound(1.2 * value, value, RULES.criteria[name].unit, Found(1.5 * value, f"repeat {name}"))
+        name: CriterionSearched(1.2 * value, value, RULES.criteria[name].unit, Found(1.5 * value, f"repeat {name}"))
         for name, value in TABLE_2.items()
     }
     requirements = {
-        "A1": RequirementFound(True, "quiet", 3e-6, 1.0, 3.0, 0, 0, "repeat A1"),
-        "A2": RequirementFound(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A2"),
-        "A3": RequirementFound(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A3"),
+        "A1": RequirementSearched(True, "quiet", 3e-6, 1.0, 3.0, 0, 0, "repeat A1"),
+        "A2": RequirementSearched(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A2"),
+        "A3": RequirementSearched(False, "limit cycle", 421e-6, 1.0, 23.7, 6, 8, "repeat A3"),
     }
     margins = {
         "gain_1": Margin(None, 20.0),
