@@ -55,7 +55,7 @@ from orchestrator.loop.setup import Setup  # noqa: E402
 from orchestrator.pairing.pairing import Pairing  # noqa: E402
 from orchestrator.pairing.testbed import available_cores  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
-from orchestrator.study.requests import Batch, Entry  # noqa: E402
+from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 from plant_fmu.flexible_manipulator import coefficients, equilibrium  # noqa: E402
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
@@ -97,7 +97,7 @@ def scorecard(protocol: Protocol, cases: Sequence[Case], name: str, folder: Path
     controller = open_archive(build_fmus.build(name, folder))
     pairing = Pairing(plant, controller, timeout=TIMEOUT)
     with store.opened(None) as known:
-        entry = Entry(protocol, pairing, tuple(cases))
+        entry = BatchEntry(protocol, pairing, tuple(cases))
         (runs,) = batch.run(Batch((entry,)), functools.partial(pool.run, workers=jobs), known)
     return score(rules(protocol), [run.result for run in runs], len(cases))
 

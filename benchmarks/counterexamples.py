@@ -49,7 +49,7 @@ from orchestrator.search.member import Member, case_of, names  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study.engine import local_executor  # noqa: E402
-from orchestrator.study.requests import Batch, Entry  # noqa: E402
+from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 
 LISTS = Path(__file__).with_suffix("")
 
@@ -133,7 +133,7 @@ def simulated(
     before = cases if listed else ()
     test = next(target.test for target in targets(protocol) if target.criterion)
     own = [case_of(member(arm, test, protocol), protocol, bench.nominal) for arm in arms]
-    entry = Entry(protocol, pairing, (*before, *own))
+    entry = BatchEntry(protocol, pairing, (*before, *own))
     with store.opened(None) as known:
         results = [run.result for run in batch.run(Batch((entry,)), local_executor(bench), known)[0]]
     return results[: len(before)], results[len(before) :]

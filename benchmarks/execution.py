@@ -44,7 +44,7 @@ from orchestrator.pairing.runs import CaseRun  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study import stored as stored_runs  # noqa: E402
 from orchestrator.study.rehearsal import rehearse  # noqa: E402
-from orchestrator.study.requests import Batch, Entry  # noqa: E402
+from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 
 TARGET = 0.05
 SHORT = Fraction("0.01")
@@ -129,7 +129,7 @@ def show_throughput(protocol: Protocol, cases: Sequence[Case], bench: Pairing) -
     def speed(execute: Callable[..., Any]) -> float:
         begin = time.perf_counter()
         with store.opened(None) as known:
-            (found,) = batch.run(Batch((Entry(protocol, bench, tuple(cases)),)), execute, known)
+            (found,) = batch.run(Batch((BatchEntry(protocol, bench, tuple(cases)),)), execute, known)
         assert all(run.result.simulated for run in found)
         return len(found) / (time.perf_counter() - begin)
 

@@ -33,7 +33,7 @@ from orchestrator.benchmark.results import rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.benchmark.variation import Variation  # noqa: E402
 from orchestrator.loop.trajectory import Status  # noqa: E402
-from orchestrator.study.requests import Batch, Entry, Requests  # noqa: E402
+from orchestrator.study.requests import Batch, BatchEntry, Requests  # noqa: E402
 
 FIGURES, PAGE = (ROOT / "docs" / name for name in ("sensitivity.json", "robustness.md"))
 WORK = ROOT / "runs" / "sensitivity"
@@ -69,7 +69,9 @@ CONDITIONS: dict[str, Callable[[Case], Case]] = {
 def studied(name: str) -> Requests[dict[str, Any]]:
     """The figures of one controller."""
     controller, pairing, _, cases = BENCH.prepared(searched_as(name))
-    entries = [Entry(BENCH.rules, pairing, tuple(map(change, cases)), patience=None) for change in CONDITIONS.values()]
+    entries = [
+        BatchEntry(BENCH.rules, pairing, tuple(map(change, cases)), patience=None) for change in CONDITIONS.values()
+    ]
     found = yield Batch(tuple(entries))
     figures: dict[str, Any] = {
         "benchmark": BENCH.rules.benchmark,

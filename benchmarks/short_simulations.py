@@ -29,7 +29,7 @@ from orchestrator.search.short import short  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study.engine import local_executor  # noqa: E402
-from orchestrator.study.requests import Batch, Entry  # noqa: E402
+from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 
 SETTLING = 10.0
 """Time after the force [s] that a settling time is waited for."""
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
 
     def run(some: Sequence[Member]) -> list[CaseRun]:
-        entry = Entry(rules, pairing, tuple(case_of(member, rules, bench.nominal) for member in some))
+        entry = BatchEntry(rules, pairing, tuple(case_of(member, rules, bench.nominal) for member in some))
         with store.opened(None) as known:
             return batch.run(Batch((entry,)), local_executor(bench), known)[0]
 

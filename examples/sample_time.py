@@ -19,7 +19,7 @@ from orchestrator.pairing.controller import Controller
 from orchestrator.pairing.testbed import Testbed
 from orchestrator.study.declaration import Study, option
 from orchestrator.study.heads import head
-from orchestrator.study.requests import Batch, Entry, Now, Requests, Save, rehearsed
+from orchestrator.study.requests import Batch, BatchEntry, Now, Requests, Save, rehearsed
 from orchestrator.views.table import Column, Plot, Series, Summary, Table
 from orchestrator.views.units import MILLIMETRE, MILLISECOND
 
@@ -66,7 +66,7 @@ class SampleTimeStudy(Study[SampleTimes]):
             controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=each))
             measured = tuple(case for case in cases if "B5" in case.test.criteria)
             yield from rehearsed(pairing, measured[0])
-            (runs,) = yield Batch((Entry(testbed.rules, pairing, measured),))
+            (runs,) = yield Batch((BatchEntry(testbed.rules, pairing, measured),))
             own = head(testbed, controller, pairing, T_s, begin, (yield Now()))
             found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
         times = tuple(map(float, self.times))

@@ -14,7 +14,7 @@ from orchestrator.execution import store
 from orchestrator.loop.carry_over import CarryOver, carry_over
 from orchestrator.pairing.work import TimingRecord
 from orchestrator.study.processes import EVERY, Processes
-from orchestrator.study.requests import Batch, Entry
+from orchestrator.study.requests import Batch, BatchEntry
 
 pytestmark = pytest.mark.needs("linux", "compiler")
 
@@ -145,7 +145,7 @@ def test_what_passes_is_told_from_what_is_random(after, again, found):
 def test_what_is_found_after_results_have_been_used_is_an_error_and_stays_known(quick_pid_file):
     bench = Benchmark("quick")
     pairing = bench.pairing(Controller(quick_pid_file))
-    batch, processes = Batch((Entry(bench.rules, pairing, tuple(bench.cases)),)), Processes()
+    batch, processes = Batch((BatchEntry(bench.rules, pairing, tuple(bench.cases)),)), Processes()
     with store.opened(None) as known:
         due = []
         while sum(due) < 2:

@@ -34,7 +34,7 @@ from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.results import Results
 from orchestrator.search.findings import Found, Margin
-from orchestrator.study.dry_run import Plan
+from orchestrator.study.dry_run import DryRun
 
 ONE = ("--only", "c00.compliant.noise", "--no-report")
 EVALUATE = (sys.executable, "-m", "orchestrator.evaluate")
@@ -100,7 +100,7 @@ def test_a_dry_run_tells_the_cases_and_writes_nothing(
         require("optuna", "cmaes")
     options, cases = PLANNED[name]
     planned = call(name.split()[0], quick_pid_file, *options.split(), "--dry-run", "--json", folder=tmp_path)
-    found = from_json(planned.out, Plan)
+    found = from_json(planned.out, DryRun)
     assert planned.code == 0 and found.stored == 0 and found.cases > 0 and cases in (None, found.cases)
     assert found.seconds == pytest.approx(found.cases * found.seconds_per_case / found.workers) and found.seconds > 0.0
     assert not list(tmp_path.iterdir())

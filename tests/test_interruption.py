@@ -40,7 +40,7 @@ from orchestrator.pairing.pairing import GROUP_SIZE
 from orchestrator.pairing.runs import CaseRun
 from orchestrator.study import batch
 from orchestrator.study import stored as stored_runs
-from orchestrator.study.requests import STRIKES, Batch, Entry
+from orchestrator.study.requests import STRIKES, Batch, BatchEntry
 
 pytestmark = pytest.mark.needs("posix")
 
@@ -99,7 +99,7 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
         there = stored_runs.load(results, keys, QUICK.rules, QUICK.cases, own, not keep_going)
         stored = {run.case.id for run in there.values()}
         with suppress(KeyboardInterrupt):
-            entry = Entry(QUICK.rules, own, QUICK.cases, None if keep_going else STRIKES)
+            entry = BatchEntry(QUICK.rules, own, QUICK.cases, None if keep_going else STRIKES)
             return batch.run(Batch((entry,)), execute, results)[0]
         return None
 

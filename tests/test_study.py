@@ -32,7 +32,7 @@ from orchestrator.study.rehearsal import Rehearsal
 from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import (
     Batch,
-    Entry,
+    BatchEntry,
     Instant,
     Now,
     Record,
@@ -191,7 +191,7 @@ def test_entries_side_by_side_stop_each_for_itself(own):
     """The second of three candidates fails in its first case: its other cases are skipped, those of the others run."""
     protocol = Benchmark("quick").rules
     cases = Benchmark("quick").cases[:3]
-    entries = tuple(Entry(protocol, own, cases, patience=1) for _ in range(3))
+    entries = tuple(BatchEntry(protocol, own, cases, patience=1) for _ in range(3))
     jobs = []
 
     def execute(given):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..pairing.runs import CaseRun
     from ..search.candidates import Range, Trial
     from ..study.declaration import Study
-    from ..study.dry_run import Plan
+    from ..study.dry_run import DryRun
     from ..study.engine import Engine, OnEvent
     from ..study.requests import Event, OnResult
     from .linear_loop import LinearLoop
@@ -158,7 +158,7 @@ class Benchmark(Testbed, Displayable):
         return engine.run(study.ask(self, Controller.of(controller), place))
 
     @entered
-    def plan(self, study: Study[Any], controller: Given = None, *, folder: str | Path | None = None) -> Plan:
+    def plan(self, study: Study[Any], controller: Given = None, *, folder: str | Path | None = None) -> DryRun:
         """What :meth:`run` would simulate, and how long that would take. Nothing is written."""
         place = None if study.on_this_machine or folder is None else Path(folder)
         engine = self.engine(place, here=study.on_this_machine)

@@ -20,7 +20,7 @@ from ..documents.evaluation import Evaluation
 from ..documents.files import REPORT
 from ..pairing.controller import Controller
 from ..study.declaration import Option, Study, default
-from ..study.dry_run import Plan
+from ..study.dry_run import DryRun
 from ..study.requests import Event
 from ..text import file_name, shortened
 from . import options, output
@@ -183,7 +183,7 @@ class StudyCommand:
         return [REPORT]
 
 
-def show_plan(found: Plan, as_json: bool) -> int:
+def show_plan(found: DryRun, as_json: bool) -> int:
     """Print what a study would do."""
     if as_json:
         print(to_json(found))

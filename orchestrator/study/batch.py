@@ -21,7 +21,7 @@ from ..pairing.pairing import GROUP_SIZE, Pairing, digest_job, judge_job, record
 from ..pairing.runs import CaseRun, case_run
 from ..pairing.work import Digested, Simulated, digest
 from . import stored
-from .requests import TIMEOUTS, Batch, Entry
+from .requests import TIMEOUTS, Batch, BatchEntry
 
 logger = logging.getLogger(__name__)
 
@@ -33,17 +33,17 @@ OnRun = Callable[[CaseRun, int, int], None]
 
 
 @dataclass
-class _Open:
+class _Progress:
     """An entry whose cases are on their way: the runs so far by number, and the strikes."""
 
-    entry: Entry
+    entry: BatchEntry
     keys: list[str]
-    found: dict[int, CaseRun]
+    runs: dict[int, CaseRun]
     strikes: Counter[tuple[Status, str]] = field(default_factory=Counter)
 
     @property
     def waiting(self) -> list[int]:
-        return [number for number in range(len(self.keys)) if number not in self.found]
+        return [number for number in range(len(self.keys)) if number not in self.runs]
 
     @property
     def reason(self) -> str:
@@ -60,37 +60,37 @@ class _Open:
         return ""
 
     def take(self, number: int, run: CaseRun) -> None:
-        self.found[number] = run
+        self.runs[number] = run
         self.strikes[run.result.status, run.kind] += 1
 
 
 class StatePasses(Exception):
     """A case that ran after others has other figures than in a fresh process: such runs of this ``pairing`` are of no
-    use. ``found`` says why."""
+    use. ``carry_over`` says why."""
 
-    def __init__(self, pairing: Pairing, found: CarryOver) -> None:
-        super().__init__(found.value)
-        self.pairing, self.found = pairing, found
+    def __init__(self, pairing: Pairing, carry_over: CarryOver) -> None:
+        super().__init__(carry_over.value)
+        self.pairing, self.carry_over = pairing, carry_over
 
 
 def run(
     batch: Batch,
     execute: Execute,
-    known: Store,
+    store: Store,
     on_run: OnRun | None = None,
     first: bool = True,
     repeat: bool = False,
 ) -> list[list[CaseRun]]:
     """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone.
 
-    Of the ``first`` batch of a command it is said how much of it is known already: a search has hundreds. To
+    Of the ``first`` batch of a command it is said how much of it is stored already: a search has hundreds. To
     ``repeat`` is to run one case that comes after others a second time, in a fresh process; raises
     :class:`StatePasses` if its figures differ there.
     """
-    opened = [_open(entry, known) for entry in batch.entries]
-    there = sum(len(each.found) for each in opened)
-    total = sum(len(each.keys) for each in opened) if batch.total is None else batch.total
-    if there and first and on_run is not None and known.lasting:
+    opened = [_open(entry, store) for entry in batch.entries]
+    there = sum(len(progress.runs) for progress in opened)
+    total = sum(len(progress.keys) for progress in opened) if batch.total is None else batch.total
+    if there and first and on_run is not None and store.lasting:
         logger.info("%d of %d cases are there from an earlier run", there, total, extra={"what": "stored"})
     done = batch.before
 
@@ -100,49 +100,52 @@ def run(
         if on_run is not None:
             on_run(run, done, total)
 
-    for each in opened:
-        for found in list(each.found.values()):
-            tell(found)
-    for each in opened:
-        failure = each.entry.first_sample_failure
-        if failure is not None and failure.case in each.entry.cases and each.entry.patience is not None:
-            number = each.entry.cases.index(failure.case)
-            if number not in each.found:
-                _keep(each, number, failure, known)
+    for progress in opened:
+        for finished in list(progress.runs.values()):
+            tell(finished)
+    for progress in opened:
+        failure = progress.entry.first_sample_failure
+        if failure is not None and failure.case in progress.entry.cases and progress.entry.patience is not None:
+            number = progress.entry.cases.index(failure.case)
+            if number not in progress.runs:
+                _keep(progress, number, failure, store)
                 tell(failure)
-    for each, number, found in _simulated(opened, execute, _Chatter(first), repeat):
-        _keep(each, number, found, known)
-        tell(found)
-    for each in opened:
-        for number in each.waiting:
-            case, skipped = each.entry.cases[number], Judgement(status=Status.SKIPPED, time=0.0, message=each.reason)
-            each.found[number] = CaseRun(case, case_result(case, skipped))
-            tell(each.found[number])
-    return [[each.found[number] for number in range(len(each.keys))] for each in opened]
+    for progress, number, finished in _simulated(opened, execute, _Chatter(first), repeat):
+        _keep(progress, number, finished, store)
+        tell(finished)
+    for progress in opened:
+        for number in progress.waiting:
+            case, skipped = (
+                progress.entry.cases[number],
+                Judgement(status=Status.SKIPPED, time=0.0, message=progress.reason),
+            )
+            progress.runs[number] = CaseRun(case, case_result(case, skipped))
+            tell(progress.runs[number])
+    return [[progress.runs[number] for number in range(len(progress.keys))] for progress in opened]
 
 
-def _open(entry: Entry, known: Store) -> _Open:
+def _open(entry: BatchEntry, store: Store) -> _Progress:
     keys = stored.keys(entry.protocol, entry.cases, entry.pairing)
     if entry.force:
-        known.forget(keys)
-    found = stored.load(known, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None)
-    own = _Open(entry, keys, {})
-    for number, run in found.items():
-        own.take(number, run)
-    return own
+        store.forget(keys)
+    stored_runs = stored.load(store, keys, entry.protocol, entry.cases, entry.pairing, entry.patience is not None)
+    progress = _Progress(entry, keys, {})
+    for number, run in stored_runs.items():
+        progress.take(number, run)
+    return progress
 
 
-def _keep(own: _Open, number: int, run: CaseRun, known: Store) -> None:
-    stored.keep(known, own.keys[number], run, own.entry.pairing)
-    own.take(number, run)
+def _keep(progress: _Progress, number: int, run: CaseRun, store: Store) -> None:
+    stored.keep(store, progress.keys[number], run, progress.entry.pairing)
+    progress.take(number, run)
 
 
 @dataclass
 class _Repetition:
-    """The first case of a group in one process, of the ``numbers`` of ``own``, repeated there behind all others;
+    """The first case of a group in one process, of the ``numbers`` of ``progress``, repeated there behind all others;
     ``alone`` is the job that runs it in a fresh process."""
 
-    own: _Open
+    progress: _Progress
     numbers: Sequence[int]
     alone: Job
     first: bytes | None = None
@@ -152,12 +155,14 @@ class _Repetition:
         """A case of the group has come to its ``outcome``; raises :class:`StatePasses` if others have changed it."""
         if index == 0:
             self.first = _figures(outcome)
+        # The first case again, in a process that has run all others: if
+        # these have left something behind, it shows here.
         elif index == len(self.numbers):
             self.over, after = True, _figures(outcome)
             if after is not None and self.first is not None:
-                found = carry_over(after, self.first, lambda: self._again(execute))
-                if found is not CarryOver.NONE:
-                    raise StatePasses(self.own.entry.pairing, found)
+                carried = carry_over(after, self.first, lambda: self._again(execute))
+                if carried is not CarryOver.NONE:
+                    raise StatePasses(self.progress.entry.pairing, carried)
 
     def _again(self, execute: Execute) -> bytes | None:
         with closing(execute([self.alone])) as outcomes:
@@ -170,73 +175,76 @@ def _figures(outcome: Outcome) -> bytes | None:
     if not isinstance(outcome, Done):
         return None
     value: Simulated | Digested = outcome.value
+    # Figures alone would miss state that moves no worst case.
     signals = value.digest if isinstance(value, Digested) else digest(value.trajectory)
     return pack(structs.replace(value.judgement, message="")) + signals
 
 
 @dataclass
 class _Chatter:
-    """Says once of a batch that its FMUs log so much that it takes time, if it is ``wanted``."""
+    """Says once of a batch that its FMUs log so much that it takes time, if that is ``due``."""
 
-    wanted: bool
+    due: bool
 
     def listen(self, outcome: Outcome, pairing: Pairing) -> None:
-        if self.wanted and isinstance(outcome, Done) and outcome.logged > MANY_LOGGED:
-            self.wanted = False
+        if self.due and isinstance(outcome, Done) and outcome.logged > MANY_LOGGED:
+            self.due = False
             message = "%s logged %.1f million messages in a simulation, which takes time: switch its logging off."
             logger.warning(message, pairing.controller.name, outcome.logged / 1e6)
 
 
 def _simulated(
-    opened: Sequence[_Open], execute: Execute, chatter: _Chatter, repeat: bool = False
-) -> Iterator[tuple[_Open, int, CaseRun]]:
+    opened: Sequence[_Progress], execute: Execute, chatter: _Chatter, repeat: bool = False
+) -> Iterator[tuple[_Progress, int, CaseRun]]:
     """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
     repetition, repeated = None, -1
-    places: list[tuple[_Open, list[int], set[int]]] = []
-    for each in opened:
-        waiting = [] if each.reason else each.waiting
-        alone, left = each.entry.patience == 1, set(waiting)
+    places: list[tuple[_Progress, list[int], set[int]]] = []
+    for progress in opened:
+        waiting = [] if progress.reason else progress.waiting
+        alone, left = progress.entry.patience == 1, set(waiting)
+        # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted.
         size = max(1, len(waiting)) if alone else GROUP_SIZE
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
-            entry, several = each.entry, len(numbers) > 1 and _shares(each.entry.pairing)
+            entry, several = progress.entry, len(numbers) > 1 and _shares(progress.entry.pairing)
             again = several and repeat and repetition is None
             numbers = _longest_first(entry, numbers) if again else numbers
             cases = [entry.cases[number] for number in numbers]
             ask = record_job if entry.witness is not None else digest_job if again else judge_job
             if again:
-                repetition = _Repetition(each, numbers, ask(entry.protocol, cases[:1], entry.pairing))
+                repetition = _Repetition(progress, numbers, ask(entry.protocol, cases[:1], entry.pairing))
                 repeated, cases = len(jobs), [*cases, cases[0]]
             jobs.append(replace(ask(entry.protocol, cases, entry.pairing), give_up=alone))
-            places.append((each, numbers, left))
+            places.append((progress, numbers, left))
     if not jobs:
         return
     with closing(execute(jobs)) as outcomes:
         for job, outcome in outcomes:
-            own, numbers, left = places[job]
+            current, numbers, left = places[job]
             if job == repeated and repetition is not None:
                 repetition.look(outcome.index, outcome, execute)
             if outcome.index < len(numbers):
                 number = numbers[outcome.index]
-                if number in left and not own.reason:  # a cluster may run a job twice
+                if number in left and not current.reason:  # a cluster may run a job twice
                     left.remove(number)
-                    chatter.listen(outcome, own.entry.pairing)
-                    run = case_run(own.entry.cases[number], outcome)
+                    chatter.listen(outcome, current.entry.pairing)
+                    run = case_run(current.entry.cases[number], outcome)
                     value = outcome.value if isinstance(outcome, Done) else None
-                    if own.entry.witness is not None and isinstance(value, Simulated):
-                        own.entry.witness(run.case, run.result, value.trajectory)
-                    yield own, number, run
-            compared = repetition is None or repetition.over or repetition.own.reason
-            if compared and all(each.reason or not left for each, _, left in places):
+                    if current.entry.witness is not None and isinstance(value, Simulated):
+                        current.entry.witness(run.case, run.result, value.trajectory)
+                    yield current, number, run
+            compared = repetition is None or repetition.over or repetition.progress.reason
+            if compared and all(progress.reason or not left for progress, _, left in places):
                 return
 
 
-def _longest_first(entry: Entry, numbers: Sequence[int]) -> list[int]:
+def _longest_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:
     """The numbers of a group, with a long case in front whose criteria show what becomes of its controller."""
     first = max(
         numbers, key=lambda number: (bool(entry.cases[number].test.criteria), entry.cases[number].scenario.duration)
     )
+    # A controller that counts its instances, or knows the pose, gave other numbers in every case but the first.
     return [first, *(number for number in numbers if number != first)]
 
 

@@ -56,7 +56,7 @@ class Option:
         if self.below is not None and value >= self.below:
             return f"below {self.below:g}"
         given = (value,) if isinstance(value, str) else value
-        if self.choices and any(each not in self.choices for each in given):
+        if self.choices and any(choice not in self.choices for choice in given):
             return f"one of {', '.join(self.choices)}"
         return ""
 
@@ -89,11 +89,12 @@ class Study(Generic[T]):
 
     def __post_init__(self) -> None:
         enter_fields(self)
-        for name, each in options(type(self)).items():
+        for name, declared in options(type(self)).items():
             value = getattr(self, name)
-            if value is not None and (problem := each.problem(value)):
-                code = "bad-option" if each.choices else "bad-number"
-                raise InputError(f"{name} must be {problem}, not {shown(value)}.", code, name, value, each.choices)
+            # Here, not in the command: reliability(probability=0) from Python ended in a TypeError of SciPy.
+            if value is not None and (problem := declared.problem(value)):
+                code = "bad-option" if declared.choices else "bad-number"
+                raise InputError(f"{name} must be {problem}, not {shown(value)}.", code, name, value, declared.choices)
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[T]:
         """The requests of the study, which returns its document; ``folder`` is where an earlier run may be."""
@@ -107,7 +108,9 @@ def shown(value: Any) -> str:
 
 def options(study: type[Study[Any]]) -> dict[str, Option]:
     """The options of a study by the names of their fields."""
-    return {each.name: each.metadata["option"] for each in fields(study) if "option" in each.metadata}
+    return {
+        attribute.name: attribute.metadata["option"] for attribute in fields(study) if "option" in attribute.metadata
+    }
 
 
 def default(of: Field[Any]) -> Any:
@@ -118,11 +121,11 @@ def default(of: Field[Any]) -> Any:
 def described(study: Kind) -> Kind:
     """``study`` with its options in its docstring."""
     lines = [study.__doc__ or "", "", "    Parameters", "    ----------"]
-    for each in fields(study):
-        told = each.metadata["option"]
-        kind = f"one of {', '.join(map(repr, told.choices))}" if told.choices else str(each.type)
-        value = default(each)
-        lines += [f"    {each.name} : {kind}" + ("" if isinstance(value, Mapping) else f", default {value!r}")]
+    for attribute in fields(study):
+        told = attribute.metadata["option"]
+        kind = f"one of {', '.join(map(repr, told.choices))}" if told.choices else str(attribute.type)
+        value = default(attribute)
+        lines += [f"    {attribute.name} : {kind}" + ("" if isinstance(value, Mapping) else f", default {value!r}")]
         lines += [
             fill(f"{told.help[0].upper()}{told.help[1:]}.", 112, initial_indent=" " * 8, subsequent_indent=" " * 8)
         ]

@@ -20,13 +20,13 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from . import batch, rehearsal, stored
 from .batch import Execute
-from .requests import Batch, Entry, Instant, Now, Record, Rehearse, Request, Requests
+from .requests import Batch, BatchEntry, Instant, Now, Record, Rehearse, Request, Requests
 
 ENOUGH = 100_000
 """Simulations after which a study is not played any further."""
 
 
-class Plan(Struct):
+class DryRun(Struct):
     """What a study would do: ``cases`` in all, those that are ``stored`` from an earlier run, and the processor time of
     one [s], measured by the first or read from the store; ``seconds`` is the time that the others take on ``workers``
     processes.
@@ -41,22 +41,22 @@ class Plan(Struct):
     workers: int
 
 
-def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | None) -> Plan:
+def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | None) -> DryRun:
     """What ``study`` would do with what is stored in ``folder``; the first sample of one case is simulated, which
     refuses what the study would refuse, and one whole case to measure the time.
 
     A case that is asked for again counts once, as it is in the store by then.
     """
-    cases, times, first, asked, rehearsed = 0, list[float](), list[Entry](), set[str](), list[Pairing]()
+    cases, times, first, asked, rehearsed = 0, list[float](), list[BatchEntry](), set[str](), list[Pairing]()
     with ExitStack() as stack:
-        known = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
+        earlier = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
 
         def answer(request: Request) -> Any:
             match request:
                 case Batch(entries):
                     first.extend(entries[: not first])
                     keys = [stored.keys(entry.protocol, entry.cases, entry.pairing) for entry in entries]
-                    runs = [run_all(*each) for each in zip(entries, keys, strict=True)]
+                    runs = [run_all(*pair) for pair in zip(entries, keys, strict=True)]
                     asked.update(*keys)
                     return runs
                 case Rehearse(pairing, case):
@@ -70,32 +70,33 @@ def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | No
                     return Instant("", 0.0, workers)
             return None
 
-        def run_all(entry: Entry, keys: Sequence[str]) -> list[CaseRun]:
+        def run_all(entry: BatchEntry, keys: Sequence[str]) -> list[CaseRun]:
             nonlocal cases
             rest = entry.protocol, entry.cases, entry.pairing, entry.patience is not None
-            there = {} if known is None or entry.force else stored.load(known, keys, *rest)
+            there = {} if earlier is None or entry.force else stored.load(earlier, keys, *rest)
             new = [number for number, key in enumerate(keys) if key not in asked]
             cases += len(new)
             times.extend(there[number].wall_time for number in new if number in there)
+            # A search that never fails on made-up results would go on for ever.
             if cases > ENOUGH:
                 raise _Enough
             return [there.get(number) or on_target(entry.protocol, case) for number, case in enumerate(entry.cases)]
 
         with suppress(_Enough):
             answered(study, answer)
-    each = sum(times) / len(times) if times else _seconds(first[0], execute) if first else 0.0
-    return Plan(cases, len(times), each, each * (cases - len(times)) / workers, workers)
+    seconds_per_case = sum(times) / len(times) if times else _seconds(first[0], execute) if first else 0.0
+    return DryRun(cases, len(times), seconds_per_case, seconds_per_case * (cases - len(times)) / workers, workers)
 
 
 class _Enough(Exception):
     """A study is not played any further."""
 
 
-def _seconds(entry: Entry, execute: Execute) -> float:
+def _seconds(entry: BatchEntry, execute: Execute) -> float:
     """The time that the first case of an entry takes [s]; with the start of its process if it comes to nothing."""
     begin = time.perf_counter()
     with store.opened(None) as empty:
-        one = Batch((Entry(entry.protocol, entry.pairing, entry.cases[:1]),))
+        one = Batch((BatchEntry(entry.protocol, entry.pairing, entry.cases[:1]),))
         ((run,),) = batch.run(one, execute, empty)
     return run.wall_time or time.perf_counter() - begin
 

@@ -1,15 +1,17 @@
 """The engine that runs any study: it owns all effects.
 
-Processes or cluster, the store with what is finished, files, recordings, the clock, and whom to tell what happens.
+Processes or cluster, the store with what is finished, files, recordings, the clock, and whom to tell what happens. What
+a report shows in full is simulated again: a case is deterministic, so this is the very one evaluated.
 """
 
 from __future__ import annotations
 
 import functools
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -18,16 +20,19 @@ from typing import Any, TypeVar
 from ..asking import answered
 from ..documents import recording
 from ..documents.files import prepare_folder, remove, write_text
+from ..documents.recording import Recording
 from ..errors import InputError
 from ..execution import cluster, pool, store
+from ..execution.job import Done
 from ..execution.sandbox_probe import leaks
+from ..pairing import work
+from ..pairing.pairing import GROUP_SIZE, START_TIME, Pairing
 from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
 from . import batch, rehearsal
 from .batch import Execute, OnRun
-from .dry_run import Plan, plan
+from .dry_run import DryRun, plan
 from .processes import Processes
-from .recorder import record_shown
 from .requests import (
     Batch,
     Event,
@@ -43,6 +48,7 @@ from .requests import (
     TimeSteps,
     Write,
 )
+from .selection import CaseToShow
 
 T = TypeVar("T")
 
@@ -80,7 +86,7 @@ class Engine:
     on_run: OnRun | None = None
     on_event: OnEvent | None = None
 
-    def plan(self, study: Requests[Any]) -> Plan:
+    def plan(self, study: Requests[Any]) -> DryRun:
         """What ``study`` would run, without running it; nothing is written."""
         return plan(study, self.execute, self.processes, self.folder)
 
@@ -91,33 +97,34 @@ class Engine:
         with ExitStack() as stack:
 
             @functools.cache
-            def known() -> store.Store:
+            def finished() -> store.Store:
                 if self.folder is not None:
                     prepare_folder(self.folder)
                 return stack.enter_context(store.opened(self.folder))
 
             processes = Processes()
-            found = answered(study, lambda request: self._answer(request, known(), spent, processes))
+            document = answered(study, lambda request: self._answer(request, finished(), spent, processes))
         for controller in processes.seen.values():
+            # What a controller writes beside itself reaches the next case without a process that they share.
             if added := controller.added():
                 message = "%s has left %s in its own folder, where later cases find it: their results may depend on it."
                 logger.warning(message, controller.name, added[0], extra={"what": "left-files"})
-        return found
+        return document
 
-    def _answer(self, request: Request, known: store.Store, spent: _Spent, processes: Processes) -> Any:
+    def _answer(self, request: Request, finished: store.Store, spent: _Spent, processes: Processes) -> Any:
         match request:
             case Batch():
-                found = self._run(request, known, processes, first=not spent.simulations)
-                spent.count([run for runs in found for run in runs])
-                return found
+                by_entry = self._run(request, finished, processes, first=not spent.simulations)
+                spent.count([run for runs in by_entry for run in runs])
+                return by_entry
             case Rehearse(pairing, case, probe):
-                rehearsed = rehearsal.rehearse(case, processes.of(pairing, known), probe, compare=probe)
-                processes.take(pairing, rehearsed.carry_over, known)
+                rehearsed = rehearsal.rehearse(case, processes.of(pairing, finished), probe, compare=probe)
+                processes.take(pairing, rehearsed.carry_over, finished)
                 return rehearsed
             case TimeSteps(pairing, case):
-                return rehearsal.computing_time(case, processes.of(pairing, known))
+                return rehearsal.computing_time(case, processes.of(pairing, finished))
             case Record(pairing, shown):
-                return record_shown(shown, processes.of(pairing, known), self.processes)
+                return record_shown(shown, processes.of(pairing, finished), self.processes)
             case Save(document, inside, recordings):
                 if self.folder is not None:
                     document.save(self.folder / inside)
@@ -131,24 +138,24 @@ class Engine:
             case Now():
                 begin = datetime.now(timezone.utc).isoformat(timespec="seconds")
                 return Instant(
-                    begin, time.perf_counter(), self.processes, **vars(spent), carry_over={**processes.found}
+                    begin, time.perf_counter(), self.processes, **vars(spent), carry_over={**processes.carry_over}
                 )
             case Tell(event):
                 if self.on_event is not None:
                     self.on_event(event)
         return None
 
-    def _run(self, request: Batch, known: store.Store, processes: Processes, first: bool) -> list[list[CaseRun]]:
+    def _run(self, request: Batch, finished: store.Store, processes: Processes, first: bool) -> list[list[CaseRun]]:
         """The runs of a batch: all of them again, each in a process of its own, where state passes between them."""
-        wanted = processes.batch(request, known)
-        repeat = processes.is_due(wanted)
+        due = processes.batch(request, finished)
+        repeat = processes.is_due(due)
         try:
-            found = batch.run(wanted, self.execute, known, self.on_run, first, repeat)
+            by_entry = batch.run(due, self.execute, finished, self.on_run, first, repeat)
         except batch.StatePasses as passes:
-            processes.take(passes.pairing, passes.found, known)
-            return self._run(request, known, processes, first)
-        processes.count(wanted, repeat)
-        return found
+            processes.take(passes.pairing, passes.carry_over, finished)
+            return self._run(request, finished, processes, first)
+        processes.count(due, repeat)
+        return by_entry
 
 
 def local_executor(testbed: Testbed) -> Execute:
@@ -169,11 +176,41 @@ def can_fence() -> bool:
     Raises :class:`InputError` for one in which something works that must not.
     """
     try:
-        found = leaks()
+        leaking = leaks()
     except InputError as problem:
         logger.warning("The controller runs without a sandbox, and could reach what you can. %s", problem)
         return False
-    if found:
-        message = f"The sandbox of this machine allows what it must not: {', '.join(found)}. Nothing is certified."
+    if leaking:
+        message = f"The sandbox of this machine allows what it must not: {', '.join(leaking)}. Nothing is certified."
         raise InputError(message, "leaky-sandbox")
     return True
+
+
+MAX_BYTES = 1 << 22
+"""Bytes of the largest recording, whose signals are thinned out."""
+
+
+def record_shown(shown: Sequence[CaseToShow], pairing: Pairing, workers: int) -> tuple[Recording, ...]:
+    """Simulate what a report shows, on ``workers`` processes.
+
+    What fails before its first sample, or takes its process with it, is left out: its status stands in the results.
+    """
+    count = max(workers, math.ceil(len(shown) / GROUP_SIZE))
+    groups = [group for first in range(count) if (group := shown[first::count])]
+    jobs = [
+        pairing.job(
+            work.record_case.__name__,
+            [work.RecordTask(pairing.setup, to_show.case, to_show.roles) for to_show in group],
+            [to_show.case.scenario for to_show in group],
+            lambda _, value: work.recording(value),
+            START_TIME,
+            MAX_BYTES,
+        )
+        for group in groups
+    ]
+    recordings: dict[int, Recording] = {}
+    with closing(pool.run(jobs, workers)) as outcomes:
+        for number, outcome in outcomes:
+            if isinstance(outcome, Done):
+                recordings[number + outcome.index * count] = outcome.value
+    return tuple(recordings[number] for number in sorted(recordings))

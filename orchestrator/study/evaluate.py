@@ -25,7 +25,20 @@ from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
 from .declaration import Study, described, option
 from .heads import head
-from .requests import STRIKES, Batch, Entry, Now, Record, Rehearse, Requests, Save, SeedDone, Tell, TimeSteps, inside
+from .requests import (
+    STRIKES,
+    Batch,
+    BatchEntry,
+    Now,
+    Record,
+    Rehearse,
+    Requests,
+    Save,
+    SeedDone,
+    Tell,
+    TimeSteps,
+    inside,
+)
 from .selection import shown
 
 
@@ -53,25 +66,25 @@ class EvaluationStudy(Study[Evaluation]):
         begin = yield Now()
         rehearsal = yield Rehearse(pairing, cases[0])
         patience = None if self.keep_going else STRIKES
-        (runs,) = yield Batch((Entry(protocol, pairing, cases, patience, self.force, rehearsal.failure),))
+        (runs,) = yield Batch((BatchEntry(protocol, pairing, cases, patience, self.force, rehearsal.failure),))
         # Afterwards, since a controller that hangs early would take a time limit more.
         is_timed = rehearsal.failure is None and not any(_hangs_early(run, sample_time) for run in runs)
         computing_time = (yield TimeSteps(pairing, cases[0])) if is_timed else None
         end = yield Now()
-        found = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
+        document_head = head(testbed, controller, pairing, sample_time, begin, end, computing_time=computing_time)
         listed = tuple(run.result for run in runs)
         results = Results(
             schema=Results.SCHEMA,
-            head=found,
-            **asdict(score(found.rules, listed)),
+            head=document_head,
+            **asdict(score(document_head.rules, listed)),
             cases=listed,
             loop_delay=loop_delay(protocol, sample_time, rehearsal.timing),
         )
         evaluation = Evaluation(results)
         yield Save(evaluation)  # before the recordings: whatever happens now, the results are there
         if self.recordings:
-            wanted = shown(protocol, testbed.nominal, testbed.seed, runs, results.scorecard)
-            evaluation = Evaluation(results, (yield Record(pairing, tuple(wanted))))
+            cases_to_show = shown(protocol, testbed.nominal, testbed.seed, runs, results.scorecard)
+            evaluation = Evaluation(results, (yield Record(pairing, tuple(cases_to_show))))
             yield Save(evaluation)
         return evaluation
 
@@ -94,18 +107,18 @@ class SpreadStudy(Study[Spread]):
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Spread]:
         """The requests of an evaluation for each seed."""
-        wanted = tuple(dict.fromkeys(self.seeds))
-        if not wanted:
+        seeds = tuple(dict.fromkeys(self.seeds))
+        if not seeds:
             raise InputError("At least one seed is needed.", "bad-number")
-        found, begin = [], (yield Now())
+        results, begin = [], (yield Now())
         controller, pairing, sample_time, _ = testbed.prepared(controller)
-        for seed in wanted:
+        for seed in seeds:
             asked = self.evaluation.ask(replace(testbed, seed=seed), controller)
             evaluation = yield from inside(seed_folder(seed), asked)
-            found.append(evaluation.results)
+            results.append(evaluation.results)
             end = yield Now()
             own_head = head(testbed, controller, pairing, sample_time, begin, end, several_seeds=True)
-            result = spread_of(wanted, found, own_head)
+            result = spread_of(seeds, results, own_head)
             yield Save(result)
             yield Tell(SeedDone(seed, evaluation))
         return result
@@ -122,8 +135,8 @@ def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...
         return tuple(cases)
     chosen = tuple(case for case in cases if any(fnmatch.fnmatchcase(case.id, pattern) for pattern in patterns))
     if not chosen:
-        wanted = " ".join(patterns)
+        asked = " ".join(patterns)
         raise InputError(
-            f"No case matches {wanted}. Cases are named like {cases[0].id} and {cases[-1].id}.", "no-case", "", wanted
+            f"No case matches {asked}. Cases are named like {cases[0].id} and {cases[-1].id}.", "no-case", "", asked
         )
     return chosen

@@ -38,6 +38,7 @@ def head(
         plant=records.plant_record(testbed.manipulator, testbed.plant_parameters),
         sample_time=SampleTimeRecord(float(sample_time), sample_time == protocol.sample_time),
         rules=rules(protocol) if own_rules is None else own_rules,
+        # At the end: what repeating shows, it shows while cases run.
         carry_over=end.carry_over.get(pairing.controller.sha256, CarryOver.NOT_TESTED),
         environment=records.environment(pairing.controller),
         command=testbed.command,

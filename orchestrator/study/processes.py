@@ -22,28 +22,28 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class Processes:
-    """The controllers ``seen``, and what is ``found`` of each, by the SHA-256 of its bytes; and how many of its
+    """The controllers ``seen`` and the ``carry_over`` of each, by the SHA-256 of its bytes; and how many of its
     simulations shared processes: ``grouped`` in all, ``repeated`` when one was last repeated."""
 
-    found: dict[str, CarryOver] = field(default_factory=dict)
+    carry_over: dict[str, CarryOver] = field(default_factory=dict)
     seen: dict[str, Archive] = field(default_factory=dict)
     grouped: dict[str, int] = field(default_factory=dict)
     repeated: dict[str, int] = field(default_factory=dict)
 
-    def of(self, pairing: Pairing, known: Store) -> Pairing:
-        """The ``pairing`` as it has to be run; an earlier run, whose results are ``known``, may have found that out."""
+    def of(self, pairing: Pairing, store: Store) -> Pairing:
+        """The ``pairing`` as it has to be run; an earlier run, with results in the ``store``, may have shown that."""
         key = pairing.controller.sha256
         self.seen[key] = pairing.controller
-        if key not in self.found and (record := known.get([_key(pairing)])):
+        if key not in self.carry_over and (record := store.get([_key(pairing)])):
             with suppress(ValueError):  # a record that makes no sense is none
-                self.found[key] = CarryOver(record[_key(pairing)].decode())
-        separate = self.found.get(key, CarryOver.NOT_TESTED).separates and not pairing.isolated
+                self.carry_over[key] = CarryOver(record[_key(pairing)].decode())
+        separate = self.carry_over.get(key, CarryOver.NOT_TESTED).separates and not pairing.isolated
         return replace(pairing, separate=True) if separate else pairing
 
-    def batch(self, batch: Batch, known: Store) -> Batch:
+    def batch(self, batch: Batch, store: Store) -> Batch:
         """The ``batch`` as it has to be run."""
         return replace(
-            batch, entries=tuple(replace(entry, pairing=self.of(entry.pairing, known)) for entry in batch.entries)
+            batch, entries=tuple(replace(entry, pairing=self.of(entry.pairing, store)) for entry in batch.entries)
         )
 
     def is_due(self, batch: Batch) -> bool:
@@ -60,19 +60,20 @@ class Processes:
             if not entry.pairing.is_separate:
                 self.grouped[key] = self.grouped.get(key, 0) + len(entry.cases)
 
-    def take(self, pairing: Pairing, found: CarryOver, known: Store) -> None:
-        """It is ``found`` of the controller of a ``pairing``, also for a later run that finds the same results.
+    def take(self, pairing: Pairing, carry_over: CarryOver, store: Store) -> None:
+        """What repeating has shown of a pairing's controller, also for a later run that finds the same results.
 
         Raises :class:`InputError` if results of it have been used already that may be wrong.
         """
         key = pairing.controller.sha256
-        if found is CarryOver.NOT_TESTED:
+        if carry_over is CarryOver.NOT_TESTED:
             return
-        self.found[key] = found
-        if not found.separates:
+        self.carry_over[key] = carry_over
+        if not carry_over.separates:
             return
-        known.put(_key(pairing), pairing.controller.name, found.value.encode())
-        what = f"{pairing.controller.name}: {WORDS[found]}"
+        store.put(_key(pairing), pairing.controller.name, carry_over.value.encode())
+        what = f"{pairing.controller.name}: {WORDS[carry_over]}"
+        # They may be in documents that were saved; nothing but beginning anew makes them right.
         if self.grouped.get(key):
             message = f"{what}. This was found after {self.grouped[key]} simulations, whose results may be wrong."
             raise InputError(message, "state-passes", pairing.controller.name)

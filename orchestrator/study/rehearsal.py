@@ -21,7 +21,8 @@ from ..loop import computing, timing
 from ..loop.carry_over import CarryOver, carry_over
 from ..loop.computing import ComputingTime
 from ..loop.scenario import Pulse, Scenario
-from ..pairing import pairing, work
+from ..pairing import pairing as pairings
+from ..pairing import work
 from ..pairing.pairing import Pairing, only
 from ..pairing.runs import CaseRun, case_run
 
@@ -45,7 +46,7 @@ class Rehearsal:
     carry_over: CarryOver = CarryOver.NOT_TESTED
 
 
-def rehearse(case: Case, own: Pairing, probe: bool = True, compare: bool = True) -> Rehearsal:
+def rehearse(case: Case, pairing: Pairing, probe: bool = True, compare: bool = True) -> Rehearsal:
     """Simulate the first sample of ``case``, then ``compare`` a simulation after another one with the same in a fresh
     process, and ``probe`` the controller's timing.
 
@@ -54,29 +55,30 @@ def rehearse(case: Case, own: Pairing, probe: bool = True, compare: bool = True)
     step. It also leaves the compiled code of both in the cache, before several processes would compile it at once.
     """
     T_s, begin = case.scenario.sample_time, _beginning(case.scenario)
-    repeated = [begin] if compare and not own.is_separate and not own.isolated else []
+    repeated = [begin] if compare and not pairing.is_separate and not pairing.isolated else []
     scenarios = [replace(case.scenario, duration=T_s), *map(_elsewhere, repeated), *repeated]
     begun: list[work.Beginning] = []
-    for outcome in _run(own, _simulations(own, scenarios)):
+    for outcome in _run(pairing, _simulations(pairing, scenarios)):
         if isinstance(outcome, Done):
             begun.append(outcome.value)
         elif outcome.index == 0:
             if not isinstance(outcome, Died):
                 raise error_of(outcome.error)
+            # A process that dies in its first sample does so in each case: hundreds of time limits are spared.
             if outcome.place.sample == 0 and not outcome.outside:
                 return Rehearsal(failure=case_run(case, outcome))
-    declared = own.controller.once_per_process and not own.isolated
+    declared = pairing.controller.once_per_process and not pairing.isolated
     shown = CarryOver.DECLARED if declared else CarryOver.NOT_TESTED
     if not begun:
         return Rehearsal(carry_over=shown)
-    experiments = _experiments(own, begun[0], T_s) if probe else []
-    fresh = _simulations(own, repeated) if len(begun) == len(scenarios) else []
+    experiments = _experiments(pairing, begun[0], T_s) if probe else []
+    fresh = _simulations(pairing, repeated) if len(begun) == len(scenarios) else []
     # In one process: to start one takes as long as to simulate half a case.
-    values = [outcome.value for outcome in _run(own, [*fresh, *experiments]) if isinstance(outcome, Done)]
+    values = [outcome.value for outcome in _run(pairing, [*fresh, *experiments]) if isinstance(outcome, Done)]
     if fresh and values:
-        shown = carry_over(begun[-1].digest, values.pop(0).digest, lambda: _digest(own, fresh))
+        shown = carry_over(begun[-1].digest, values.pop(0).digest, lambda: _digest(pairing, fresh))
         if shown.separates:
-            outcomes = _run(replace(own, separate=True), experiments)
+            outcomes = _run(replace(pairing, separate=True), experiments)
             values = [outcome.value for outcome in outcomes if isinstance(outcome, Done)]
     if not probe or len(values) < len(experiments):  # what cannot be probed may still be simulated
         return Rehearsal(carry_over=shown)
@@ -84,14 +86,14 @@ def rehearse(case: Case, own: Pairing, probe: bool = True, compare: bool = True)
     return Rehearsal(work.TimingRecord(measured.latency, measured.convention.value), None, shown)
 
 
-def _simulations(own: Pairing, scenarios: Sequence[Scenario]) -> list[work.ScenarioTask]:
-    return [work.ScenarioTask(own.setup, scenario, OBSERVED) for scenario in scenarios]
+def _simulations(pairing: Pairing, scenarios: Sequence[Scenario]) -> list[work.ScenarioTask]:
+    return [work.ScenarioTask(pairing.setup, scenario, OBSERVED) for scenario in scenarios]
 
 
-def _experiments(own: Pairing, rest: work.Beginning, T_s: Fraction) -> list[work.AnswerTask]:
+def _experiments(pairing: Pairing, rest: work.Beginning, T_s: Fraction) -> list[work.AnswerTask]:
     """What shows the timing of a controller at ``rest``."""
     return [
-        work.AnswerTask(own.setup, rest.q_m, rest.u_m, rest.q_a, T_s, timing.step_errors(begin), initially)
+        work.AnswerTask(pairing.setup, rest.q_m, rest.u_m, rest.q_a, T_s, timing.step_errors(begin), initially)
         for begin, initially in timing.EXPERIMENTS
     ]
 
@@ -108,16 +110,16 @@ def _elsewhere(scenario: Scenario) -> Scenario:
     return replace(scenario, parameters=tuple(moved))
 
 
-def _digest(own: Pairing, fresh: Sequence[work.ScenarioTask]) -> bytes | None:
+def _digest(pairing: Pairing, fresh: Sequence[work.ScenarioTask]) -> bytes | None:
     """That of the first simulation in a new process; None if it fails."""
-    for outcome in _run(own, fresh):
+    for outcome in _run(pairing, fresh):
         if isinstance(outcome, Done):
             digest: bytes = outcome.value.digest
             return digest
     return None
 
 
-def _run(own: Pairing, tasks: Sequence[work.ScenarioTask | work.AnswerTask]) -> Iterator[Outcome]:
+def _run(pairing: Pairing, tasks: Sequence[work.ScenarioTask | work.AnswerTask]) -> Iterator[Outcome]:
     """The outcomes of ``tasks`` up to the first one that fails."""
 
     def decode(index: int, value: bytes) -> Any:
@@ -128,30 +130,30 @@ def _run(own: Pairing, tasks: Sequence[work.ScenarioTask | work.AnswerTask]) -> 
 
     def limit(task: work.ScenarioTask | work.AnswerTask) -> float:
         first = isinstance(task, work.AnswerTask) or task.scenario.samples == 1
-        start = _first_limit(own) if first else pairing.START_TIME
+        start = _first_limit(pairing) if first else pairings.START_TIME
         duration = 0 if isinstance(task, work.AnswerTask) else task.scenario.duration
-        return start + own.timeout * float(duration) / pairing.FULL_LENGTH
+        return start + pairing.timeout * float(duration) / pairings.FULL_LENGTH
 
-    job = own.raw_job(f"{work.__name__}:{work.rehearse.__name__}", tasks, tuple(map(limit, tasks)), decode)
+    job = pairing.raw_job(f"{work.__name__}:{work.rehearse.__name__}", tasks, tuple(map(limit, tasks)), decode)
     return run_isolated(replace(job, give_up=True))
 
 
-def _first_limit(own: Pairing) -> float:
+def _first_limit(pairing: Pairing) -> float:
     """Time limit [s] where compiled code may be missing; a user who raises the limit has a slow controller."""
-    return max(pairing.FIRST_START_TIME, 0.5 * own.timeout)
+    return max(pairings.FIRST_START_TIME, 0.5 * pairing.timeout)
 
 
-def computing_time(case: Case, own: Pairing) -> ComputingTime | None:
+def computing_time(case: Case, pairing: Pairing) -> ComputingTime | None:
     """The controller's computing time over the beginning of ``case``; None if that fails."""
-    scenario, limit = case.scenario, (_first_limit(own),)
+    scenario, limit = case.scenario, (_first_limit(pairing),)
     function = f"{work.__name__}:"
 
     def times(steps: int) -> np.ndarray:
         """As in :func:`~orchestrator.loop.probe.computing_time`, but each instance in a process of its own."""
         short = replace(scenario, duration=min(scenario.duration, steps * scenario.sample_time))
-        task = work.ScenarioTask(own.setup, short, OBSERVED)
+        task = work.ScenarioTask(pairing.setup, short, OBSERVED)
         loop = only(
-            own.raw_job(
+            pairing.raw_job(
                 function + work.simulate_scenario.__name__,
                 [task],
                 limit,
@@ -162,17 +164,21 @@ def computing_time(case: Case, own: Pairing) -> ComputingTime | None:
         )
         errors = np.array(loop.q_m_ref) - loop.measured[:steps]
         q_a = float(loop.extra["q_a[1]"][0]), float(loop.extra["q_a[2]"][0])
-        stepped = work.AnswerTask(own.setup, loop.q_m_ref, loop.u_m0, q_a, scenario.sample_time, errors)
+        stepped = work.AnswerTask(pairing.setup, loop.q_m_ref, loop.u_m0, q_a, scenario.sample_time, errors)
         decode = lambda _, value: work.times(len(errors), value)  # noqa: E731
-        found: np.ndarray = only(own.raw_job(function + work.time_answers.__name__, [stepped], limit, decode), short)
-        return found
+        step_times: np.ndarray = only(
+            pairing.raw_job(function + work.time_answers.__name__, [stepped], limit, decode), short
+        )
+        return step_times
 
     try:
-        if own.is_separate:
+        if pairing.is_separate:
             return computing.computing_time(times)
-        task = work.ScenarioTask(own.setup, scenario)
+        task = work.ScenarioTask(pairing.setup, scenario)
         decode = lambda _, value: unpack(value, ComputingTime)  # noqa: E731
-        found: ComputingTime = only(own.raw_job(function + work.time_steps.__name__, [task], limit, decode), scenario)
-        return found
+        measured: ComputingTime = only(
+            pairing.raw_job(function + work.time_steps.__name__, [task], limit, decode), scenario
+        )
+        return measured
     except (FmuError, Crash):
         return None

@@ -22,7 +22,7 @@ from ..search.draws import members
 from ..search.member import Member, case_of, parameters
 from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Requests, Save, rehearsed
+from .requests import Batch, BatchEntry, Now, Requests, Save, rehearsed
 
 AT_ONCE = 64
 """Draws in a batch."""
@@ -65,24 +65,26 @@ class ReliabilityStudy(Study[Reliability]):
         protocol, nominal = testbed.rules, testbed.nominal
         begin = yield Now()
         yield from rehearsed(pairing, listed[0])
+        # By number, not one after the other from one stream: more draws keep those
+        # that are there, and a cluster may run them in any order.
         sample = [members(protocol, self.distribution, testbed.seed, number) for number in range(draws)]
-        found: list[list[CaseResult]] = []
+        by_draw: list[list[CaseResult]] = []
         total = sum(map(len, sample))
-        while len(found) < draws:
-            chunk = sample[len(found) : len(found) + AT_ONCE]
+        while len(by_draw) < draws:
+            chunk = sample[len(by_draw) : len(by_draw) + AT_ONCE]
             cases = [case_of(member, protocol, nominal) for drawn in chunk for member in drawn]
             at_rate = tuple(replace(case, scenario=replace(case.scenario, sample_time=T_s)) for case in cases)
-            before = sum(map(len, found))
-            (runs,) = yield Batch((Entry(protocol, pairing, at_rate, patience=None),), before, total)
+            before = sum(map(len, by_draw))
+            (runs,) = yield Batch((BatchEntry(protocol, pairing, at_rate, patience=None),), before, total)
             results = iter(run.result for run in runs)
-            found += [[next(results) for _ in drawn] for drawn in chunk]
+            by_draw += [[next(results) for _ in drawn] for drawn in chunk]
         end = yield Now()
         made = head(testbed, controller, pairing, T_s, begin, end)
 
         def command(member: Member) -> str:
             return member_command(setting(made), member, parameters(member, protocol, nominal))
 
-        figures = {name: [_value(name, results) for results in found] for name in protocol.criteria}
+        figures = {name: [_value(name, results) for results in by_draw] for name in protocol.criteria}
         costs = [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
         answer = Reliability(
             schema=Reliability.SCHEMA,
@@ -92,8 +94,8 @@ class ReliabilityStudy(Study[Reliability]):
             probability=self.probability,
             confidence=self.confidence,
             requirements={
-                name: _failing(protocol, name, sample, found, command, self.confidence)
-                for name in sorted({each for test in protocol.tests for each in test.requirements})
+                name: _failing(protocol, name, sample, by_draw, command, self.confidence)
+                for name in sorted({requirement for test in protocol.tests for requirement in test.requirements})
             },
             criteria={name: quantile(values, self.probability, self.confidence) for name, values in figures.items()},
             cost=quantile(costs, self.probability, self.confidence),
@@ -114,8 +116,8 @@ class ReliabilityStudy(Study[Reliability]):
 def _value(name: str, results: Sequence[CaseResult]) -> float | None:
     """The criterion in a draw: the largest of its tests; None if one has none."""
     values = [getattr(result.measurements, name) for result in results]
-    known = [value for value in values if value is not None]
-    return max(known, default=None)
+    numbers = [value for value in values if value is not None]
+    return max(numbers, default=None)
 
 
 def _cost(protocol: Protocol, values: dict[str, float | None]) -> float | None:
@@ -133,7 +135,7 @@ def _failing(
     protocol: Protocol,
     name: str,
     sample: Sequence[Sequence[Member]],
-    found: Sequence[Sequence[CaseResult]],
+    by_draw: Sequence[Sequence[CaseResult]],
     command: Callable[[Member], str],
     confidence: float,
 ) -> Failing:
@@ -141,9 +143,10 @@ def _failing(
     tests = {test.name for test in protocol.tests if name in test.requirements}
     limits, judged = protocol.stability, 0
     failures: list[Failure] = []
-    for number, (drawn, results) in enumerate(zip(sample, found, strict=True)):
-        own = [(m, outcome(result, limits)) for m, result in zip(drawn, results, strict=True) if m.test in tests]
-        failed = [(member, end) for member, end in own if end not in ("holds", *UNJUDGED)]
-        judged += bool(failed) or all(end == "holds" for _, end in own)
+    for number, (drawn, results) in enumerate(zip(sample, by_draw, strict=True)):
+        outcomes = [(m, outcome(result, limits)) for m, result in zip(drawn, results, strict=True) if m.test in tests]
+        failed = [(member, end) for member, end in outcomes if end not in ("holds", *UNJUDGED)]
+        # A draw that was lost must not count as one that holds.
+        judged += bool(failed) or all(end == "holds" for _, end in outcomes)
         failures += [Failure(number, member.test, end, command(member)) for member, end in failed]
     return failing(failures, judged, confidence)

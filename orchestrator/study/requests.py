@@ -43,7 +43,7 @@ class Saved(Interface):
 
 
 @dataclass(frozen=True)
-class Entry:
+class BatchEntry:
     """Cases of one pairing, judged by a protocol.
 
     After ``patience`` failures of one kind, or TIMEOUTS if these are fewer, the remaining cases are skipped. If it is
@@ -69,7 +69,7 @@ class Batch:
     batches: ``before`` is the number of cases that came before this one, ``total`` that of all.
     """
 
-    entries: tuple[Entry, ...]
+    entries: tuple[BatchEntry, ...]
     before: int = 0
     total: int | None = None
 
@@ -217,6 +217,6 @@ def rehearsed(pairing: Pairing, case: Case) -> Requests[Rehearsal]:
     return rehearsal
 
 
-def side_by_side(protocol: Protocol, wanted: Sequence[tuple[Pairing, Sequence[Case]]]) -> Batch:
+def side_by_side(protocol: Protocol, groups: Sequence[tuple[Pairing, Sequence[Case]]]) -> Batch:
     """Asks for the cases of several pairings; those after one that has no verdict are skipped."""
-    return Batch(tuple(Entry(protocol, pairing, tuple(cases), patience=1) for pairing, cases in wanted))
+    return Batch(tuple(BatchEntry(protocol, pairing, tuple(cases), patience=1) for pairing, cases in groups))

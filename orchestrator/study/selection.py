@@ -42,13 +42,14 @@ def shown(
     or none came to its end, nothing is tried that was not tried before. The spread is limited to as many systems as the
     evaluation ran, so that a short evaluation stays short.
     """
-    known = {run.case.id: run for run in runs}
+    by_id = {run.case.id: run for run in runs}
     chosen = [
-        CaseToShow(known[id].case, tuple(roles))
+        CaseToShow(by_id[id].case, tuple(roles))
         for id, roles in _worst(card).items()
-        if known[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.LOST, Status.SKIPPED)
+        if by_id[id].result.status not in (Status.TIMEOUT, Status.CRASHED, Status.LOST, Status.SKIPPED)
     ]
     statuses = {run.result.status for run in runs}
+    # Each recording of a controller that hangs would cost a time limit.
     if Status.DONE not in statuses or Status.TIMEOUT in statuses:
         return chosen
     test = next((test for test in protocol.tests if "B5" in test.criteria), None)

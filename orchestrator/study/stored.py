@@ -48,10 +48,13 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         *((wine.version(),) if pairing.controller.library == WINE else ()),
         *(("separate",) if pairing.separate else ()),  # what came before the state was seen to pass is not used
     ]
+    # Everything that a number depends on. A folder list kept by hand once missed the
+    # loop's own formulas, and results of older code were taken as new.
     begin = hashlib.sha256(json.dumps(common).encode())
 
     def key(case: Case) -> str:
         digest = begin.copy()
+        # repr of floats is exact, and changes with any field that is added to a scenario.
         digest.update(repr((case.scenario, case.test.criteria, case.test.requirements)).encode())
         return digest.hexdigest()
 
@@ -63,14 +66,15 @@ def load(
 ) -> dict[int, CaseRun]:
     """The stored runs of ``cases`` by number: those that last, and ``failures`` under the same restrictions."""
     records = store.get(keys)
-    found = {}
+    runs = {}
     for number, (key, case) in enumerate(zip(keys, cases, strict=True)):
         with contextlib.suppress(KeyError, Malformed):  # a record that makes no sense is none
             stored = from_json(records[key], StoredRun)
+            # The file lies in the user's folder, and controllers without a sandbox run with the user's rights.
             check_judgement(protocol, case, stored.judgement)
             if stored.judgement.status in LASTING or (failures and stored.restrictions == pairing.restrictions):
-                found[number] = CaseRun(case, case_result(case, stored.judgement), stored.wall_time, stored.kind)
-    return found
+                runs[number] = CaseRun(case, case_result(case, stored.judgement), stored.wall_time, stored.kind)
+    return runs
 
 
 def keep(store: Store, key: str, run: CaseRun, pairing: Pairing) -> None:

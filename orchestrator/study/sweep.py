@@ -14,10 +14,10 @@ from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.candidates import Trial
 from ..search.proposals import GENERATION
-from .candidates import attempt, values_of
 from .declaration import Study, described, option
 from .heads import head
 from .requests import Now, Requests, Save, Tell, TrialDone, rehearsed
+from .tuner import attempt, values_of
 
 
 @described
@@ -42,27 +42,27 @@ class SweepStudy(Study[Sweep]):
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Sweep]:
         """The requests of a sweep, generation by generation."""
         testbed = replace(testbed, protocol=self.objective)
-        values = {name: tuple(each) for name, each in self.values.items()}
+        values = {name: tuple(listed) for name, listed in self.values.items()}
         if not values or not all(values.values()):
             raise InputError("Nothing varies: at least one parameter with its values is needed.", "nothing-varies")
         controller, pairing, T_s, cases = testbed.prepared(controller)
         values_of(controller, values)
-        own = rules(testbed.rules)
+        objective_rules = rules(testbed.rules)
         begin = yield Now()
         yield from rehearsed(pairing, cases[0])
         grid = [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
         trials: list[Trial] = []
         while asked := list(enumerate(grid))[len(trials) : len(trials) + GENERATION]:
             benches = [testbed.pairing(controller.with_parameters(chosen)) for _, chosen in asked]
-            for each in (yield from attempt(testbed.rules, own, benches, cases, asked)):
-                trials.append(each)
-                yield Tell(TrialDone(each, len(trials), len(grid)))
+            for tried in (yield from attempt(testbed.rules, objective_rules, benches, cases, asked)):
+                trials.append(tried)
+                yield Tell(TrialDone(tried, len(trials), len(grid)))
         end = yield Now()
-        found = Sweep(
+        sweep = Sweep(
             schema=Sweep.SCHEMA,
             head=head(testbed, controller, pairing, T_s, begin, end),
             values=values,
             trials=tuple(trials),
         )
-        yield Save(found)
-        return found
+        yield Save(sweep)
+        return sweep

@@ -21,12 +21,11 @@ from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.candidates import Range, Trial, check_range
 from ..search.proposals import SAMPLERS, STUDY, Proposals
-from .candidates import values_of
 from .declaration import Study, described, option
 from .evaluate import EvaluationStudy, SpreadStudy
 from .heads import head
 from .requests import Now, OwnFile, Requests, Save, Write, inside, rehearsed
-from .tuner import CandidateVerdict, Judge, Tuner
+from .tuner import CandidateVerdict, Judge, Tuner, values_of
 from .worst_case import RobustnessStudy, sought, worst_case
 
 logger = logging.getLogger(__name__)
@@ -97,9 +96,9 @@ class TuningStudy(Study[Tuning]):
         list_of = replace(testbed, protocol=self.strict)
         if self.robust:
             sought(list_of.rules, list_of.prepared(controller)[3], self.robust, ())
-        begin_at = {name: own.rounded(start[name]) for name, own in vary.items()}
-        for name, own in vary.items():
-            if not own.low <= start[name] <= own.high:
+        begin_at = {name: bounds.rounded(start[name]) for name, bounds in vary.items()}
+        for name, bounds in vary.items():
+            if not bounds.low <= start[name] <= bounds.high:
                 logger.warning(
                     "%s is %g, out of its range: the search begins at %g.", name, start[name], begin_at[name]
                 )
@@ -117,20 +116,23 @@ class TuningStudy(Study[Tuning]):
         )
         yield from tuner.search(self.trials)
         best = yield from tuner.best()
-        found = None
+        best_record = None
         if best is not None:
+            # Other seeds than those it was tuned with: a candidate may fit the noise and the arms of its objective.
             draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
             held_out = yield from tuner.held_out(best, draws)
             chosen = controller.with_parameters(best.values)
             lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
             yield Write(BEST, "".join(["[parameters]\n", *lines]))
             whole = yield from inside(_name(best), EvaluationStudy(keep_going=True).ask(testbed, chosen))
-            others = SpreadStudy([testbed.seed + each for each in SEEDS], EvaluationStudy(recordings=False))
+            others = SpreadStudy([testbed.seed + offset for offset in SEEDS], EvaluationStudy(recordings=False))
             seeds = yield from inside("seeds", others.ask(testbed, chosen))
             whole_list = EvaluationStudy(recordings=False, keep_going=True)
             listed = yield from inside("strict", whole_list.ask(list_of, chosen))
             broken = tuple(name for name, entry in listed.requirements.items() if entry.passed is False)
-            found = Best(best, whole.cost, held_out, seeds.cost, listed.cost, broken, _not_judged(listed.requirements))
+            best_record = Best(
+                best, whole.cost, held_out, seeds.cost, listed.cost, broken, _not_judged(listed.requirements)
+            )
         end = yield Now()
         tuning = Tuning(
             schema=Tuning.SCHEMA,
@@ -153,7 +155,7 @@ class TuningStudy(Study[Tuning]):
                 )
                 for number, (after, verdict) in tuner.judged.items()
             ),
-            best=found,
+            best=best_record,
             importance=proposals.importance(),
         )
         yield Save(tuning)
@@ -162,18 +164,20 @@ class TuningStudy(Study[Tuning]):
 
 def ranges(given: Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]) -> dict[str, Range]:
     """The ranges that are ``given``, as tuples or as they are; raises :class:`InputError` for what is none."""
-    found = {}
-    for name, own in given.items():
-        if not isinstance(own, tuple | Range):
-            raise InputError(f"The range of {name} must be (LOW, HIGH), not {own!r}.", "bad-range", name, own)
-        low, high, *scale = own if isinstance(own, tuple) else (own.low, own.high, *(["log"] if own.log else []))
+    checked = {}
+    for name, bounds in given.items():
+        if not isinstance(bounds, tuple | Range):
+            raise InputError(f"The range of {name} must be (LOW, HIGH), not {bounds!r}.", "bad-range", name, bounds)
+        low, high, *scale = (
+            bounds if isinstance(bounds, tuple) else (bounds.low, bounds.high, *(["log"] if bounds.log else []))
+        )
         if scale not in ([], ["log"]):
-            message = f'The range of {name} must be (LOW, HIGH) or (LOW, HIGH, "log"), not {own}.'
-            raise InputError(message, "bad-range", name, own)
-        found[name] = check_range(name, Range(finite(name, low), finite(name, high), bool(scale)))
-    if not found:
+            message = f'The range of {name} must be (LOW, HIGH) or (LOW, HIGH, "log"), not {bounds}.'
+            raise InputError(message, "bad-range", name, bounds)
+        checked[name] = check_range(name, Range(finite(name, low), finite(name, high), bool(scale)))
+    if not checked:
         raise InputError("Nothing varies: at least one parameter with its range is needed.", "nothing-varies")
-    return found
+    return checked
 
 
 def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: int) -> Judge:
@@ -181,11 +185,11 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
     case."""
 
     def verdict(trial: Trial) -> Requests[CandidateVerdict]:
-        candidate, own = controller.with_parameters(trial.values), _name(trial)
+        candidate, folder = controller.with_parameters(trial.values), _name(trial)
         _, _, _, cases = goal.prepared(candidate)
         try:
             whole = EvaluationStudy(recordings=False, keep_going=True)
-            evaluation = yield from inside(own, whole.ask(goal, candidate))
+            evaluation = yield from inside(folder, whole.ask(goal, candidate))
         except FmuError as refusal:  # at a pose that the objective does not have, so from now on it has it
             reason = f"The FMU refused {cases[0].id}: {refusal}"
             return CandidateVerdict(None, None, ("refused",), [(cases[0], "")], (reason,))
@@ -197,39 +201,39 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
             if verdict.passed is False and verdict.worst_case
         }
         named = {case.id: case for case in cases}
-        found = [(named[id], simulate_command(evaluation.head, id)) for id in failing]
+        counterexamples = [(named[id], simulate_command(evaluation.head, id)) for id in failing]
         broken += [f"{name} not judged" for name in _not_judged(evaluation.requirements)]
         if evaluation.cost is None:
             broken.append("V")
         if not robust or broken:  # a search finds nothing that would make it hold
             reasons = failure_reasons(evaluation.head, evaluation.requirements)
-            return CandidateVerdict(evaluation.cost, None, tuple(broken), found, reasons)
+            return CandidateVerdict(evaluation.cost, None, tuple(broken), counterexamples, reasons)
         try:
             search = RobustnessStudy(budget=robust, protocol=strict, recordings=False)
-            answer, shown = yield from inside(own, worst_case(goal, candidate, search))
+            answer, shown = yield from inside(folder, worst_case(goal, candidate, search))
         except (FmuError, Crash) as refusal:
             ended = f"The search for the worst case ended: {refusal}"
-            return CandidateVerdict(evaluation.cost, None, ("refused in strict",), found, (ended,))
-        for each in shown:
-            commands = [_command(answer, role) for role in each.roles if not role.startswith(BESIDE)]
-            found += [(each.case, command) for command in commands[:1] if command]
+            return CandidateVerdict(evaluation.cost, None, ("refused in strict",), counterexamples, (ended,))
+        for to_show in shown:
+            commands = [_command(answer, role) for role in to_show.roles if not role.startswith(BESIDE)]
+            counterexamples += [(to_show.case, command) for command in commands[:1] if command]
         unknown = (f"{name} not judged" for name, entry in answer.requirements.items() if entry.passed is None)
         told = (
             f"{name} fails in a search for the worst case: {answer.requirements[name].kind}" for name in answer.broken
         )
-        return CandidateVerdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), found, tuple(told))
+        return CandidateVerdict(evaluation.cost, answer.cost, (*answer.broken, *unknown), counterexamples, tuple(told))
 
     return verdict
 
 
-def failure_reasons(own: Head, requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
+def failure_reasons(head: Head, requirements: Mapping[str, Requirement]) -> tuple[str, ...]:
     """Why requirements are not met or not judged in the protocol, with the worst limit cycle and its ratio to what A3
     allows."""
-    told, allowed = [], own.rules.stability.limit_cycle
+    told, allowed = [], head.rules.stability.limit_cycle
     for name, entry in requirements.items():
         if entry.passed or not entry.tally.cases:
             continue
-        text = reason_text(name, entry.passed, f"in {own.protocol}", entry.reason)
+        text = reason_text(name, entry.passed, f"in {head.protocol}", entry.reason)
         if entry.passed is False and entry.limit_cycle is not None:
             text += f", {1e6 * entry.limit_cycle:.3g} µm, {entry.limit_cycle / allowed:.3g} times what is allowed"
         told.append(text)

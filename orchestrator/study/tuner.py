@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -16,13 +16,60 @@ from msgspec import structs
 
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import Rules, rules, test_rules
+from ..benchmark.results import CaseResult, Rules, rules, test_rules
 from ..benchmark.spread import Statistic, statistic
+from ..errors import InputError
+from ..fmi.variables import variables
+from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
 from ..search.candidates import Trial, measured, trial
 from ..search.proposals import GENERATION, Proposals
-from .candidates import attempt
 from .requests import Requests, Tell, TrialDone, side_by_side
+
+
+def attempt(
+    protocol: Protocol,
+    rules: Rules,
+    pairings: Sequence[Pairing],
+    cases: Sequence[Case],
+    asked: Sequence[tuple[int, dict[str, float]]],
+    worst: float = math.inf,
+) -> Requests[list[Trial]]:
+    """Trials of numbered candidates, each with its pairing, in ``cases``, judged by the rules; those whose V alone
+    exceeds ``worst`` are cut short."""
+    performance, requirements = measured(cases)
+    results: list[list[CaseResult]] = [[] for _ in asked]
+    trials = [Trial(number, values, 0.0) for number, values in asked]
+    alive = list(range(len(asked)))
+    for stage in (performance, requirements):
+        runs = yield side_by_side(protocol, [(pairings[place], stage) for place in alive])
+        for place, new in zip(alive, runs, strict=True):
+            results[place] += [run.result for run in new]
+            trials[place] = trial(rules, *asked[place], results[place], whole=stage is requirements)
+        # V first: a candidate that it alone makes worse than half of the
+        # last generation is not tried in the stability tests.
+        alive = [place for place in alive if not trials[place].message and trials[place].objective <= worst]
+    return trials
+
+
+def values_of(controller: Controller, names: Iterable[str]) -> dict[str, float]:
+    """The parameters of a controller that are numbers, by FMI name: the FMU's own values, or as they are set.
+
+    Raises :class:`InputError` if one of ``names`` is not among them.
+    """
+    declared = variables(controller.archive.description).values()
+    start_values = {
+        variable.name: variable.start[0]
+        for variable in declared
+        if variable.causality == "parameter" and len(variable.start) == 1
+    }
+    values = {**start_values, **controller.setup.parameters}
+    numbers = {name: float(value) for name, value in values.items() if not isinstance(value, bool | str)}
+    if unknown := sorted(set(names) - numbers.keys()):
+        message = f"{controller.name} has no parameter {unknown[0]}. It has: {', '.join(numbers) or 'none'}."
+        raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(numbers))
+    return numbers
+
 
 JUDGED_EVERY = 4
 """Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
@@ -65,9 +112,11 @@ class Tuner:
     @property
     def rules(self) -> Rules:
         """How the objective's cases are judged, those that were added as well."""
-        own = rules(self.protocol)
-        tests = {test.name: test for test in (*map(test_rules, (case.test for case in self.cases)), *own.tests)}
-        return structs.replace(own, tests=tuple(tests.values()))
+        protocol_rules = rules(self.protocol)
+        tests = {
+            test.name: test for test in (*map(test_rules, (case.test for case in self.cases)), *protocol_rules.tests)
+        }
+        return structs.replace(protocol_rules, tests=tuple(tests.values()))
 
     def search(self, budget: int) -> Requests[None]:
         """Try ``budget`` candidates, some of them on the whole protocol."""
@@ -75,34 +124,34 @@ class Tuner:
         while len(self.trials) < budget:
             asked = self.proposals.ask(budget - len(self.trials))
             first = len(self.trials)
-            found = yield from self.attempt(list(enumerate(asked, start=first)), worst)
-            self.proposals.tell([each.objective for each in found])
-            for each in found:
-                self.trials.append(each)
-                yield Tell(TrialDone(each, len(self.trials), budget))
+            generation = yield from self.attempt(list(enumerate(asked, start=first)), worst)
+            self.proposals.tell([tried.objective for tried in generation])
+            for tried in generation:
+                self.trials.append(tried)
+                yield Tell(TrialDone(tried, len(self.trials), budget))
             # What V alone makes worse than half of the last generation, no sampler builds on.
-            worst = statistics.median(each.objective for each in found) if first else worst
+            worst = statistics.median(tried.objective for tried in generation) if first else worst
             generations += 1
-            known = len(self.cases)
+            size = len(self.cases)
             if generations % JUDGED_EVERY == 1:  # from the first on, whose failures all others are then tried with
                 leaders = yield from self.leaders()
                 yield from self.holds(leaders[0])
-            if len(self.cases) > known:
+            if len(self.cases) > size:
                 worst = math.inf  # the objective has become another one
 
     def best(self) -> Requests[Trial | None]:
         """The best candidate that holds A1 to A3 on the whole protocol, of at most FINALISTS that are tried there."""
         for _ in range(FINALISTS):
             leaders = yield from self.leaders()
-            holding = (each for each in leaders if each.holds and self.verdict(each) in (None, True))
+            holding = (tried for tried in leaders if tried.holds and self.verdict(tried) in (None, True))
             leader = next(holding, None)
             if leader is None:
                 break
             if (yield from self.holds(leader)):
                 return leader
         good = [self.trials[number] for number, (_, verdict) in self.judged.items() if not verdict.broken]
-        again = yield from self.attempt([(each.number, each.values) for each in good], math.inf)
-        return min(again, key=lambda each: each.objective, default=None)
+        again = yield from self.attempt([(tried.number, tried.values) for tried in good], math.inf)
+        return min(again, key=lambda tried: tried.objective, default=None)
 
     def attempt(self, asked: Sequence[tuple[int, dict[str, float]]], worst: float) -> Requests[list[Trial]]:
         """Trials of numbered candidates; those whose V alone exceeds ``worst`` are cut short."""
@@ -111,11 +160,11 @@ class Tuner:
 
     def leaders(self) -> Requests[list[Trial]]:
         """The best candidates in all of the objective's cases, best first."""
-        ranked = sorted((each for each in self.trials if not each.cut_short), key=lambda each: each.objective)
-        again = yield from self.attempt([(each.number, each.values) for each in ranked[:GENERATION]], math.inf)
-        for each in again:
-            self.trials[each.number] = each
-        return sorted(again, key=lambda each: each.objective)
+        ranked = sorted((tried for tried in self.trials if not tried.cut_short), key=lambda tried: tried.objective)
+        again = yield from self.attempt([(tried.number, tried.values) for tried in ranked[:GENERATION]], math.inf)
+        for tried in again:
+            self.trials[tried.number] = tried
+        return sorted(again, key=lambda tried: tried.objective)
 
     def verdict(self, candidate: Trial) -> bool | None:
         """Whether a candidate holds A1 to A3 on the whole protocol; None if it has not been tried there."""
@@ -128,7 +177,7 @@ class Tuner:
             verdict = yield from self.judge(candidate)
             self.judged[candidate.number] = (len(self.trials), verdict)
             for case, _ in verdict.counterexamples:
-                if all(case.scenario != known.scenario for known in self.cases):
+                if all(case.scenario != other.scenario for other in self.cases):
                     # Of its own: a pose or a test of the objective may have the same number or name, and other rules.
                     number = FIRST_ADDED + len(self.cases)
                     test = structs.replace(case.test, name=f"{case.test.name}_{number}")
@@ -138,10 +187,12 @@ class Tuner:
 
     def held_out(self, candidate: Trial, draws: Mapping[int, Sequence[Case]]) -> Requests[Statistic]:
         """V of the objective with other ``draws``, by seed, in place of its own; with the cases that were added."""
-        pairing, own = self.pairing(candidate.values), self.rules
+        pairing, objective_rules = self.pairing(candidate.values), self.rules
         added = [case for case in self.cases if case.configuration.index >= FIRST_ADDED]
         chosen = {seed: measured([*cases, *added])[0] for seed, cases in draws.items()}
-        found = yield side_by_side(self.protocol, [(pairing, cases) for cases in chosen.values()])
-        results = ([run.result for run in runs] for runs in found)
-        costs = (trial(own, candidate.number, candidate.values, each, whole=False).cost for each in results)
+        by_draw = yield side_by_side(self.protocol, [(pairing, cases) for cases in chosen.values()])
+        results = ([run.result for run in runs] for runs in by_draw)
+        costs = (
+            trial(objective_rules, candidate.number, candidate.values, drawn, whole=False).cost for drawn in results
+        )
         return statistic(dict(zip(chosen, costs, strict=True)))

@@ -32,7 +32,7 @@ from ..pairing.testbed import Testbed
 from . import engine
 from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Rehearse, Requests
+from .requests import Batch, BatchEntry, Now, Rehearse, Requests
 from .witness import Witness, check
 
 logger = logging.getLogger(__name__)
@@ -79,9 +79,10 @@ class VerificationStudy(Study[Verification]):
         drawn = self.draws or fresh()
         for repetition in range(ATTEMPTS):
             try:
-                wanted = self.count, self.strict, tuple(self.beside), sandboxed
-                return (yield from _verified(same, controller, drawn, repetition, *wanted))
+                options = self.count, self.strict, tuple(self.beside), sandboxed
+                return (yield from _verified(same, controller, drawn, repetition, *options))
             except EnvironmentFault as problem:
+                # With other draws: those that a controller has seen, it could be prepared for.
                 if problem.what != NOT_BY_CONTROLLER or repetition == ATTEMPTS - 1:
                     raise
                 logger.warning("%s The verification begins again, with other draws.", problem)
@@ -99,58 +100,60 @@ def _verified(
     sandboxed: bool,
 ) -> Requests[Verification]:
     paired = testbed.pairing(controller)
-    own = replace(paired, setup=effective(paired.controller, paired.setup), isolated=True, sandbox=sandboxed)
+    # In the one form that all spellings of a setting share: how it is spelled must not change what the FMU is told.
+    isolated = replace(paired, setup=effective(paired.controller, paired.setup), isolated=True, sandbox=sandboxed)
+    # Without a sandbox: the references are the benchmark's own, and nobody chose them for these draws.
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
     protocol, listed = testbed.rules, protocols.load(STRICT) if strict else None
-    T_s = controller_sample_time(own.controller, protocol.sample_time, controller.given_sample_time).value
-    drawn = seeds(entropy.value, own.controller.sha256, count, repetition)
+    T_s = controller_sample_time(isolated.controller, protocol.sample_time, controller.given_sample_time).value
+    drawn = seeds(entropy.value, isolated.controller.sha256, count, repetition)
     begin = yield Now()
     # Of another seed than the draws, of which it would show something.
-    rehearsal = yield Rehearse(own, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)
+    rehearsal = yield Rehearse(isolated, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)
     total = (1 + len(others)) * (count * protocol.case_count + (listed.case_count if listed else 0))
     done = 0
-    witness = Witness(protocol, own.controller.name, testbed.nominal)
+    witness = Witness(protocol, isolated.controller.name, testbed.nominal)
 
     def run(asked: Protocol, pairing: Pairing, chosen: Sequence[int]) -> Requests[list[tuple[int, list[CaseResult]]]]:
         """The results of each draw, with its seed."""
         nonlocal done
-        interval, failure = (T_s, rehearsal.failure) if pairing is own else (None, None)
+        interval, failure = (T_s, rehearsal.failure) if pairing is isolated else (None, None)
         lists = [cases(asked, testbed.nominal, seed, interval) for seed in chosen]
         listing = [case for draw in lists for case in draw]
         order = mixed(entropy.value, len(listing))
-        wanted = tuple(listing[place] for place in order)
-        look = witness if pairing is own and asked is protocol else None
-        entry = Entry(asked, pairing, wanted, first_sample_failure=failure, witness=look)
+        in_order = tuple(listing[place] for place in order)
+        look = witness if pairing is isolated and asked is protocol else None
+        entry = BatchEntry(asked, pairing, in_order, first_sample_failure=failure, witness=look)
         (runs,) = yield Batch((entry,), done, total)
         done += len(runs)
-        known = dict(zip(order, runs, strict=True))
-        results = (known[place].result for place in range(len(listing)))
+        by_place = dict(zip(order, runs, strict=True))
+        results = (by_place[place].result for place in range(len(listing)))
         return [(seed, [next(results) for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
 
     def tried(pairing: Pairing) -> Requests[DrawnResults]:
-        found, known = (yield from run(protocol, pairing, drawn)), rules(protocol)
+        by_seed, protocol_rules = (yield from run(protocol, pairing, drawn)), rules(protocol)
         worst = (yield from run(listed, pairing, drawn[:1])) if listed else None
         return DrawnResults(
-            **structs.asdict(overall(known, found)),
-            draws=tuple(Draw(seed, score(known, results).cost, digest(results)) for seed, results in found),
+            **structs.asdict(overall(protocol_rules, by_seed)),
+            draws=tuple(Draw(seed, score(protocol_rules, results).cost, digest(results)) for seed, results in by_seed),
             strict=overall(rules(listed), worst) if listed and worst else None,
         )
 
-    result, references = (yield from tried(own)), {}
+    result, references = (yield from tried(isolated)), {}
     checked = yield from check(witness)
     for name, pairing in others.items():
-        found = yield from tried(pairing)
-        references[name] = Reference(**structs.asdict(found), file=pairing.controller.name)
+        reference_results = yield from tried(pairing)
+        references[name] = Reference(**structs.asdict(reference_results), file=pairing.controller.name)
     end = yield Now()
     return Verification(
         **structs.asdict(result),
         references=references,
         schema=Verification.SCHEMA,
-        head=head(testbed, controller, own, T_s, begin, end),
+        head=head(testbed, controller, isolated, T_s, begin, end),
         entropy=entropy,
         repetitions=repetition,
         code=code_hash(),
-        sandbox=own.sandbox,
+        sandbox=isolated.sandbox,
         clean=is_clean(),
         checked=checked,
     )
@@ -175,14 +178,14 @@ def repeat(testbed: Testbed, certificate: Verification, file: Path | None) -> Re
         protocol=certificate.head.protocol_file or certificate.protocol,
         plant_parameters=certificate.plant.parameters,
     )
-    wanted = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
+    options = (len(certificate.draws), certificate.strict is not None, tuple(certificate.references))
     return (
         yield from _verified(
             same,
             controller,
             certificate.entropy,
             certificate.repetitions,
-            *wanted,
+            *options,
             testbed.sandbox or engine.can_fence(),
         )
     )

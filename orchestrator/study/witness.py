@@ -46,13 +46,14 @@ class Witness:
 
     def __call__(self, case: Case, result: CaseResult, trajectory: Trajectory) -> None:
         """Keep the case where it is the worst so far."""
-        own = Kept(case, result, trajectory)
+        kept = Kept(case, result, trajectory)
         for reason, value in _severities(result).items():
             if reason not in self.kept or value > self.kept[reason][0]:
-                self.kept[reason] = value, own
+                self.kept[reason] = value, kept
 
     def files(self) -> list[tuple[Case, bytes]]:
         """The kept cases as files, each once."""
+        # By identity: one case may be the worst in several ways, and trajectories are large.
         cases = {id(kept): kept for _, kept in self.kept.values()}.values()
         return [
             (
@@ -64,11 +65,12 @@ class Witness:
 
 
 def _severities(result: CaseResult) -> dict[str, float]:
-    found = {name: getattr(result.measurements, name) for name in CRITERIA}
-    found[CYCLE] = result.measurements.limit_cycle_at_end
-    if found["B5"] is not None:
-        found[FIRST] = -math.inf
-    return {reason: value for reason, value in found.items() if value is not None}
+    severities = {name: getattr(result.measurements, name) for name in CRITERIA}
+    severities[CYCLE] = result.measurements.limit_cycle_at_end
+    if severities["B5"] is not None:
+        # Never larger than another one, so the first case with a force stays.
+        severities[FIRST] = -math.inf
+    return {reason: value for reason, value in severities.items() if value is not None}
 
 
 def check(witness: Witness) -> Requests[tuple[CheckedCase, ...]]:
@@ -77,7 +79,7 @@ def check(witness: Witness) -> Requests[tuple[CheckedCase, ...]]:
     Raises :class:`EnvironmentFault` where it does not agree: then one of the two programs is wrong, and nothing is
     certified. A case that it cannot compute, as at another sample time, is left out.
     """
-    found = []
+    checked = []
     for case, content in witness.files():
         seed = case.scenario.sensor.noise.seed[0]
         yield Tell(CaseChecked(f"case-{seed}.{case.id}.npz", content))
@@ -95,5 +97,5 @@ def check(witness: Witness) -> Requests[tuple[CheckedCase, ...]]:
             message = f"The second checker does not agree with the simulation of {case.id} in the draw {seed}: "
             raise EnvironmentFault(f"{message}{'; '.join(wrong)}. Nothing is certified.", "recheck")
         rows = tuple(Difference(row.name, row.unit, row.difference, row.bound) for row in told.rows)
-        found.append(CheckedCase(case.id, seed, rows))
-    return tuple(found)
+        checked.append(CheckedCase(case.id, seed, rows))
+    return tuple(checked)

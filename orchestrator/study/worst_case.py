@@ -30,7 +30,7 @@ from ..search.stages import search
 from ..search.target import Target, targets
 from .declaration import Study, described, option
 from .heads import head
-from .requests import Batch, Entry, Now, Record, Request, Requests, Save, StageDone, Tell, rehearsed
+from .requests import Batch, BatchEntry, Now, Record, Request, Requests, Save, StageDone, Tell, rehearsed
 from .selection import CaseToShow
 
 
@@ -44,18 +44,18 @@ def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequen
         raise InputError(
             f"The protocol {protocol.name} draws disturbances: a search lists them.", "draws", protocol.name
         )
-    known = targets(protocol)
+    all_targets = targets(protocol)
     for name in only:
-        if name not in {target.name for target in known}:
-            names = [target.name for target in known]
+        if name not in {target.name for target in all_targets}:
+            names = [target.name for target in all_targets]
             message = f"The search has no criterion or test {name}. Choose from {', '.join(names)}."
             raise InputError(message, "no-target", protocol.name, name, names)
-    wanted = [target for target in known if not only or target.name in only]
-    first = math.ceil(least(protocol, list(map(of_case, listed)), wanted))
+    chosen = [target for target in all_targets if not only or target.name in only]
+    first = math.ceil(least(protocol, list(map(of_case, listed)), chosen))
     if budget < first:
         message = f"The search begins with {first} whole cases: more than its budget of {budget}."
         raise InputError(message, "small-budget", "", budget)
-    return wanted
+    return chosen
 
 
 @described
@@ -94,19 +94,19 @@ class RobustnessStudy(Study[Robustness]):
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Robustness]:
         """The requests of a search."""
-        wanted = replace(self, recordings=self.recordings and folder is not None)
-        found, _ = yield from worst_case(testbed, controller, wanted)
-        return found
+        study = replace(self, recordings=self.recordings and folder is not None)
+        answer, _ = yield from worst_case(testbed, controller, study)
+        return answer
 
 
 def worst_case(
     testbed: Testbed, controller: Controller, study: RobustnessStudy
 ) -> Requests[tuple[Robustness, list[CaseToShow]]]:
     """The document of a ``study``; and the worst cases, each followed by that of the nominal arm."""
-    own = replace(testbed, protocol=study.protocol)
-    controller, pairing, T_s, cases = own.prepared(controller)
-    rules_of, listed = own.rules, cases if study.from_list else ()
-    wanted = sought(rules_of, listed, study.budget, study.only)
+    search_testbed = replace(testbed, protocol=study.protocol)
+    controller, pairing, T_s, cases = search_testbed.prepared(controller)
+    rules_of, listed = search_testbed.rules, cases if study.from_list else ()
+    chosen = sought(rules_of, listed, study.budget, study.only)
     setting = Setting(
         records.controller_record(pairing, controller),
         records.plant_record(testbed.manipulator, testbed.plant_parameters),
@@ -116,31 +116,31 @@ def worst_case(
     )
 
     def case(member: Member) -> Case:
-        found = case_of(member, rules_of, own.nominal)
-        return replace(found, scenario=replace(found.scenario, sample_time=T_s))
+        built = case_of(member, rules_of, search_testbed.nominal)
+        return replace(built, scenario=replace(built.scenario, sample_time=T_s))
 
     def command(member: Member) -> str:
-        return member_command(setting, member, parameters(member, rules_of, own.nominal))
+        return member_command(setting, member, parameters(member, rules_of, search_testbed.nominal))
 
     begin = yield Now()
     yield from rehearsed(pairing, cases[0])
 
     def answer(request: Ask | Step) -> Generator[Request, Any, Any]:
         if isinstance(request, Ask):
-            (runs,) = yield Batch((Entry(rules_of, pairing, tuple(map(case, request.members))),))
+            (runs,) = yield Batch((BatchEntry(rules_of, pairing, tuple(map(case, request.members))),))
             return [run.result for run in runs]
         yield Tell(StageDone(request.stage, request.simulations, request.spent, request.cost, request.worst))
         now = yield Now()
         return now.seconds - begin.seconds < 60.0 * study.minutes
 
-    poses = tuple(dict.fromkeys(of_case(each).q_a for each in cases))
-    members = [of_case(each) for each in listed]
-    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, wanted, command, study.budget, study.restarts)
+    poses = tuple(dict.fromkeys(of_case(listed_case).q_a for listed_case in cases))
+    members = [of_case(listed_case) for listed_case in listed]
+    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, chosen, command, study.budget, study.restarts)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
     results, end = hunt.history.found.values(), (yield Now())
-    found = Robustness(
+    document = Robustness(
         schema=Robustness.SCHEMA,
-        head=head(own, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
+        head=head(search_testbed, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
         budget=study.budget,
         simulations=len(results),
         spent=hunt.history.spent,
@@ -151,25 +151,25 @@ def worst_case(
         **found_by_stage,
         path=tuple(hunt.path),
     )
-    shown = [each for member, roles in hunt.shown.items() for each in _beside_nominal(member, roles, case)]
-    yield Save(found)  # before the recordings: whatever happens now, the answer is there
+    shown = [to_show for member, roles in hunt.shown.items() for to_show in _beside_nominal(member, roles, case)]
+    yield Save(document)  # before the recordings: whatever happens now, the answer is there
     if study.recordings:
-        yield Save(found, recordings=(yield Record(pairing, tuple(shown))))
-    return found, shown
+        yield Save(document, recordings=(yield Record(pairing, tuple(shown))))
+    return document, shown
 
 
 def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     """The fields of the answer that the stages fill. Criteria and costs are read off before margins and radius, whose
     members are not searched for them."""
     yield from search(hunt, seed)
-    found: dict[str, Any] = {"requirements": (yield from answers.requirements(hunt, seed))}
-    found["effects"] = yield from answers.effects(hunt)
-    found["criteria"], found["configurations"] = answers.criteria(hunt), answers.configurations(hunt)
-    found["peaks"] = answers.peaks(hunt)
-    found["cost"], found["protocol_cost"] = answers.costs(hunt)
-    found["margins"] = (yield from margins_of(hunt, seed)) if hunt.complete else {}
-    found["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
-    return found
+    fields: dict[str, Any] = {"requirements": (yield from answers.requirements(hunt, seed))}
+    fields["effects"] = yield from answers.effects(hunt)
+    fields["criteria"], fields["configurations"] = answers.criteria(hunt), answers.configurations(hunt)
+    fields["peaks"] = answers.peaks(hunt)
+    fields["cost"], fields["protocol_cost"] = answers.costs(hunt)
+    fields["margins"] = (yield from margins_of(hunt, seed)) if hunt.complete else {}
+    fields["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
+    return fields
 
 
 def _beside_nominal(member: Member, roles: Sequence[str], case: Any) -> Iterator[CaseToShow]:

@@ -18,7 +18,7 @@ from orchestrator.fmi.archive import open_archive
 from orchestrator.pairing.pairing import FULL_LENGTH, Pairing
 from orchestrator.pairing.runs import CaseRun
 from orchestrator.study import batch
-from orchestrator.study.requests import STRIKES, Batch, Entry
+from orchestrator.study.requests import STRIKES, Batch, BatchEntry
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from .commands import ROOT
@@ -70,7 +70,7 @@ def answered(
     known: store.Store | None = None,
 ) -> list[CaseRun]:
     """The runs of the cases ``chosen``, in their order, if ``execute`` runs the jobs."""
-    entry = Entry(
+    entry = BatchEntry(
         PROTOCOL, bench, tuple(chosen), None if keep_going else STRIKES, first_sample_failure=first_sample_failure
     )
     with store.opened(None) if known is None else nullcontext(known) as results:
