@@ -22,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator.benchmark import protocol as types  # noqa: E402
 from orchestrator.benchmark.case import Disturbance, Test  # noqa: E402
-from orchestrator.codec import LARGEST, plain  # noqa: E402
+from orchestrator.codec import MAX_FLOAT, plain  # noqa: E402
 
 PAGE = ROOT / "docs" / "protocol.md"
 MAKER = "benchmarks/protocol_reference.py"
@@ -217,10 +217,10 @@ def _allowed(kind: inspect.Type) -> str:
 def _number(kind: inspect.IntType | inspect.FloatType) -> str:
     name = "integer" if isinstance(kind, inspect.IntType) else "number"
     low, high = kind.ge if kind.ge is not None else kind.gt, kind.le
-    bounded = high is not None and abs(high) < min(LARGEST, 2**53)
+    bounded = high is not None and abs(high) < min(MAX_FLOAT, 2**53)
     if kind.gt is not None:
         return f"{name} above {kind.gt:g}"
-    if low is None or low <= -LARGEST:
+    if low is None or low <= -MAX_FLOAT:
         return name
     return f"{name} from {low:g} to {high:g}" if bounded else f"{name}, at least {low:g}"
 

@@ -73,22 +73,23 @@ def cache_folder() -> Path:
     FMUs made by pythonfmu crash where their resources are in such a folder. Raises
     :class:`~orchestrator.errors.EnvironmentFault` if there is no place for that either.
     """
-    wanted = os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False)
-    folder = _writable(Path(wanted).absolute())  # children may have another current folder
+    place = os.environ.get(VARIABLE) or platformdirs.user_cache_dir("flexible-manipulator", appauthor=False)
+    folder = _writable(Path(place).absolute())  # children may have another current folder
     folder.mkdir(parents=True, exist_ok=True)  # somebody may have deleted it meanwhile
     return folder
 
 
 @functools.cache
-def _writable(wanted: Path) -> Path:
-    reason = f"The cache folder {wanted} has letters outside of ASCII, with which FMUs in Python crash"
-    if str(wanted).isascii():
+def _writable(place: Path) -> Path:
+    reason = f"The cache folder {place} has letters outside of ASCII, with which FMUs in Python crash"
+    if str(place).isascii():
         try:
-            wanted.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=wanted).close()
-            return wanted
+            place.mkdir(parents=True, exist_ok=True)
+            # By trying: permissions say nothing of a file system that is mounted read-only.
+            tempfile.TemporaryFile(dir=place).close()
+            return place
         except OSError as problem:
-            reason = f"The cache folder {wanted} is not writable ({problem.strerror or problem})"
+            reason = f"The cache folder {place} is not writable ({problem.strerror or problem})"
     remedy = f"Set {VARIABLE} to a writable folder with a name in ASCII."
     try:
         folder = tempfile.mkdtemp(prefix="flexible-manipulator-")

@@ -28,11 +28,11 @@ else:
 
 T = TypeVar("T")
 
-LARGEST = 1.7976931348623157e308
-Finite = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+MAX_FLOAT = 1.7976931348623157e308
+Finite = Annotated[float, msgspec.Meta(ge=-MAX_FLOAT, le=MAX_FLOAT)]
 """A number that is neither NaN nor infinite."""
-NonNegative = Annotated[float, msgspec.Meta(ge=0.0, le=LARGEST)]
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=LARGEST)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_FLOAT)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=MAX_FLOAT)]
 Natural = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Scalar = bool | int | Finite | str
 """The value of a parameter or an input of an FMU, whose type it has."""
@@ -126,8 +126,10 @@ def _from_plain(kind: type, value: Any) -> Any:
     if kind is np.ndarray:
         dtype, shape, data = value
         sizes = isinstance(shape, list) and all(isinstance(size, int) and 0 <= size <= 2**40 for size in shape)
+        # An object dtype would be pickled data, which can run anything.
         if dtype not in DTYPES or not sizes or not isinstance(data, bytes):
             raise ValueError("not an array")
+        # Before NumPy sees it: frombuffer and reshape would raise others, or take memory for what is not there.
         if math.prod(shape) * np.dtype(dtype).itemsize != len(data):
             raise ValueError("an array whose size is not that of its data")
         return np.frombuffer(data, dtype).reshape(shape)

@@ -51,20 +51,20 @@ def real(name: str, value: Any) -> float:
     if not isinstance(number, NUMBERS):
         raise _refusal(name, "a number", value)
     try:
-        found = float(number)
+        converted = float(number)
     except (OverflowError, ValueError):
         raise _refusal(name, "a number", value) from None
-    if math.isnan(found):
+    if math.isnan(converted):
         raise _refusal(name, "a number", value)
-    return found
+    return converted
 
 
 def finite(name: str, value: Any) -> float:
     """A finite number."""
-    found = real(name, value)
-    if math.isinf(found):
+    number = real(name, value)
+    if math.isinf(number):
         raise _refusal(name, "a finite number", value)
-    return found
+    return number
 
 
 def whole(name: str, value: Any) -> int:
@@ -81,10 +81,10 @@ def _is_whole(number: Any) -> bool:
 
 def switch(name: str, value: Any) -> bool:
     """True or False."""
-    found = plain(value)
-    if not isinstance(found, int) or found not in (True, False):
+    plain_value = plain(value)
+    if not isinstance(plain_value, int) or plain_value not in (True, False):
         raise _refusal(name, "True or False", value)
-    return bool(found)
+    return bool(plain_value)
 
 
 def pair(name: str, value: Any) -> tuple[float, float]:
@@ -95,6 +95,7 @@ def pair(name: str, value: Any) -> tuple[float, float]:
 
 def time(name: str, value: Any) -> Fraction:
     """A time [s]; a float counts as the decimal number that it prints as."""
+    # An array without a dimension is no np.floating; [()] takes its number out.
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     # As text, since the number that a float of single precision prints as is another one than that of its value.
@@ -122,26 +123,26 @@ def _two(name: str, value: Any, what: str) -> tuple[Any, Any]:
 
 def text(name: str, value: Any) -> str:
     """A text."""
-    found = plain(value)
-    if not isinstance(found, str):
+    plain_value = plain(value)
+    if not isinstance(plain_value, str):
         raise _refusal(name, "a text", value, "bad-text")
-    return found
+    return plain_value
 
 
 def path(name: str, value: Any) -> str | Path:
     """A path, or a name that may be one."""
-    found = plain(value)
-    if isinstance(found, str | Path):
-        return found
-    if isinstance(found, os.PathLike) and isinstance(found.__fspath__(), str):
-        return Path(found)
+    plain_value = plain(value)
+    if isinstance(plain_value, str | Path):
+        return plain_value
+    if isinstance(plain_value, os.PathLike) and isinstance(plain_value.__fspath__(), str):
+        return Path(plain_value)
     raise _refusal(name, "a path", value, "bad-path")
 
 
 def texts(name: str, value: Any) -> str | tuple[str, ...]:
     """Texts, or one."""
-    found = plain(value)
-    return found if isinstance(found, str) else _sequence(text)(name, value)
+    plain_value = plain(value)
+    return plain_value if isinstance(plain_value, str) else _sequence(text)(name, value)
 
 
 def _sequence(enter: Enter) -> Callable[[str, Any], tuple[Any, ...]]:
@@ -176,24 +177,24 @@ def _as_it_is(name: str, value: Any) -> Any:
 
 def _ranges(name: str, value: Any) -> Any:
     """A range as such, or its two ends and perhaps its scale."""
-    found = plain(value)
-    if not isinstance(found, list | tuple):
-        return found
-    if len(found) < 2:
+    plain_value = plain(value)
+    if not isinstance(plain_value, list | tuple):
+        return plain_value
+    if len(plain_value) < 2:
         raise _refusal(name, "a range of two numbers", value, "bad-range")
-    return finite(name, found[0]), finite(name, found[1]), *found[2:]
+    return finite(name, plain_value[0]), finite(name, plain_value[1]), *plain_value[2:]
 
 
 def _value(name: str, value: Any) -> Any:
     """A value for a variable of an FMU: a number, a text, True or False, or several."""
-    found = plain(value)
-    if isinstance(found, Fraction | Decimal):
-        return float(found)
-    if isinstance(found, list | tuple):
-        return [_value(name, item) for item in found]
-    if not isinstance(found, bool | int | float | str):
+    plain_value = plain(value)
+    if isinstance(plain_value, Fraction | Decimal):
+        return float(plain_value)
+    if isinstance(plain_value, list | tuple):
+        return [_value(name, item) for item in plain_value]
+    if not isinstance(plain_value, bool | int | float | str):
         raise _refusal(name, "a value for a variable", value)
-    return found
+    return plain_value
 
 
 def _or_file(enter: Enter) -> Enter:
@@ -202,8 +203,8 @@ def _or_file(enter: Enter) -> Enter:
 
 def _file_or_other(name: str, value: Any) -> Any:
     """A path as such; anything else, of which the function has types of its own, as it is."""
-    found = plain(value)
-    return path(name, found) if isinstance(found, str | os.PathLike) else value
+    plain_value = plain(value)
+    return path(name, plain_value) if isinstance(plain_value, str | os.PathLike) else value
 
 
 RULES: dict[str, Enter] = {
@@ -274,14 +275,14 @@ def _optional(enter: Enter, name: str, value: Any) -> Any:
 def border(function: Callable[..., Any]) -> Callable[..., inspect.BoundArguments]:
     """What makes the arguments of ``function`` plain, and binds them to its parameters."""
     signature = inspect.signature(function)
-    rules = {name: rule(each.annotation) for name, each in signature.parameters.items() if name != "self"}
+    rules = {name: rule(parameter.annotation) for name, parameter in signature.parameters.items() if name != "self"}
 
     def bound(*arguments: Any, **named: Any) -> inspect.BoundArguments:
-        found = signature.bind(*arguments, **named)
-        for name, value in found.arguments.items():
+        bound_arguments = signature.bind(*arguments, **named)
+        for name, value in bound_arguments.arguments.items():
             if name in rules:
-                found.arguments[name] = rules[name](name, value)
-        return found
+                bound_arguments.arguments[name] = rules[name](name, value)
+        return bound_arguments
 
     return bound
 
@@ -292,8 +293,8 @@ def entered(function: F) -> F:
 
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
-        found = bound(*arguments, **named)
-        return function(*found.args, **found.kwargs)
+        bound_arguments = bound(*arguments, **named)
+        return function(*bound_arguments.args, **bound_arguments.kwargs)
 
     return call  # type: ignore[return-value]  # of the same signature
 
@@ -301,6 +302,7 @@ def entered(function: F) -> F:
 def enter_fields(instance: Any) -> None:
     """Make the fields of a frozen dataclass plain, before it looks at them."""
     for field in fields(instance):
+        # How a frozen dataclass is changed: only here, before anybody else has it.
         object.__setattr__(instance, field.name, rule(str(field.type))(field.name, getattr(instance, field.name)))
 
 

@@ -75,5 +75,6 @@ class FmuError(BenchmarkError):
 def unknown(message: str, what: str, where: str, name: str, names: Iterable[str]) -> InputError:
     """An error about ``name``, with the up to four ``names`` that look most like it, else the first eight."""
     pool = list(names)
+    # A low bound for likeness: exporters' names share little with a connector's, and a bad hint costs nothing.
     nearest = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
     return InputError(f"{message} Nearest: {', '.join(nearest) or 'none'}.", what, where, name, nearest)

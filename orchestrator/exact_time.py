@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-LONGEST, LARGEST_EXPONENT = 50, 100
+MAX_DIGITS, MAX_EXPONENT = 50, 100
 """Limits on the digits and the decimal exponent of a time that is read from text."""
 
 
@@ -15,10 +15,11 @@ def seconds(value: float | int | str | Fraction) -> Fraction:
     """
     if isinstance(value, (Fraction, int)) and not isinstance(value, bool):
         return Fraction(value)
+    # The shortest decimal that gives the float: 0.00025 is meant, and not the binary number beside it.
     text = str(value).strip()
     exponent = text.lower().partition("e")[2] or "0"
-    if len(text) > LONGEST or abs(int(exponent)) > LARGEST_EXPONENT:  # 1e9999999999 would fill the memory
-        raise ValueError(f"{text[:LONGEST]} is not a time")
+    if len(text) > MAX_DIGITS or abs(int(exponent)) > MAX_EXPONENT:  # 1e9999999999 would fill the memory
+        raise ValueError(f"{text[:MAX_DIGITS]} is not a time")
     try:
         return Fraction(text)
     except ZeroDivisionError:

@@ -102,11 +102,12 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         ``Benchmark.simulate`` raises.
         """
         super().reset(seed=seed)
+        # A plant can be in one simulation at a time.
         self.close()
-        wanted, self._seed = (options or {}).get("case"), 0
-        if wanted is None:
-            wanted, self._seed = str(self.np_random.choice(self._ids)), int(self.np_random.integers(2**31))
-        self._case = wanted if isinstance(wanted, Case) else self._named(wanted)
+        case, self._seed = (options or {}).get("case"), 0
+        if case is None:
+            case, self._seed = str(self.np_random.choice(self._ids)), int(self.np_random.integers(2**31))
+        self._case = case if isinstance(case, Case) else self._named(case)
         simulation = self._started()
         q_m = simulation.begin()
         if q_m is None:
@@ -144,6 +145,7 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
         self._simulation = None
         is_done = self.trajectory.ending.status is Status.DONE
         scenario = self._case.scenario
+        # Else a policy would learn to be given up early, as the steps that are left would cost nothing.
         left = 0.0 if is_done else 1e3 * scenario.abort_distance * (scenario.samples - self._k) * self._h
         return self._observation, -1e3 * self._h * info["tcp_error"] - left, not is_done, is_done, info
 

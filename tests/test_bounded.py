@@ -10,7 +10,7 @@ from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller, Simulation
 from orchestrator.benchmark import protocol
-from orchestrator.bounded import DEEPEST, LARGEST_TEXT, read, read_toml, tomllib
+from orchestrator.bounded import MAX_DEPTH, MAX_TEXT_BYTES, read, read_toml, tomllib
 from orchestrator.documents import recording
 from orchestrator.documents.results import Results
 from orchestrator.fmi.controller_files import read_mapping, read_parameters
@@ -42,7 +42,7 @@ def test_toml_that_would_take_the_memory_is_refused(reader, name, tmp_path):
     file = tmp_path / "deep.toml"
     file.write_text(TOO_DEEP[name])
     error = refusal(reader, file)
-    assert f"more than {DEEPEST} parts" in str(error) and "\n" not in str(error)
+    assert f"more than {MAX_DEPTH} parts" in str(error) and "\n" not in str(error)
 
 
 @pytest.mark.needs("linux")
@@ -113,5 +113,5 @@ def test_ordinary_toml_is_read_as_by_the_parser(tmp_path_factory, table):
 def test_texts_without_an_end_are_looked_through_once(text, tmp_path):
     """A search for the end of each would take hours."""
     file: Path = tmp_path / "open.toml"
-    file.write_text(f"a = {text}" + '"""\\"""x' * (LARGEST_TEXT // 80))
+    file.write_text(f"a = {text}" + '"""\\"""x' * (MAX_TEXT_BYTES // 80))
     assert refusal(read_toml, file).what == "bad-file"

@@ -20,7 +20,7 @@ from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.protocol import load
 from orchestrator.benchmark.results import Judgement, Measurements, rules
 from orchestrator.cli import report, simulate
-from orchestrator.cli.variation import variation
+from orchestrator.cli.simulate import variation
 from orchestrator.codec import to_json
 from orchestrator.documents import recording
 from orchestrator.errors import InputError

@@ -111,7 +111,7 @@ def test_a_backslash_in_a_path_is_told(tmp_path, quick_pid_file):
 @pytest.mark.needs("linux")
 def test_a_controller_that_hangs_is_told_once(tmp_path, monkeypatch):
     """The looks behind the one that hangs would hang as well."""
-    monkeypatch.setattr("orchestrator.api.checking.LONGEST_LOOK", 0.5)
+    monkeypatch.setattr("orchestrator.api.checking.CHECK_TIMEOUT", 0.5)
     found = Benchmark("quick").check(Controller(hostile_fmu(tmp_path, Fault("spin", "step", 0.0))))
     *_, hang, rest = found
     assert (hang.subject, hang.severity) == ("timing", "error") and "the limit of processor time" in hang.text

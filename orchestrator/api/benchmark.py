@@ -108,8 +108,8 @@ class Benchmark(Testbed, Displayable):
         """
         from ..documents.findings import Findings
 
-        own = Controller.of(controller)
-        return Findings(own.file_name, tuple(self.iter_check(own)))
+        chosen = Controller.of(controller)
+        return Findings(chosen.file_name, tuple(self.iter_check(chosen)))
 
     @entered
     def iter_check(self, controller: Controller) -> Iterator[Finding]:

@@ -30,7 +30,7 @@ from ..study.rehearsal import computing_time, rehearse
 Decode = Callable[[int, bytes], Any]
 """As that of a job."""
 
-LONGEST_LOOK = 10.0
+CHECK_TIMEOUT = 10.0
 """Processor time [s] that a look at the running controller may take; waiting is limited as well, see
 :mod:`~orchestrator.execution.time_limit`."""
 
@@ -74,9 +74,9 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
             told.add(text)
             yield Finding(check.failure, check.subject, text, remedy, *cause)
 
-    def run(own: Pairing, function: Callable[..., bytes], tasks: Sequence[Struct], decode: Decode) -> list[Outcome]:
+    def run(bench: Pairing, function: Callable[..., bytes], tasks: Sequence[Struct], decode: Decode) -> list[Outcome]:
         name = f"{function.__module__}:{function.__name__}"
-        job = own.raw_job(name, tasks, (min(pairing.timeout, LONGEST_LOOK),) * len(tasks), decode)
+        job = bench.raw_job(name, tasks, (min(pairing.timeout, CHECK_TIMEOUT),) * len(tasks), decode)
         return list(run_isolated(replace(job, give_up=True)))
 
     first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
@@ -88,7 +88,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
         at = rest.value
         torques: Decode = lambda _, value: unpack(value, np.ndarray)  # noqa: E731
         errors = [(timings.step_errors(begin), initially) for begin, initially in timings.EXPERIMENTS]
-        tasks = [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, *each) for each in errors]
+        tasks = [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, *experiment) for experiment in errors]
         # In processes of their own, since nothing is known yet of what a controller leaves behind.
         *_, ended = outcomes = run(replace(pairing, separate=True), work.answer, tasks, torques)
         yield from failed(dynamic.TIMING_CHECK, ended)
@@ -106,23 +106,25 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
         later = [outcome.value for outcome in grouped if isinstance(outcome, Done)]
         if not all(np.array_equal(one, responses[timings.STEP], equal_nan=True) for one in later):
             shown = CarryOver.FOUND
-    own = replace(pairing, separate=shown.separates)
+    separated = replace(pairing, separate=shown.separates)
     if isinstance(rest, Done):
         yield from dynamic.carry_over(shown)
     if responses:
-        (again,) = run(own, work.answer, [structs.replace(tasks[timings.STEP], after_reset=True)], torques)
+        (again,) = run(separated, work.answer, [structs.replace(tasks[timings.STEP], after_reset=True)], torques)
         yield from failed(dynamic.RESET_CHECK, again)
         if isinstance(again, Done):
             yield from dynamic.reset(responses[timings.STEP], again.value)
     for number, (check, _) in enumerate(dynamic.CHECKS):
-        if check.subject == "several instances" and own.is_separate and not own.separate:
+        if check.subject == "several instances" and separated.is_separate and not separated.separate:
             continue  # it has declared that it cannot
-        task = dynamic.CheckTask(number, own.setup, T_s)
-        for outcome in run(own, dynamic.run_check, [task], lambda _, value: unpack(value, tuple[Finding, ...])):
+        task = dynamic.CheckTask(number, separated.setup, T_s)
+        for outcome in run(separated, dynamic.run_check, [task], lambda _, value: unpack(value, tuple[Finding, ...])):
             yield from failed(check, outcome)
             if isinstance(outcome, Done):
                 yield from outcome.value
-    found_time = computing_time(case, own) if responses else None  # one that cannot be loaded has been told already
+    found_time = (
+        computing_time(case, separated) if responses else None
+    )  # one that cannot be loaded has been told already
     if found_time is not None:
         yield from dynamic.cost(found_time, float(T_s), FULL_LENGTH, pairing.timeout)
 

@@ -16,4 +16,4 @@ def compare(documents: Iterable[Comparable]) -> Comparison:
     plant; of each kind the largest group comes first. Its ``ranked`` entries are in order, those that meet all
     requirements first, then by V.
     """
-    return compared([(each, getattr(each, "folder", None)) for each in documents])
+    return compared([(document, getattr(document, "folder", None)) for document in documents])

@@ -149,7 +149,7 @@ MEANING = (
 )
 
 
-def _margin_table(margins: tuple[LoopMargins, LoopMargins], found: Mapping[str, Margin]) -> Table:
+def _margin_table(margins: tuple[LoopMargins, LoopMargins], search_margins: Mapping[str, Margin]) -> Table:
     """Margins of both axes, and those of a search where there are some."""
     lines: tuple[tuple[str, str, str, Unit], ...] = (
         ("gain", "gain", "gain_{}", NONE),
@@ -161,13 +161,13 @@ def _margin_table(margins: tuple[LoopMargins, LoopMargins], found: Mapping[str, 
     )
     rows: list[tuple[Cell, ...]] = []
     for field, words, searched, unit in lines:
-        own: list[Cell] = [Value(getattr(axis, field), unit=unit) for axis in margins]
-        if found:
-            known = [found.get(searched.format(axis)) for axis in (1, 2)]
-            own += [None if each is None else _searched(each, field, unit) for each in known]
-        rows.append((Quantity(words, unit), *own))
+        cells: list[Cell] = [Value(getattr(axis, field), unit=unit) for axis in margins]
+        if search_margins:
+            of_search = [search_margins.get(searched.format(axis)) for axis in (1, 2)]
+            cells += [None if margin is None else _searched(margin, field, unit) for margin in of_search]
+        rows.append((Quantity(words, unit), *cells))
     columns = [Column("unstable at"), Column("axis 1"), Column("axis 2")]
-    columns += [Column("axis 1, search"), Column("axis 2, search")] if found else []
+    columns += [Column("axis 1, search"), Column("axis 2, search")] if search_margins else []
     return Table("Stability margins", tuple(columns), tuple(rows))
 
 
@@ -181,19 +181,20 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
     """See :meth:`.Benchmark.linear_loop`."""
     if isinstance(controller, str | Path) and Path(controller).suffix in MATRICES or hasattr(controller, "A"):
         return _given(controller, case, friction)
-    own = Controller.of(controller)
-    pairing, sampled = testbed.sampled(own, case)
+    chosen = Controller.of(controller)
+    pairing, sampled = testbed.sampled(chosen, case)
     model = linear_model(sampled, True, True, friction)
     T_s, at = sampled.scenario.sample_time, model.at
     impulses = np.zeros((2, ANSWER, 2))
     impulses[(0, 1), 0, (0, 1)] = IMPULSE
+    # Noise excites all states. A controller with a dead zone or a limit answers it otherwise than its impulse says.
     motion = MOTION * np.random.default_rng(1).uniform(-1.0, 1.0, (CHECK, 2))
-    wanted = [np.zeros((ANSWER, 2)), *impulses, motion]
+    experiments = [np.zeros((ANSWER, 2)), *impulses, motion]
     job = pairing.raw_job(
         f"{work.__name__}:{work.answer.__name__}",
-        [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, errors) for errors in wanted],
-        (FIRST_START_TIME + pairing.timeout,) * len(wanted),
-        lambda index, value: work.answered(len(wanted[index]), value),
+        [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, errors) for errors in experiments],
+        (FIRST_START_TIME + pairing.timeout,) * len(experiments),
+        lambda index, value: work.answered(len(experiments[index]), value),
         ANSWER * 32,
     )
     torques = {}
@@ -203,13 +204,18 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
         if not isinstance(outcome, Done):
             raise error_of(outcome.error)
         torques[outcome.index] = outcome.value
-    rest, first, second, moved = (torques[number] for number in range(len(wanted)))
+    rest, first, second, moved = (torques[number] for number in range(len(experiments)))
+    # Less what it answers at rest: a controller with dither is linear beside that.
     impulse = np.stack([first - rest, second - rest], axis=2) / IMPULSE
     law, mismatch = _realized(impulse, float(T_s), motion, moved - rest[:CHECK])
     if not mismatch <= LINEAR:
-        message = f"{own.file_name} is not linear at rest: in a random motion of {MOTION:g} rad, its torques differ by "
-        raise InputError(f"{message}{mismatch:.1g} of the largest one from a linear law.", "not-linear", own.file_name)
-    return LinearLoop(model, own.file_name, law, mismatch)
+        message = (
+            f"{chosen.file_name} is not linear at rest: in a random motion of {MOTION:g} rad, its torques differ by "
+        )
+        raise InputError(
+            f"{message}{mismatch:.1g} of the largest one from a linear law.", "not-linear", chosen.file_name
+        )
+    return LinearLoop(model, chosen.file_name, law, mismatch)
 
 
 def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.ndarray) -> tuple[StateSpace, float]:
@@ -224,6 +230,7 @@ def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.n
             difference = float(np.abs(simulated(system, motion) - torques).max()) / largest
         if best is None or difference < best[0]:
             best = difference, system
+        # The smallest one: more states would be fitted to rounding.
         if difference < EXACT:
             break
     assert best is not None

@@ -120,7 +120,7 @@ class LinearModel(Displayable):
         """Where it is linearized, and frequencies and damping of its motions."""
         units = {"q_a": DEGREE, "q_m": DEGREE, "u_m": TORQUE, "X": MILLIMETRE}
         rest: tuple[tuple[Cell, ...], ...] = tuple(
-            (Quantity(name, units[name]), *(Value(each, unit=units[name]) for each in pair))
+            (Quantity(name, units[name]), *(Value(value, unit=units[name]) for value in pair))
             for name, pair in self.at._asdict().items()
         )
         modes = tuple((mode.frequency, mode.damping) for mode in self.modes)
@@ -152,5 +152,6 @@ def linear_model(case: Case, is_sampled: bool, delay: bool, friction: Friction) 
         T_s = float(scenario.sample_time)
         model = sampled(model, scenario.sample_time, scenario.drive.delay if delay else NO_DELAY)
     for matrix in model[:4]:
+        # The model is frozen; an array in it would not be.
         matrix.flags.writeable = False
     return LinearModel(*model, T_s, at, case.system.name, friction)

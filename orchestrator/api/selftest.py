@@ -25,6 +25,7 @@ def selftest() -> BitComparison:
     for pair in here:  # built before threads ask for it
         built_in(pair.plant)
         built_in(pair.controller)
+    # Threads: each waits for a process of its own, which does the work.
     with ThreadPoolExecutor(available_cores()) as pool:
         hashes = list(pool.map(lambda task: _hash(*task), tasks))
     return BitComparison(

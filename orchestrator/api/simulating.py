@@ -33,22 +33,23 @@ if TYPE_CHECKING:
 
 def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simulation:
     """See :meth:`.Benchmark.simulate`."""
-    pairing, wanted = testbed.sampled(controller, case)
-    scenario = wanted.scenario
-    found = simulate_case(pairing, testbed.rules, wanted)
-    ending, cut_short = found.trajectory.ending, scenario.duration < wanted.test.duration
-    result = case_result(wanted, found.judgement)
+    pairing, sampled = testbed.sampled(controller, case)
+    scenario = sampled.scenario
+    simulated = simulate_case(pairing, testbed.rules, sampled)
+    ending, cut_short = simulated.trajectory.ending, scenario.duration < sampled.test.duration
+    result = case_result(sampled, simulated.judgement)
     if cut_short:  # what is judged at the end of a test is judged at another time here, which means nothing
         figures = msgspec.structs.replace(result.measurements, **dict.fromkeys(AT_THE_END))
-        own = {"status": ending.status, "message": ending.message, "measurements": figures, "judged_until": None}
-        result = msgspec.structs.replace(result, **own)
-    plain = case_list.case(testbed.rules, wanted.configuration, wanted.system, wanted.test, testbed.seed).scenario
+        changes = {"status": ending.status, "message": ending.message, "measurements": figures, "judged_until": None}
+        result = msgspec.structs.replace(result, **changes)
+    plain = case_list.case(testbed.rules, sampled.configuration, sampled.system, sampled.test, testbed.seed).scenario
+    # The controller's sample time alone makes no other case: an evaluation has it, too.
     varied = replace(plain, sample_time=scenario.sample_time) != scenario
     verdict = "no verdict" if cut_short and ending.status is Status.DONE else kind(result, testbed.rules.stability)
     return Simulation(
-        wanted,
+        sampled,
         pairing.controller.name,
-        found.trajectory,
+        simulated.trajectory,
         result,
         varied,
         verdict,
@@ -65,8 +66,8 @@ def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file:
     if testbed.plant not in (AUTO, PYTHON, NATIVE):
         message = f"The package holds the benchmark's manipulator, in the place of {testbed.plant}: leave that out."
         raise InputError(message, "no-ssp", testbed.plant)
-    pairing, wanted = testbed.sampled(controller, case)
-    scenario, pose = wanted.scenario, wanted.configuration
+    pairing, sampled = testbed.sampled(controller, case)
+    scenario, pose = sampled.scenario, sampled.configuration
     at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
     plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
     steady = Steady(at.q_m, at.u_m, at.q_a)

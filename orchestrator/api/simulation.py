@@ -13,7 +13,7 @@ from msgspec.structs import asdict
 
 from ..benchmark.case import Case
 from ..benchmark.results import CaseResult, Kind, Rules
-from ..bounded import LARGEST_RESULTS, read
+from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Displayable
 from ..documents.files import write_bytes
@@ -152,7 +152,7 @@ class Simulation(Displayable):
     def load(cls, file: str | Path) -> Simulation:
         """The simulation that was saved in ``file``; raises :class:`InputError` if it is damaged or not there."""
         try:
-            saved = unpack(read(Path(file), LARGEST_RESULTS), _Saved)
+            saved = unpack(read(Path(file), MAX_RESULT_BYTES), _Saved)
         except Malformed as problem:
             raise InputError(f"{file} does not hold a simulation: {problem}.", "damaged", file) from None
         return cls(**asdict(saved))
@@ -193,7 +193,8 @@ def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] |
     repeat = commands or {}
     first, *others = simulations.values()
     shown = [
-        PlottedSimulation(name, each.case, each.trajectory, repeat.get(name, "")) for name, each in simulations.items()
+        PlottedSimulation(name, simulation.case, simulation.trajectory, repeat.get(name, ""))
+        for name, simulation in simulations.items()
     ]
     title = f"{len(simulations)} simulations" if others else first.title
     kicker = ", ".join(simulations) if others else first._ended
@@ -213,25 +214,36 @@ def _summary(simulations: Mapping[str, Simulation], title: str, kicker: str) -> 
     several = len(simulations) > 1
     rows: list[tuple[Cell, ...]] = []
     for name, unit in UNITS.items():
-        cells = [_figure(each, name, unit) for each in simulations.values()]
+        cells = [_figure(simulation, name, unit) for simulation in simulations.values()]
         if any(cell is not None for cell in cells):
             rows.append((Quantity(name.replace("_", " "), unit), *cells))
-    largest = (Value(float(each.tcp_error.max()), unit=MILLIMETRE) for each in simulations.values())
+    largest = (Value(float(simulation.tcp_error.max()), unit=MILLIMETRE) for simulation in simulations.values())
     rows.append((Quantity("largest TCP error", MILLIMETRE), *largest))
     if several:
-        rows.append(("verdict", *(each.kind if each.case.test.requirements else "-" for each in simulations.values())))
         rows.append(
-            ("ended", *(f"{each.result.status.value}, {each.ending.time:g} s" for each in simulations.values()))
+            (
+                "verdict",
+                *(simulation.kind if simulation.case.test.requirements else "-" for simulation in simulations.values()),
+            )
+        )
+        rows.append(
+            (
+                "ended",
+                *(
+                    f"{simulation.result.status.value}, {simulation.ending.time:g} s"
+                    for simulation in simulations.values()
+                ),
+            )
         )
     parts: list[Part] = [Table("Measured", (Column("quantity"), *map(Column, simulations)), tuple(rows))]
-    for name, each in simulations.items():
+    for name, simulation in simulations.items():
         who = f"{name}: " if several else ""
-        if each.cut_short:
-            parts.append(Note(who + each._cut_short_words))
-        elif each.case.test.requirements and not several:
-            until = each.result.judged_until
-            later = f", judged until {until:g} s" if until is not None and until > each.ending.time else ""
-            parts.append(Note(f"verdict: {each.kind}{later}", warning=False))
+        if simulation.cut_short:
+            parts.append(Note(who + simulation._cut_short_words))
+        elif simulation.case.test.requirements and not several:
+            until = simulation.result.judged_until
+            later = f", judged until {until:g} s" if until is not None and until > simulation.ending.time else ""
+            parts.append(Note(f"verdict: {simulation.kind}{later}", warning=False))
     return Summary(title, kicker, tuple(parts))
 
 

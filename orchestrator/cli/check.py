@@ -29,11 +29,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.dry_run:
         print(printable(f"1 controller to check: {controller.file_name}"))
         return EXIT_OK
-    found = bench.check(controller)
-    document = {"controller": found.controller, "verdict": found.worst, "findings": found.found}
-    advised = found
-    for finding in found:
+    findings = bench.check(controller)
+    document = {"controller": findings.controller, "verdict": findings.worst, "findings": findings.found}
+    advised = findings
+    for finding in findings:
+        # The library names no options: it does not know how it is called.
         if advice := remedy(finding):
             advised = advised.advised(finding, advice)
     output.put(advised, given, document)
-    return {Severity.ERROR: EXIT_BAD_INPUT, Severity.WARNING: EXIT_INCOMPLETE}.get(found.worst, EXIT_OK)
+    return {Severity.ERROR: EXIT_BAD_INPUT, Severity.WARNING: EXIT_INCOMPLETE}.get(findings.worst, EXIT_OK)

@@ -43,20 +43,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     given = parser.parse_args(arguments)
     listed = finished(given.runs)
-    found = compare([(each, path) for each, path in listed])
+    comparison = compare([(document, path) for document, path in listed])
     if given.dry_run:
-        print("\n".join(printable(f"{group.title}: {len(group.entries)}") for group in found))
+        print("\n".join(printable(f"{group.title}: {len(group.entries)}") for group in comparison))
         return 0
     prepare_folder(given.output_dir)
-    found.report(given.output_dir / compare_page.FILE)
+    comparison.report(given.output_dir / compare_page.FILE)
     written = [compare_page.FILE]
     if given.figures:
         from ..documents.comparison_figures import write_comparison  # Matplotlib, which takes a second
 
-        drawn, empty = write_comparison(found.named, given.output_dir / FIGURES)
+        drawn, empty = write_comparison(comparison.named, given.output_dir / FIGURES)
         written += [f"{FIGURES}/{name}" for name in drawn]
         if empty:
             print(f"not written, since there are no data for them: {', '.join(empty)}", file=sys.stderr)
-    output.put(found, given, found.document())
+    output.put(comparison, given, comparison.document())
     output.tell_written(given.output_dir, written)
-    return max(output.shown_code(each.completeness) for each, _ in listed)
+    return max(output.shown_code(document.completeness) for document, _ in listed)

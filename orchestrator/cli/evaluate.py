@@ -18,7 +18,7 @@ from ..study.declaration import Study
 from ..study.evaluate import EvaluationStudy, SpreadStudy
 from ..study.requests import Event, SeedDone
 from ..views.units import number
-from . import outputs
+from . import evaluation_files
 from .output import tell_written
 from .study import StudyCommand, study_of
 from .values import Parser
@@ -51,17 +51,17 @@ def _options(parser: Parser) -> None:
         help="the same as --protocol quick",
     )
     parser.add_argument("--list", action="store_true", help="print the names of the protocol's cases, and run nothing")
-    outputs.add_options(parser)
+    evaluation_files.add_options(parser)
 
 
 def _check(given: argparse.Namespace) -> None:
-    outputs.check_options(given)
+    evaluation_files.check_options(given)
     if given.list and any(getattr(given, name) for name in IDLE):
         raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 
 def _study(given: argparse.Namespace) -> EvaluationStudy | SpreadStudy:
-    one = study_of(EvaluationStudy, given, recordings=outputs.need_recordings(given))
+    one = study_of(EvaluationStudy, given, recordings=evaluation_files.need_recordings(given))
     return SpreadStudy(given.seeds, one) if given.seeds else one
 
 
@@ -69,18 +69,18 @@ def _on_event(given: argparse.Namespace, folder: Path, event: Event) -> None:
     """Write the files that were asked for, of one of several seeds."""
     if isinstance(event, SeedDone):
         print(f"seed {event.seed}: V = {number(event.evaluation.cost)}", file=sys.stderr)
-        own = folder / seed_folder(event.seed)
-        written = list(_files(event.evaluation, own, given))
+        seed_path = folder / seed_folder(event.seed)
+        written = list(_files(event.evaluation, seed_path, given))
         if not given.no_report:
-            event.evaluation.report(own / REPORT)
-        tell_written(own, written)
+            event.evaluation.report(seed_path / REPORT)
+        tell_written(seed_path, written)
 
 
-def _files(found: Evaluation | Spread, folder: Path, given: argparse.Namespace) -> Sequence[str]:
-    if isinstance(found, Spread):
+def _files(document: Evaluation | Spread, folder: Path, given: argparse.Namespace) -> Sequence[str]:
+    if isinstance(document, Spread):
         return ()
-    recorded = [TRAJECTORIES] if found.recordings else []
-    return [CASES, *recorded, *outputs.write_outputs(found, folder, given)]
+    recorded = [TRAJECTORIES] if document.recordings else []
+    return [CASES, *recorded, *evaluation_files.write_outputs(document, folder, given)]
 
 
 class EvaluateCommand(StudyCommand):

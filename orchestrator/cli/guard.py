@@ -77,11 +77,13 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # the reader has read enough, as in a pipe to head
+        # Python flushes standard output once more at its end, and would print a traceback there.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         print("the program that reads standard output has ended; nothing more is printed", file=sys.stderr)
         return EXIT_INCOMPLETE
     except BenchmarkError as error:
         print(f"error: {printable(' '.join(filter(None, (str(error), remedy(error)))))}", file=sys.stderr)
+        # Somebody else ended the process, such as a machine out of memory: nothing is said about the controller.
         if isinstance(error, Crash) and error.what == "killed":
             return EXIT_NOT_JUDGED
         return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
@@ -131,6 +133,7 @@ def run(name: str, arguments: Sequence[str] | None = None) -> int:
             command = import_module(".studies", __package__).COMMANDS[name].main
         else:
             room = import_module(f".{name}", __package__)
+            # A verification starts itself anew, in an interpreter that no earlier run can have prepared.
             command = getattr(room, "clean", room.main)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -63,7 +63,7 @@ def _plant(bench: Benchmark, given: argparse.Namespace) -> int:
 
 def _loop(bench: Benchmark, given: argparse.Namespace) -> int:
     """The loop with a controller, and what a search found beside it."""
-    found = {} if given.robustness is None else Robustness.load(given.robustness).margins
+    search_margins = {} if given.robustness is None else Robustness.load(given.robustness).margins
     is_matrices = given.controller.suffix in MATRICES
     controller = given.controller if is_matrices else options.controller(given)
     loop = bench.linear_loop(
@@ -75,11 +75,11 @@ def _loop(bench: Benchmark, given: argparse.Namespace) -> int:
         "controller": {name: getattr(loop.controller, name).tolist() for name in "ABCD"},
         "mismatch": loop.mismatch,
         "stable": loop.stable,
-        "margins": [each._asdict() for each in loop.margins] if loop.stable else None,
-        "found": found,
+        "margins": [margin._asdict() for margin in loop.margins] if loop.stable else None,
+        "found": search_margins,
         "modes": [mode._asdict() for mode in loop.modes],
     }
-    output.put(loop.beside(found), given, document)
+    output.put(loop.beside(search_margins), given, document)
     return EXIT_OK
 
 

@@ -37,7 +37,7 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
     A folder without results is left out, with a note on standard error. If no folder has results, the last reason is
     raised, an :class:`InputError`.
     """
-    found: list[tuple[Loaded, Path]] = []
+    loaded: list[tuple[Loaded, Path]] = []
     last: InputError | None = None
     for path in paths:
         try:
@@ -45,11 +45,12 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
             if not kinds and path.is_dir():
                 names = ", ".join(KINDS)
                 raise InputError(f"{path} holds no results of a known kind: {names}.", "no-run", path)
-            found += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
+            loaded += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
         except InputError as problem:
             last = problem
+            # One folder alone is what was meant, so its error is raised; of several, a shell's pattern may name others.
             if len(paths) > 1:
                 print(printable(f"left out: {problem}"), file=sys.stderr)
-    if not found and last is not None:
+    if not loaded and last is not None:
         raise last
-    return found
+    return loaded

@@ -20,7 +20,7 @@ from ..pairing.controller import Controller
 from ..pairing.plant import FILE
 from ..pairing.testbed import available_cores
 from ..text import printable
-from .values import MOST, assignments, connection, natural, number, seeds, setting, time
+from .values import MAX_LIMIT, assignments, connection, natural, number, seeds, setting, time
 
 
 def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
@@ -123,7 +123,7 @@ def add_controller(
     )
     parser.add_argument(
         "--timeout",
-        type=number(most=MOST, above=0.0),
+        type=number(most=MAX_LIMIT, above=0.0),
         default=60.0,
         metavar="SECONDS",
         help="processor time limit of a simulation of 26 s, and of each step of the check; shorter simulations get a "
@@ -132,7 +132,7 @@ def add_controller(
     )
     parser.add_argument(
         "--memory-limit",
-        type=number(most=MOST, above=0.0),
+        type=number(most=MAX_LIMIT, above=0.0),
         default=2048.0,
         metavar="MB",
         help="memory that a simulation's process may use (default: 2048)",
@@ -154,7 +154,7 @@ def add_cluster(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
     parser.add_argument(
         "--wait",
-        type=number(most=MOST, above=0.0),
+        type=number(most=MAX_LIMIT, above=0.0),
         default=WAIT,
         metavar="SECONDS",
         help=f"how long to wait for a silent cluster, or one without workers (default: {WAIT:g})",
@@ -236,5 +236,5 @@ def announce(bench: Benchmark, given: Controller) -> None:
     """Name on standard error the FMUs that are simulated, and how those of the benchmark were built."""
     plant = bench.manipulator
     names = (given.file_name, given.file is None), (plant.archive.name, plant.build != FILE)
-    told = (f"{printable(name)} ({BUILDS[name]})" if own else printable(name) for name, own in names)
+    told = (f"{printable(name)} ({BUILDS[name]})" if is_own else printable(name) for name, is_own in names)
     print("controller {}, plant {}".format(*told), file=sys.stderr)

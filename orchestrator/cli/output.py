@@ -69,6 +69,7 @@ def put_files(files: Iterable[Path], given: argparse.Namespace) -> int:
 
 def tell_written(folder: Path, names: Iterable[str]) -> None:
     """Name on standard error the files that were written."""
+    # Names of files may hold control characters, by which a stranger's archive could rewrite the terminal.
     print(printable(f"written to {folder}: {', '.join(names) or 'nothing'}"), file=sys.stderr)
 
 
@@ -80,7 +81,7 @@ def shown_code(completeness: Completeness) -> int:
 def free(folder: Path) -> Path:
     """``folder``, or the first of ``folder-2``, ``folder-3``, ... that does not exist: nothing is overwritten."""
     number = 2
-    found = folder
-    while found.exists():
-        found, number = folder.with_name(f"{folder.name}-{number}"), number + 1
-    return found
+    candidate = folder
+    while candidate.exists():
+        candidate, number = folder.with_name(f"{folder.name}-{number}"), number + 1
+    return candidate

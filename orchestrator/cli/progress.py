@@ -55,5 +55,6 @@ def estimate(protocol: Protocol, results: Sequence[CaseResult]) -> float | None:
     for result in results:
         if result.test in tests:
             counts[result.configuration.index] = counts.get(result.configuration.index, 0) + 1
+    # V is a mean over configurations of the worst case: of one that is not complete, it would only grow.
     ready = [result for result in results if counts.get(result.configuration.index) == sum(tests.values())]
     return score(rules(protocol), ready).cost if ready else None

@@ -12,7 +12,7 @@ from ..documents.files import REPORT
 from ..documents.sweep import Sweep
 from ..errors import InputError
 from ..text import printable
-from . import output, outputs
+from . import evaluation_files, output
 from .loading import Loaded, finished
 from .studies import sweep_files
 from .values import Parser
@@ -33,38 +33,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "runs", nargs="+", type=Path, metavar="FOLDER", help="a folder of results, such as runs/DiagonalPID-paper"
     )
-    outputs.add_options(parser)
+    evaluation_files.add_options(parser)
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     output.add_dry_run(output.add_options(parser, "the JSON document"), "what would be written")
     given = parser.parse_args(arguments)
-    outputs.check_options(given)
+    evaluation_files.check_options(given)
     several: list[tuple[Loaded, Path]] = finished(given.runs)
     if given.json and len(several) > 1 and not given.dry_run:
-        print(to_json([found.results if isinstance(found, Evaluation) else found for found, _ in several]))
+        print(to_json([document.results if isinstance(document, Evaluation) else document for document, _ in several]))
     codes = []
-    for number, (found, folder) in enumerate(several):
-        other = not isinstance(found, Evaluation)
+    for number, (document, folder) in enumerate(several):
+        other = not isinstance(document, Evaluation)
         if other and (given.figures or given.parquet or given.mat):
             raise InputError(f"{folder} holds no evaluation: only its report can be written.", "no-run", folder)
         place = folder if folder.is_dir() else folder.parent
         if given.dry_run:
-            print(printable(f"{place}: {type(found).__name__} of {found.head.controller.file}"))
+            print(printable(f"{place}: {type(document).__name__} of {document.head.controller.file}"))
             continue
-        written = _write(found, place, given.no_report)
-        if isinstance(found, Evaluation):
-            written += outputs.write_outputs(found, place, given)
+        written = _write(document, place, given.no_report)
+        if isinstance(document, Evaluation):
+            written += evaluation_files.write_outputs(document, place, given)
         if number and given.form == "csv":
             print()
         if not given.json or len(several) == 1:
-            output.put(found, given, found.results if isinstance(found, Evaluation) else None)
+            output.put(document, given, document.results if isinstance(document, Evaluation) else None)
         output.tell_written(place, written)
-        codes.append(output.shown_code(found.completeness))
+        codes.append(output.shown_code(document.completeness))
     return max(codes, default=0)
 
 
-def _write(found: Loaded, folder: Path, without: bool) -> list[str]:
-    written = [] if without or not isinstance(found, Sweep) else list(sweep_files(found, folder, argparse.Namespace()))
+def _write(document: Loaded, folder: Path, without: bool) -> list[str]:
+    written = (
+        [] if without or not isinstance(document, Sweep) else list(sweep_files(document, folder, argparse.Namespace()))
+    )
     if without:
         return written
-    found.report(folder / REPORT, folder)
+    document.report(folder / REPORT, folder)
     return [*written, REPORT]

@@ -68,14 +68,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for folder in folders:
         if not folder.is_dir():
             raise InputError(f"There is no folder {folder}.", "no-folder", folder)
-    found = Runs(sorted((run for folder in folders for run in _found(folder)), key=lambda run: (run.made, run.folder)))
-    output.put(found, given, [run._asdict() for run in found.runs])
+    past = Runs(sorted((run for folder in folders for run in _found(folder)), key=lambda run: (run.made, run.folder)))
+    output.put(past, given, [run._asdict() for run in past.runs])
     return EXIT_OK
 
 
 def _found(folder: Path) -> Iterator[Past]:
     """The runs in ``folder`` and in the folders directly below it; what cannot be read is told on standard error."""
-    for place in (folder, *sorted(each for each in folder.iterdir() if each.is_dir())):
+    for place in (folder, *sorted(entry for entry in folder.iterdir() if entry.is_dir())):
         for kind in kinds_in(place):
             try:
                 yield _past(place, kind.load(place))

@@ -29,26 +29,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.dry_run:
         print("\n".join(f"{pair.name}/{case}" for pair in PAIRS for case in CASES))
         return EXIT_OK
-    found = selftest()
-    print(to_json(_document(found)) if given.json else _words(found))
-    return EXIT_OK if found.equal else EXIT_INCOMPLETE
+    comparison = selftest()
+    print(to_json(_document(comparison)) if given.json else _words(comparison))
+    return EXIT_OK if comparison.equal else EXIT_INCOMPLETE
 
 
-def _document(found: BitComparison) -> dict[str, object]:
+def _document(comparison: BitComparison) -> dict[str, object]:
     return {
-        "equal": found.equal,
-        "differing": found.differing,
-        "skipped": found.skipped,
+        "equal": comparison.equal,
+        "differing": comparison.differing,
+        "skipped": comparison.skipped,
         "machine": platform.platform(),
-        "found": dict(found.hashes),
+        "found": dict(comparison.hashes),
     }
 
 
-def _words(found: BitComparison) -> str:
-    lines = [f"skipped {name}: there is no C compiler" for name in found.skipped]
-    lines += [f"differs {name}" for name in found.differing]
-    count, other = len(found.hashes), len(found.differing)
-    if found.equal:
+def _words(comparison: BitComparison) -> str:
+    lines = [f"skipped {name}: there is no C compiler" for name in comparison.skipped]
+    lines += [f"differs {name}" for name in comparison.differing]
+    count, other = len(comparison.hashes), len(comparison.differing)
+    if comparison.equal:
         lines.append(f"This machine gives the published bits: {count} trajectories are equal.")
     else:
         lines.append(f"This machine gives other bits: {other} of {count} trajectories differ.")

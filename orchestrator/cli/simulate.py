@@ -7,14 +7,14 @@ import math
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation, beside, overlay
 from ..benchmark.case import Case
-from ..benchmark.variation import Variation
+from ..benchmark.variation import FINEST_BITS, MAX_DURATION, Variation
 from ..documents import case_file, trajectory_files
 from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
@@ -27,8 +27,7 @@ from ..views.page import page_html
 from . import options, output
 from .guard import EXIT_CODES, EXIT_INCOMPLETE, EXIT_OK
 from .output import free
-from .values import Parser, number
-from .variation import add_options, variation
+from .values import Parser, natural, number, time
 
 if TYPE_CHECKING:
     from ..documents.ssp import Order  # loads Numba
@@ -62,52 +61,55 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _refuse_idle(given)
     run = Results.load(given.run) if given.run is not None else None
     bench = options.benchmark(given) if run is None else _benchmark_of(run, given)
-    chosen = {name: _chosen(bench, run, each) for name, each in _simulations(given).items()}
+    chosen = {name: _chosen(bench, run, separate) for name, separate in _simulations(given).items()}
     (controller, case), *others = chosen.values()
-    named = {name or controller.file_name: each for name, each in chosen.items()}
+    named = {name or controller.file_name: pair for name, pair in chosen.items()}
     options.announce(bench, controller)
     if given.dry_run:
-        for _, each in chosen.values():
-            print(f"1 case to simulate: {each.id}, {float(each.scenario.duration):g} s")
+        for _, chosen_case in chosen.values():
+            print(f"1 case to simulate: {chosen_case.id}, {float(chosen_case.scenario.duration):g} s")
         return EXIT_OK
     if given.export_ssp is not None:
         order: Order = "in-sequence" if given.in_sequence else "parallel"
         print(f"written: {bench.export_ssp(controller, case, given.export_ssp, order)}", file=sys.stderr)
-    simulations = {name: bench.simulate(*each) for name, each in named.items()}
+    simulations = {name: bench.simulate(*pair) for name, pair in named.items()}
     first, *_ = simulations.values()
     folder = given.output_dir or Path("runs") / (_folder_name(controller, bench, first) + ("-beside" if others else ""))
     if given.output_dir is None:
         folder = free(folder)
     prepare_folder(folder)
     command = f"{_parser().prog} {shlex.join(words)}".strip()
-    written = [name for each in enumerate(simulations.values()) for name in _write(bench, *each, folder, given)]
+    written = [name for numbered in enumerate(simulations.values()) for name in _write(bench, *numbered, folder, given)]
     write_text(folder / PAGE, page_html(overlay(simulations, dict.fromkeys(simulations, command))))
-    results = [each.result for each in simulations.values()]
+    results = [simulation.result for simulation in simulations.values()]
     output.put(beside(simulations), given, results if others else results[0])
     output.tell_written(folder, [*written, PAGE])
-    fine = all(each.ending.status in (Status.DONE, Status.UNSTABLE) for each in simulations.values())
+    fine = all(simulation.ending.status in (Status.DONE, Status.UNSTABLE) for simulation in simulations.values())
     return EXIT_OK if fine else EXIT_INCOMPLETE
 
 
 def _simulations(given: argparse.Namespace) -> dict[str, argparse.Namespace]:
     """What each simulation is given, by its name; that of the first one is empty."""
-    found = {"": given}
+    by_name = {"": given}
     for words in given.beside:
         try:
             split = shlex.split(words)
         except ValueError as problem:
             raise InputError(f"--with {words}: {problem}.", "bad-words", "--with", words) from None
-        own = _parser().parse_args(split)
-        kept = vars(given) if own.controller is None else {**vars(given), **_controllers_own(own)}
+        separate = _parser().parse_args(split)
+        kept = vars(given) if separate.controller is None else {**vars(given), **_controllers_own(separate)}
+        # A second time, now on top of the options of the first: only what the words name differs between the two.
         merged = _parser().parse_args(split, argparse.Namespace(**kept))
-        merged.controller = own.controller or given.controller
-        if own.beside or own.run is not None:
+        merged.controller = separate.controller or given.controller
+        if separate.beside or separate.run is not None:
             raise InputError("--with cannot hold --with or --from.", "contradiction", "--with", words)
-        name = words if own.controller is None else words.replace(str(own.controller), own.controller.name)
-        if name in found:
+        name = (
+            words if separate.controller is None else words.replace(str(separate.controller), separate.controller.name)
+        )
+        if name in by_name:
             raise InputError(f"--with gives {name} more than once.", "repeated", "--with", words)
-        found[name] = merged
-    return found
+        by_name[name] = merged
+    return by_name
 
 
 def _controllers_own(given: argparse.Namespace) -> dict[str, Any]:
@@ -119,9 +121,9 @@ def _controllers_own(given: argparse.Namespace) -> dict[str, Any]:
 def _chosen(bench: Benchmark, run: Results | None, given: argparse.Namespace) -> tuple[Controller, Case]:
     """The controller and the case of a simulation."""
     controller = options.controller(given) if run is None else _controller_of(run, given)
-    wanted = variation(given)
+    changes = variation(given)
     case = _case(bench, given)
-    return controller, bench.varied(case, wanted) if wanted != Variation() else case
+    return controller, bench.varied(case, changes) if changes != Variation() else case
 
 
 def _write(bench: Benchmark, number: int, simulation: Simulation, folder: Path, given: argparse.Namespace) -> list[str]:
@@ -133,13 +135,13 @@ def _write(bench: Benchmark, number: int, simulation: Simulation, folder: Path, 
         f"trajectory{end}.csv": (given.csv, trajectory_files.write_csv),
         f"trajectory{end}.mat": (given.mat, trajectory_files.write_mat),
     }
-    written = [name for name, (wanted, _) in writers.items() if wanted]
+    written = [name for name, (asked, _) in writers.items() if asked]
     for name in written:
         writers[name][1](table, folder / name)
     if given.record:
-        own = simulation.case, simulation.controller, bench.nominal, simulation.trajectory, simulation.result
+        contents = simulation.case, simulation.controller, bench.nominal, simulation.trajectory, simulation.result
         record = Path(case_file.NAME).with_stem(Path(case_file.NAME).stem + end).name
-        write_bytes(folder / record, case_file.packed(bench.rules, *own))
+        write_bytes(folder / record, case_file.packed(bench.rules, *contents))
         written.append(record)
     picture = f"trajectory{end}.png"
     trajectory_files.write_plot(simulation.plot(), folder / picture)
@@ -174,9 +176,10 @@ def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
     """The controller of an earlier run, as it was used there."""
     record = run.controller
     file = given.controller or (Path(record.path) if record.path else None)
-    own = None if run.sample_time.as_in_benchmark else run.sample_time.seconds
+    sample_time = None if run.sample_time.as_in_benchmark else run.sample_time.seconds
     library = given.library or (record.library if record.library == WINE else None)
-    controller = Controller(file, record.parameters, record.mapping, given.sample_time or own, library)
+    controller = Controller(file, record.parameters, record.mapping, given.sample_time or sample_time, library)
+    # The same name with other contents would repeat another controller.
     if file is not None and controller.archive.sha256 != record.sha256:
         raise InputError(f"{file} is not the controller of that run: its contents differ.", "other-controller", file)
     return controller
@@ -263,3 +266,55 @@ def _parser() -> argparse.ArgumentParser:
         "--in-sequence", action="store_true", help="for --export-ssp: the tool exchanges in sequence (OMSimulator)"
     )
     return parser
+
+
+NUMBER = number()
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options; :func:`variation` reads them. Each is a field of :class:`Variation`."""
+    group = parser.add_argument_group(
+        "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"
+    )
+
+    def pair(name: str, text: str, kind: Any = NUMBER, metavar: tuple[str, str] = ("AXIS1", "AXIS2")) -> None:
+        group.add_argument(name, nargs=2, type=kind, metavar=metavar, help=text)
+
+    def single(name: str, text: str, kind: Any = NUMBER) -> None:
+        group.add_argument(name, type=kind, metavar="VALUE", help=text)
+
+    group.add_argument("--undisturbed", action="store_true", help="no chirp and no force but those given")
+    group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
+    single("--duration", f"length of the simulation [s], up to {MAX_DURATION}", time)
+    single("--noise-power", "P_n of the measurement noise", number(0.0))
+    single("--angle-bits", "steps of a motor revolution, as a power of two", natural(most=FINEST_BITS))
+    single("--torque-bits", "steps of the torque range, as a power of two", natural(most=FINEST_BITS))
+    pair("--torque-limit", "saturation [N.m] (inf: none)", number(0.0, infinite=True))
+    pair("--delay", "transport delay from controller to motor, T_d included [s]", time)
+    pair("--sensor-delay", "transport delay of the measurement [s]", time)
+    single("--dropout", "probability that the torques of a sample are lost and the former held", number(0.0, most=1.0))
+    single("--jitter", "largest random time by which angles are measured before their sample [s]", time)
+    pair("--gain", "loop gain about the initial torque (1: none)")
+    pair("--chirp-amplitude", "amplitude of the motor torque disturbance [N.m]")
+    pair("--chirp-frequencies", "its frequencies [Hz]", number(0.0), ("START", "END"))
+    single("--t-3", "start of the chirp [s]")
+    single("--t-4", "end of the chirp [s]")
+    single("--force", "tool force [N]")
+    direction = group.add_mutually_exclusive_group()
+    direction.add_argument("--phi-F", type=NUMBER, metavar="RADIANS", help="its direction [rad]")
+    direction.add_argument(
+        "--force-direction",
+        dest="phi_F",
+        type=lambda word: math.radians(NUMBER(word)),
+        metavar="DEGREES",
+        help="the same in degrees",
+    )
+    single("--t-1", "start of the force [s]")
+    single("--t-2", "end of the force [s]")
+
+
+def variation(given: argparse.Namespace) -> Variation:
+    """The variation that the options describe."""
+    values: dict[str, Any] = {field.name: getattr(given, field.name) for field in fields(Variation)}
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    return Variation(**values)

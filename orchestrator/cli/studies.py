@@ -77,7 +77,7 @@ def _tell_candidates() -> Callable[[Event], str]:
             return ""
         trial = event.trial
         failing = f", {', '.join(trial.fails)} fail{'s' * (len(trial.fails) == 1)}" if trial.fails else ""
-        best[:] = sorted([*best, trial], key=lambda each: each.objective)[:1]
+        best[:] = sorted([*best, trial], key=lambda tried: tried.objective)[:1]
         came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else failing)
         lead = f"best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}"
         return f"{event.done:5d} of {event.total}  {printable(came_to):24}  {lead}"
@@ -93,22 +93,22 @@ def _tell_combinations() -> Callable[[Event], str]:
     return say
 
 
-def _recordings(found: Robustness, folder: Path, given: argparse.Namespace) -> Sequence[str]:
+def _recordings(document: Robustness, folder: Path, given: argparse.Namespace) -> Sequence[str]:
     return [] if given.no_report else [TRAJECTORIES]
 
 
-def _best(found: Tuning, folder: Path, given: argparse.Namespace) -> Sequence[str]:
-    return [] if found.best is None else [BEST]
+def _best(document: Tuning, folder: Path, given: argparse.Namespace) -> Sequence[str]:
+    return [] if document.best is None else [BEST]
 
 
-def sweep_files(found: Sweep, folder: Path, given: argparse.Namespace) -> Sequence[str]:
+def sweep_files(sweep: Sweep, folder: Path, given: argparse.Namespace) -> Sequence[str]:
     """Write the files beside the page of a sweep; returns their names."""
-    write_text(folder / CSV, found.csv())
-    if len(found.varied) > 2:
+    write_text(folder / CSV, sweep.csv())
+    if len(sweep.varied) > 2:
         return [CSV]
     from ..documents.style import FORMATS  # Matplotlib takes as long to load as the rest of the command
 
-    figure = found.plot()
+    figure = sweep.plot()
     write_bytes(folder / SVG, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))
     return [CSV, SVG]
 

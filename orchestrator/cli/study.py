@@ -26,12 +26,12 @@ from ..text import file_name, shortened
 from . import options, output
 from .guard import EXIT_CODES, EXIT_OK
 from .progress import progress
-from .values import MOST, Parser, grid_values, natural, number, seeds, time, variation
+from .values import MAX_LIMIT, Parser, grid_values, natural, number, seeds, time, variation
 
-Found = Document | Evaluation
+Shown = Document | Evaluation
 Kind = TypeVar("Kind", bound=Study[Any])
 
-LONGEST_NAME = 60
+MAX_NAME = 60
 """Characters of parameters in a folder's name; more become a hash."""
 
 
@@ -39,7 +39,7 @@ READERS: dict[str, Callable[[str], Any]] = {
     "Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]": variation,
     "Mapping[str, Sequence[float]]": grid_values,
     "Iterable[int]": seeds,
-    "Sequence[Fraction | float | str]": lambda text: [time(each) for each in text.split(",")],
+    "Sequence[Fraction | float | str]": lambda text: [time(part) for part in text.split(",")],
 }
 """What reads a word of the command line, by the annotation of the field that it is for."""
 
@@ -47,23 +47,23 @@ READERS: dict[str, Callable[[str], Any]] = {
 def add_fields(parser: argparse.ArgumentParser, study: type[Study[Any]]) -> None:
     """Add an option for each field of ``study`` that the command asks for."""
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
-    for each in fields(study):
-        told = each.metadata["option"]
+    for attribute in fields(study):
+        told = attribute.metadata["option"]
         if not told.asked:
             continue
         if told.exclude not in groups:
             groups[told.exclude] = parser.add_mutually_exclusive_group()
-        place, word = groups[told.exclude], (told.word or each.name).replace("_", "-")
-        kind, value = str(each.type), default(each)
+        place, word = groups[told.exclude], (told.word or attribute.name).replace("_", "-")
+        kind, value = str(attribute.type), default(attribute)
         if kind == "bool":
             flag, action = (f"--no-{word}", "store_false") if value else (f"--{word}", "store_true")
-            place.add_argument(flag, dest=each.name, action=action, help=told.off or told.help)
+            place.add_argument(flag, dest=attribute.name, action=action, help=told.off or told.help)
             continue
         several = kind.startswith(("Mapping", "Sequence[str]"))
         bare = several or value in (None, math.inf) or told.required
         place.add_argument(
             f"--{word}",
-            dest=each.name,
+            dest=attribute.name,
             action="append" if several else "store",
             default=[] if several else value,
             type=_reader(kind, told),
@@ -80,20 +80,20 @@ def _reader(kind: str, told: Option) -> Callable[[str], Any]:
     if kind.startswith("int"):
         return natural(int(told.least or 0))
     if kind == "float":
-        return number(most=MOST, above=told.above, below=told.below)
+        return number(most=MAX_LIMIT, above=told.above, below=told.below)
     return str
 
 
 def study_of(kind: type[Kind], given: argparse.Namespace, **rest: Any) -> Kind:
     """The study that the options of the command describe; ``rest`` are fields that it does not ask for."""
     values = dict(rest)
-    for each in fields(kind):
-        if each.metadata["option"].asked:
-            value = getattr(given, each.name)
-            values[each.name] = options.varied(value) if str(each.type).startswith("Mapping") else value
+    for attribute in fields(kind):
+        if attribute.metadata["option"].asked:
+            value = getattr(given, attribute.name)
+            values[attribute.name] = options.varied(value) if str(attribute.type).startswith("Mapping") else value
     if kind.protocol_option:
         values[kind.protocol_option] = given.protocol
-    if "recordings" in {each.name for each in fields(kind)}:
+    if "recordings" in {attribute.name for attribute in fields(kind)}:
         values.setdefault("recordings", not given.no_report)
     return kind(**values)
 
@@ -117,14 +117,14 @@ class StudyCommand:
     several_seeds: bool = False
     tell: Callable[[], Callable[[Event], str]] | None = None
     on_event: Callable[[argparse.Namespace, Path, Event], None] = lambda given, folder, event: None
-    files: Callable[[Any, Path, argparse.Namespace], Sequence[str]] = lambda found, folder, given: ()
+    files: Callable[[Any, Path, argparse.Namespace], Sequence[str]] = lambda document, folder, given: ()
     report: bool = True
     program: str = ""
 
     def parser(self) -> Parser:
         """The parser of its options."""
         kind = self.kind
-        protocols = [default(each) for each in fields(kind) if each.name == kind.protocol_option]
+        protocols = [default(attribute) for attribute in fields(kind) if attribute.name == kind.protocol_option]
         parser = Parser(kind.command, self.help, f"{self.examples}\n{EXIT_CODES}", self.program)
         options.add_controller(parser)
         options.add_protocol(parser, self.several_seeds, *protocols)
@@ -169,29 +169,29 @@ class StudyCommand:
 
         rules = None if study.on_this_machine else bench.rules
         with progress(rules) if say is None else nullcontext() as on_result:
-            found = bench.run(study, controller, folder=folder, on_result=on_result, on_event=on_event)
-        written = [*self.files(found, folder, given), *self._report(found, folder, given)]
-        name = found.results.FILE if isinstance(found, Evaluation) else found.FILE
+            document = bench.run(study, controller, folder=folder, on_result=on_result, on_event=on_event)
+        written = [*self.files(document, folder, given), *self._report(document, folder, given)]
+        name = document.results.FILE if isinstance(document, Evaluation) else document.FILE
         output.tell_written(folder, [name, *written])
-        output.put(found, given, found.results if isinstance(found, Evaluation) else None)
-        return output.EXITS[found.completeness]
+        output.put(document, given, document.results if isinstance(document, Evaluation) else None)
+        return output.EXITS[document.completeness]
 
-    def _report(self, found: Comparable, folder: Path, given: argparse.Namespace) -> list[str]:
+    def _report(self, document: Comparable, folder: Path, given: argparse.Namespace) -> list[str]:
         if not self.report or given.no_report:
             return []
-        found.report(folder / REPORT, folder)
+        document.report(folder / REPORT, folder)
         return [REPORT]
 
 
-def show_plan(found: DryRun, as_json: bool) -> int:
+def show_plan(plan: DryRun, as_json: bool) -> int:
     """Print what a study would do."""
     if as_json:
-        print(to_json(found))
+        print(to_json(plan))
     else:
-        left = found.cases - found.stored
-        print(f"{found.cases} cases, {found.stored} of them in the store")
-        print(f"{left} to simulate, about {found.seconds:.0f} s on {found.workers} processes")
-        print(f"(one takes {found.seconds_per_case:.3g} s of processor time)")
+        left = plan.cases - plan.stored
+        print(f"{plan.cases} cases, {plan.stored} of them in the store")
+        print(f"{left} to simulate, about {plan.seconds:.0f} s on {plan.workers} processes")
+        print(f"(one takes {plan.seconds_per_case:.3g} s of processor time)")
     return EXIT_OK
 
 
@@ -205,7 +205,7 @@ def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namesp
     if controller.sample_time is not None:
         values.append(f"T_s={float(controller.sample_time):g}")
     readable = "-".join(["", *values])
-    if len(readable) > LONGEST_NAME:
+    if len(readable) > MAX_NAME:
         unusual.append(readable)
         readable = ""
     if any(unusual):

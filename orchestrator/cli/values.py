@@ -12,14 +12,14 @@ from ..errors import InputError
 from ..exact_time import seconds
 from ..search.candidates import Range, check_range
 
-MOST = 1e9
+MAX_LIMIT = 1e9
 """The largest limit: seconds and megabytes that the system can still count."""
 
 
-MOST_SEEDS = 10_000
+MAX_SEEDS = 10_000
 """The largest number of seeds of one command; more are taken as a typing error."""
 
-MOST_VALUES = 10_000
+MAX_VALUES = 10_000
 """Values of one parameter, likewise."""
 
 
@@ -78,7 +78,8 @@ def assignment(text: str) -> tuple[str, float]:
 
 def assignments(text: str) -> list[tuple[str, float]]:
     """``NAME=VALUE`` or several of them, separated by commas, as pairs."""
-    return [assignment(each) for each in re.split(r",\s*(?=[A-Za-z_])", text)]
+    # A comma divides only before a name: a list of numbers is one value.
+    return [assignment(part) for part in re.split(r",\s*(?=[A-Za-z_])", text)]
 
 
 def variation(text: str) -> tuple[str, Range]:
@@ -89,11 +90,11 @@ def variation(text: str) -> tuple[str, Range]:
     try:
         if not equals or not name or (colon and scale != "log"):
             raise ValueError
-        found = Range(float(low), float(high), log=bool(colon))
+        limits = Range(float(low), float(high), log=bool(colon))
     except ValueError:
         message = f"{text!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log, such as K_p[1]=20:80:log"
         raise argparse.ArgumentTypeError(message) from None
-    return name.strip(), found
+    return name.strip(), limits
 
 
 def grid_values(text: str) -> tuple[str, tuple[float, ...]]:
@@ -106,8 +107,8 @@ def grid_values(text: str) -> tuple[str, tuple[float, ...]]:
         if ":" not in ends and not scale:
             return name.strip(), tuple(map(float, rest.split(",")))
         low, high, count = ends.split(":")
-        own = check_range(name, Range(float(low), float(high), scale))
-        return name.strip(), own.spaced(natural(2, MOST_VALUES)(count))
+        limits = check_range(name, Range(float(low), float(high), scale))
+        return name.strip(), limits.spaced(natural(2, MAX_VALUES)(count))
     except (ValueError, InputError, argparse.ArgumentTypeError):
         message = f"{text!r} is not of the form NAME=LOW:HIGH:COUNT[:log] or NAME=VALUE,VALUE, such as K_p[1]=20:80:5"
         raise argparse.ArgumentTypeError(message) from None
@@ -117,6 +118,7 @@ def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:
     """The type of an option: a whole number from ``least`` to ``most``."""
 
     def parse(text: str) -> int:
+        # Not int(), which takes signs, blanks and "1_000".
         if not text.isdecimal() or not least <= int(text) <= most:
             limit = f" to {most:g}" if most < math.inf else " on"
             raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least}{limit}")
@@ -127,16 +129,17 @@ def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:
 
 def seeds(text: str) -> tuple[int, ...]:
     """Seeds as a list of numbers and ranges, ``0,3,5-7``, each once."""
-    found: dict[int, None] = {}
+    listed: dict[int, None] = {}
     for part in text.split(","):
         first, dash, last = part.partition("-")
         ends = (first, last if dash else first)
+        # Before int(): a number of thousands of digits takes seconds.
         if not all(end.isdecimal() and len(end) < 16 for end in ends) or int(ends[0]) > int(ends[1]):
             raise argparse.ArgumentTypeError(f"{text!r} is not a list of seeds, such as 0-9 or 0,3,5-7")
-        if int(ends[1]) - int(ends[0]) + len(found) >= MOST_SEEDS:
-            raise argparse.ArgumentTypeError(f"{text} are more than {MOST_SEEDS} seeds")
-        found.update(dict.fromkeys(range(int(ends[0]), int(ends[1]) + 1)))
-    return tuple(found)
+        if int(ends[1]) - int(ends[0]) + len(listed) >= MAX_SEEDS:
+            raise argparse.ArgumentTypeError(f"{text} are more than {MAX_SEEDS} seeds")
+        listed.update(dict.fromkeys(range(int(ends[0]), int(ends[1]) + 1)))
+    return tuple(listed)
 
 
 def number(

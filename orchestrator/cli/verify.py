@@ -30,7 +30,7 @@ from .values import Parser
 
 FRESH, ALL = "fresh", "all"
 
-LARGEST = 4096
+MAX_ROUND_BYTES = 4096
 """Bytes that the JSON of a round of drand may have."""
 
 EXAMPLES = """examples:
@@ -101,7 +101,7 @@ def _round(draws: str) -> str:
         given = file.is_file()
     except OSError as problem:
         raise InputError(f"{draws} cannot be read: {problem.strerror}.", "no-beacon", draws) from None
-    return read(file, LARGEST, "no-beacon").decode(errors="replace") if given else draws
+    return read(file, MAX_ROUND_BYTES, "no-beacon").decode(errors="replace") if given else draws
 
 
 class VerifyCommand(StudyCommand):
@@ -124,28 +124,28 @@ class VerifyCommand(StudyCommand):
 def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     certificate = Verification.load(given.repeat)
     with progress() as on_result:
-        found = bench.repeat(certificate, given.controller, on_result=on_result)
-    output.put(found, given)
-    results, rest = differences(certificate, found)
+        repeated = bench.repeat(certificate, given.controller, on_result=on_result)
+    output.put(repeated, given)
+    results, rest = differences(certificate, repeated)
     for title, lines in (("made with other", rest), ("DIFFERENT", results)):
         for line in lines:
             print(printable(f"{title}: {line}"), file=sys.stderr)
-    if results and not (certificate.finished and found.finished):
+    if results and not (certificate.finished and repeated.finished):
         print("not judged whether it is equal to the certificate: cases were skipped or lost", file=sys.stderr)
         return EXIT_NOT_JUDGED
     if results:
         print("not equal to the certificate", file=sys.stderr)
         return EXIT_INCOMPLETE
-    own = (f"this repetition: {words}" for words in found.deviations if words not in certificate.deviations)
-    unusual = (*certificate.deviations, *own)
+    deviations = (f"this repetition: {words}" for words in repeated.deviations if words not in certificate.deviations)
+    unusual = (*certificate.deviations, *deviations)
     for line in unusual:
         print(printable(f"not standard: {line}"), file=sys.stderr)
     print(f"equal to the certificate{', but not under the standard conditions' if unusual else ''}", file=sys.stderr)
     return EXIT_NOT_STANDARD if unusual else EXIT_OK
 
 
-def _files(found: Verification, folder: Path, given: argparse.Namespace) -> Sequence[str]:
-    found.save(folder)
+def _files(certificate: Verification, folder: Path, given: argparse.Namespace) -> Sequence[str]:
+    certificate.save(folder)
     return sorted(file.name for file in folder.glob("case-*.npz"))
 
 

@@ -12,7 +12,7 @@ import msgspec
 from ..benchmark.case import CRITERIA
 from ..benchmark.results import Rules
 from ..benchmark.tally import Tally
-from ..bounded import LARGEST_RESULTS, read
+from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, Struct, from_json, to_json
 from ..entry import entered
 from ..errors import InputError
@@ -223,7 +223,7 @@ def file_of(path: Path, name: str) -> Path:
 
 def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
-    text = read(file, LARGEST_RESULTS, kind.MISSING)
+    text = read(file, MAX_RESULT_BYTES, kind.MISSING)
     try:
         known = from_json(text, _Schema)
         form = known.schema

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..benchmark.case import Case
-from ..bounded import LARGEST_RESULTS, read
+from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Finite, Malformed, NonNegative, Struct, from_json, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status, Trajectory
@@ -153,15 +153,15 @@ def load(folder: Path) -> tuple[Recording, ...]:
     """The recordings of a run; none if it was made without. Raises :class:`InputError` for a damaged file."""
     file = folder / TRAJECTORIES
     try:
-        content = read(file, LARGEST_RESULTS)
+        content = read(file, MAX_RESULT_BYTES)
     except InputError as problem:
         if isinstance(problem.__cause__, FileNotFoundError):
             return ()
         raise
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as listed:
-            if sum(entry.file_size for entry in listed.infolist()) > LARGEST_RESULTS:
-                raise Malformed(f"it unpacks to more than {LARGEST_RESULTS / 1e6:.0f} MB")
+            if sum(entry.file_size for entry in listed.infolist()) > MAX_RESULT_BYTES:
+                raise Malformed(f"it unpacks to more than {MAX_RESULT_BYTES / 1e6:.0f} MB")
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             if (tuple(stored["columns_motion"]), tuple(stored["columns_torque"])) != (MOTION, TORQUE):
                 raise Malformed("its columns are not those of a recording")

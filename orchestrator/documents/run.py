@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from ..bounded import LARGEST_RESULTS, read
+from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, from_json, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status
@@ -81,7 +81,7 @@ def save_run(run: Run, folder: Path) -> None:
 def _is_outdated(folder: Path, results: Results) -> bool:
     """Whether ``folder`` holds other results."""
     try:
-        there = from_json(read(folder / RESULTS, LARGEST_RESULTS), Results)
+        there = from_json(read(folder / RESULTS, MAX_RESULT_BYTES), Results)
     except InputError as problem:
         return not isinstance(problem.__cause__, FileNotFoundError)
     except Malformed:
