@@ -24,8 +24,8 @@ from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, Ta
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.archive import write_atomically
 from controller_fmu.export.description import parse, to_bytes
-from controller_fmu.export.reference import reference
 from controller_fmu.export.rows import description
+from controller_fmu.export.trajectories import reference
 from controller_fmu.export.twin import twin_description, twin_header
 from controller_fmu.friction.flexible_manipulator_dither import Dither
 from controller_fmu.imperfections.interface import description as imperfections_description

@@ -10,7 +10,7 @@ from fmpy.util import read_csv
 from support.pid_fmus import built
 
 import build_fmus
-from controller_fmu.export.reference import STEPS
+from controller_fmu.export.trajectories import STEPS
 
 ROOT = Path(build_fmus.__file__).parent
 
@@ -23,7 +23,7 @@ fmpy.write_csv(target, found)
 """
 IN_PYTHON = """
 import sys, pathlib
-from controller_fmu.export.reference import reference
+from controller_fmu.export.trajectories import reference
 for name, text in zip(("in", "ref"), reference(pathlib.Path(sys.argv[1]))):
     pathlib.Path(sys.argv[2], f"FlexibleManipulatorNative_{name}.csv").write_text(text)
 """

@@ -17,8 +17,8 @@ from controller_fmu.export.description import complete, parse, to_bytes
 from controller_fmu.export.dialects import Dialect, translate
 from controller_fmu.export.identity import identity
 from controller_fmu.export.platforms import binaries, cross_compilers
-from controller_fmu.export.references import check_declared, check_model
 from controller_fmu.export.terminals import terminals_and_icons
+from controller_fmu.export.value_references import check_declared, check_model
 
 C_INTERFACE = Path(__file__).resolve().parents[1] / "c_interface"
 FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
