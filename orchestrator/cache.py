@@ -139,6 +139,7 @@ def closure(*modules: str) -> list[Path]:
         file = _file_of(name)
         if name not in reached and file is not None:
             reached[name] = file
+            # A package's __init__ runs before its module, and may change what the module does.
             waiting += [*_imports(name, file), name.rpartition(".")[0]]
     packages = {file.parent for file in reached.values()} - {PACKAGE, ROOT}
     others = {file for package in packages for file in _natives(package)}
@@ -204,6 +205,8 @@ def source_hash(sources: Iterable[Path]) -> str:
     for source in sources:
         for file in sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else (source,):
             if "__pycache__" not in file.parts:
+                # The name counts as well, ended by a zero byte: moving a byte
+                # from one file to the next must change the hash.
                 digest.update(f"{source.name}/{file.relative_to(source).as_posix()}\0".encode())
                 digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()

@@ -40,6 +40,7 @@ def plain(value: Any) -> Any:
         return (value.astype(np.float64) if value.dtype.kind == "f" else value).tolist()  # those of more bits, too
     if isinstance(value, Mapping):
         return {plain(key): plain(item) for key, item in value.items()}
+    # Not isinstance: a named tuple is one of the package's own types, and stays what it is.
     if type(value) in (list, tuple):
         return type(value)(map(plain, value))
     return value
@@ -264,6 +265,7 @@ def rule(annotation: str) -> Enter:
     if kind in OBJECTS:
         return _as_it_is
     if kind not in RULES:
+        # At the definition, so that no public function is without a rule when it is called.
         raise TypeError(f"there is no rule for parameters of the type {annotation}")
     return RULES[kind] if kind == annotation else functools.partial(_optional, RULES[kind])
 

@@ -169,6 +169,7 @@ def varied(given: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 
 def refuse_idle(given: argparse.Namespace) -> None:
     """Raise :class:`InputError` for an option that would have no effect."""
+    # An option that does nothing would be believed to have done something.
     if getattr(given, "wait", WAIT) != WAIT and given.scheduler is None:
         raise InputError("--wait is for a cluster: give --scheduler, too.", "contradiction", "--wait")
     if given.dry_run and getattr(given, "no_report", False):
@@ -183,6 +184,7 @@ def refuse_idle(given: argparse.Namespace) -> None:
 def refuse_repeated(option: str, given: Sequence[tuple[str, Any]]) -> None:
     """Raise :class:`InputError` for a name that is given twice."""
     names = [name for name, _ in given]
+    # argparse keeps both, and a mapping the last: which one was meant, nobody knows.
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"{option} gives {twice[0]} more than once.", "repeated", option, twice[0])
 
@@ -213,6 +215,7 @@ def controller(options: argparse.Namespace) -> Controller:
     for file in options.mapping_files:
         parameters.update(read_mapped_parameters(file))
     for file in options.parameter_files:
+        # The FMU is opened for its units: an SSV may give a value in another one.
         parameters.update(read_parameters(file, plain.archive))
     mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
     return Controller(

@@ -80,6 +80,7 @@ def _found(folder: Path) -> Iterator[Past]:
             try:
                 yield _past(place, kind.load(place))
             except InputError as problem:
+                # A list of runs must not fail because one of them was interrupted while it was written.
                 print(printable(f"left out: {problem}"), file=sys.stderr)
 
 

@@ -97,6 +97,7 @@ def _simulations(given: argparse.Namespace) -> dict[str, argparse.Namespace]:
         except ValueError as problem:
             raise InputError(f"--with {words}: {problem}.", "bad-words", "--with", words) from None
         separate = _parser().parse_args(split)
+        # Parameters of the first controller mean nothing to another one.
         kept = vars(given) if separate.controller is None else {**vars(given), **_controllers_own(separate)}
         # A second time, now on top of the options of the first: only what the words name differs between the two.
         merged = _parser().parse_args(split, argparse.Namespace(**kept))
@@ -153,6 +154,7 @@ def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulatio
     seed = f"-seed{bench.seed}" if bench.seed else ""
     varied = "-varied" if simulation.varied else ""
     pose = simulation.case.configuration
+    # Off the grid, the name of the case is "free" for all poses.
     angles = f"-{math.degrees(pose.q_a1):g}_{math.degrees(pose.q_a2):g}" if pose.index < 0 else ""
     return file_name(f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}")
 
@@ -167,6 +169,7 @@ def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:
         plant_parameters=run.plant.parameters,
         plant=asked.plant if asked.plant != "auto" else run.plant.path or run.plant.build,
     )
+    # By contents: the path may hold another plant today.
     if bench.manipulator.model != run.plant.model:
         raise InputError(f"The plant of that run, {run.plant.file}, has other contents.", "other-plant", run.plant.file)
     return bench
@@ -177,6 +180,7 @@ def _controller_of(run: Results, given: argparse.Namespace) -> Controller:
     record = run.controller
     file = given.controller or (Path(record.path) if record.path else None)
     sample_time = None if run.sample_time.as_in_benchmark else run.sample_time.seconds
+    # Which of the others is taken, this machine decides; Wine's mathematics are part of the numbers.
     library = given.library or (record.library if record.library == WINE else None)
     controller = Controller(file, record.parameters, record.mapping, given.sample_time or sample_time, library)
     # The same name with other contents would repeat another controller.
@@ -241,7 +245,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     which.add_argument("--system", metavar="NAME", help="nominal (default), compliant, slippery, sticky, random_1, ...")
     which.add_argument("--test", metavar="NAME", help="a test of the protocol, such as gain_1 (default: disturbance)")
-    add_options(parser)
+    add_variation_options(parser)
     parser.add_argument(
         "--with",
         dest="beside",
@@ -271,7 +275,7 @@ def _parser() -> argparse.ArgumentParser:
 NUMBER = number()
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_variation_options(parser: argparse.ArgumentParser) -> None:
     """Add the options; :func:`variation` reads them. Each is a field of :class:`Variation`."""
     group = parser.add_argument_group(
         "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"

@@ -147,6 +147,7 @@ class StudyCommand:
         given = self.parser().parse_args(words)
         options.refuse_idle(given)
         self.check(given)
+        # Documents say the command that repeats them: quoted, so that it can be pasted.
         command = f"{self.parser().prog} {shlex.join(words)}".strip()
         bench, controller = replace(options.benchmark(given), command=command), options.controller(given)
         study = study_of(self.kind, given) if self.study is None else self.study(given)
@@ -167,6 +168,7 @@ class StudyCommand:
                 print(say(event), file=sys.stderr)
             self.on_event(given, folder, event)
 
+        # A verification draws other cases than the protocol's list: V so far would be of none of them.
         rules = None if study.on_this_machine else bench.rules
         with progress(rules) if say is None else nullcontext() as on_result:
             document = bench.run(study, controller, folder=folder, on_result=on_result, on_event=on_event)
@@ -200,11 +202,13 @@ def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namesp
     name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
     plant = bench.manipulator.model if bench.manipulator.build == "file" else ""
     only = getattr(given, "only", ())
+    # What has no short name still keeps results of different settings apart, by a hash.
     unusual = [sorted(controller.setup.mapping.items()), sorted(bench.plant_parameters.items()), only, plant]
     values = [f"{key}={shortened(value)}" for key, value in sorted(controller.setup.parameters.items())]
     if controller.sample_time is not None:
         values.append(f"T_s={float(controller.sample_time):g}")
     readable = "-".join(["", *values])
+    # File systems take 255 bytes, and a folder of fifty parameters is not read anyway.
     if len(readable) > MAX_NAME:
         unusual.append(readable)
         readable = ""

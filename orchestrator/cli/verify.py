@@ -79,10 +79,13 @@ def _study(given: argparse.Namespace) -> Study[Verification]:
 
 
 def _check(given: argparse.Namespace) -> None:
+    # Before the clean interpreter starts, which costs seconds.
     if given.controller is not None and not given.controller.is_file():
         raise InputError(f"{given.controller} does not exist.", "no-file", given.controller)
+    # A seed that could be chosen would be tried until the draws are kind.
     if given.seed is not None:
         raise InputError("A verification draws its own seeds: leave out --seed.", "contradiction", "--seed")
+    # Without the time, a round from before the publication would be taken: the controller may have been made for it.
     if (given.draws != FRESH) != (given.published is not None) and not given.repeat:
         message = "A round of a beacon needs the time when the controller was published: give --draws and --published."
         raise InputError(message, "contradiction", "--published")
@@ -141,6 +144,7 @@ def _repeat(bench: Benchmark, given: argparse.Namespace) -> int:
     for line in unusual:
         print(printable(f"not standard: {line}"), file=sys.stderr)
     print(f"equal to the certificate{', but not under the standard conditions' if unusual else ''}", file=sys.stderr)
+    # Equal numbers prove nothing if they were made under conditions that let the controller know its draws.
     return EXIT_NOT_STANDARD if unusual else EXIT_OK
 
 

@@ -67,6 +67,7 @@ def timing(
     """Latency, timing convention, and the first output against ``u_m0`` [N.m], from the ``responses`` to EXPERIMENTS;
     ``torque_step`` [N.m] is that of the benchmark's quantizer per axis."""
     measured = timings.timing(responses)
+    # Nothing else is worth a word then: each case would end with this.
     if not np.all(np.isfinite(measured.first_torque)):
         text = f"{measured.first_torque[0]:.4g}, {measured.first_torque[1]:.4g} N.m at rest"
         remedy = (
@@ -131,6 +132,7 @@ def reset(new: np.ndarray, again: np.ndarray) -> Iterator[Finding]:
 def several_instances(plant: Slave, controller: Slave, task: CheckTask) -> Iterator[Finding]:
     """Two instances that exist at the same time must not affect each other."""
     steady = _steady(plant)
+    # Not at rest, where an instance that does nothing would answer the same.
     alone = _response(controller, steady, task)
     other, step = load(controller.archive, CONTROLLER), float(task.sample_time)
     # Another reference: an instance that shares its state with the first one would answer to the wrong one.

@@ -87,6 +87,7 @@ def binding_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterat
     for connector in CONTROLLER:
         bound = binding.get(connector.name)
         if bound is None:
+            # Absent, since the other of the two is there.
             if connector.name == "e" or (connector.name in ("q_m", "q_m_ref") and "e" in binding):
                 continue
             yield Finding(Severity.NOTE, connector.name, f"absent ({connector.meaning}); it is optional")

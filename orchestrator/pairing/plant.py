@@ -55,7 +55,6 @@ def choose(given: str | Path) -> Plant:
     archive = open_archive(Path(given))
     step = archive.interface.canHandleVariableCommunicationStepSize if archive.kind == "CoSimulation" else True
     # FMI 2.0 and 3.0 co-simulation: only with this flag may the steps differ in length.
-    # FMI 1.0 has the flag, but its masters vary steps as well.
     if archive.major_version != "1" and not step:
         message = (
             f"{archive.name} does not declare canHandleVariableCommunicationStepSize, and the manipulator's steps "
