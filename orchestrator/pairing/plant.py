@@ -44,7 +44,7 @@ class Plant:
 def choose(given: str | Path) -> Plant:
     """The plant that ``given`` names: "python", "native", a file, or "auto".
 
-    "auto" is the native twin if this machine makes it with the bits of the plant in Python (:mod:`.twin`), else the
+    "auto" is the native twin if this machine makes it with the bits of the plant in Python (:mod:`.built_in`), else the
     latter. Raises :class:`InputError` if a file is no manipulator,
     :class:`~orchestrator.errors.EnvironmentFault` if an FMU cannot be built.
     """
