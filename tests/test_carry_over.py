@@ -13,7 +13,7 @@ from orchestrator.cli.guard import remedy
 from orchestrator.execution import store
 from orchestrator.loop.carry_over import CarryOver, carry_over
 from orchestrator.pairing.work import TimingRecord
-from orchestrator.study.processes import EVERY, Processes
+from orchestrator.study.processes import REPEAT_EVERY, Processes
 from orchestrator.study.requests import Batch, BatchEntry
 
 pytestmark = pytest.mark.needs("linux", "compiler")
@@ -151,7 +151,7 @@ def test_what_is_found_after_results_have_been_used_is_an_error_and_stays_known(
         while sum(due) < 2:
             due.append(processes.is_due(batch))
             processes.count(batch, due[-1])
-        assert due[0] and (len(due) - 1) * len(bench.cases) >= EVERY > (len(due) - 2) * len(bench.cases)
+        assert due[0] and (len(due) - 1) * len(bench.cases) >= REPEAT_EVERY > (len(due) - 2) * len(bench.cases)
         problem = refusal(processes.take, pairing, CarryOver.FOUND, known)
         assert problem.what == "state-passes" and "again" in remedy(problem)
         assert Processes().of(pairing, known).is_separate and not processes.of(pairing, known).isolated

@@ -78,7 +78,7 @@ def test_a_fault_has_its_status(fault, native_plant_file, tmp_path):
 
 @pytest.mark.parametrize("fault", HANGS)
 def test_a_hang_is_a_timeout(fault, native_plant_file, tmp_path, no_slack, monkeypatch):
-    monkeypatch.setattr(supervision, "START", 2.0)
+    monkeypatch.setattr(supervision, "START_TIMEOUT", 2.0)
     found, message = outcome(native_plant_file, windows_fmu(tmp_path, fault), HANG_LIMIT)
     assert found == "timeout", message
     assert no_wine_left()

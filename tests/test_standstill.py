@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from orchestrator.benchmark.cases import cases
 from orchestrator.cli import guard
 from orchestrator.execution import standstill
-from orchestrator.execution.standstill import PATIENCE, Lookout, Standstill
+from orchestrator.execution.standstill import STANDSTILL_TIME, Lookout, Standstill
 from orchestrator.execution.supervision import run_isolated
-from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, TimeSpent
+from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING_FACTOR, WAITING_REACHED, TimeSpent
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing import runs
@@ -51,7 +51,7 @@ def test_one_that_computes_is_ended_by_its_processor_time(pace, limit):
 def test_one_that_waits_is_ended_by_its_waiting(limit):
     (told,) = looked(*((t, STEP, TimeSpent(processor=1.0, waited=t)) for t in (0.0, 10.0, 30.0)), limit=limit)
     assert (told.seconds, told.limit) == (10.0, WAITING_REACHED)
-    assert told.remaining == pytest.approx(WAITING * limit - 10.0)
+    assert told.remaining == pytest.approx(WAITING_FACTOR * limit - 10.0)
 
 
 def test_what_was_spent_before_does_not_count_against_the_longest_call():
@@ -85,7 +85,7 @@ def test_one_that_gets_no_processor_is_ended_nobody_knows_when():
     assert standstill_words(told, "c00", None).endswith("It is ended when the limit of processor time is reached.")
 
 
-@given(st.lists(st.tuples(st.floats(0.0, PATIENCE / 2), places), max_size=30))
+@given(st.lists(st.tuples(st.floats(0.0, STANDSTILL_TIME / 2), places), max_size=30))
 def test_each_standstill_is_told_once_and_nothing_else(steps):
     time, looks = 0.0, []
     for passed, place in steps:
@@ -95,14 +95,16 @@ def test_each_standstill_is_told_once_and_nothing_else(steps):
     for time, place, _ in looks:
         if place != last:
             last, since, told = place, time, False
-        elif not told and time - since >= PATIENCE:
+        elif not told and time - since >= STANDSTILL_TIME:
             expected, told = expected + 1, True
     assert len(looked(*looks)) == expected
 
 
 def test_the_next_task_at_the_same_place_is_another_one():
     before = Lookout().after(0, STEP, 0.0, TimeSpent())
-    assert before.after(1, STEP, PATIENCE, TimeSpent()).standstill(PATIENCE, TimeSpent(), 60.0, 60.0) is None
+    assert (
+        before.after(1, STEP, STANDSTILL_TIME, TimeSpent()).standstill(STANDSTILL_TIME, TimeSpent(), 60.0, 60.0) is None
+    )
 
 
 def test_the_words_name_place_time_limit_and_end():
@@ -134,7 +136,7 @@ def test_a_command_names_the_option_that_shortens_it(capsys, monkeypatch):
     ("what", "limit"), [("sleep", "the limit of waiting is"), ("spin", "the limit of processor time is")]
 )
 def test_a_controller_that_hangs_is_told_before_it_is_ended(what, limit, plant_file, faulty, caplog, monkeypatch):
-    monkeypatch.setattr(standstill, "PATIENCE", 0.3 * HANG_LIMIT)
+    monkeypatch.setattr(standstill, "STANDSTILL_TIME", 0.3 * HANG_LIMIT)
     own = bench(plant_file, faulty(Fault(what, "step", 0.02, -float(STRUCK) * 1e3)), HANG_LIMIT)
     chosen = short_cases((SPARED, STRUCK))
     spared, struck = run(own, chosen)

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from orchestrator.execution.process_tree import ProcessTree, Use, exit_code
 from orchestrator.execution.time_limit import (
-    IDLE,
+    IDLE_SHARE,
     MAX_INTERVAL,
     PROCESSOR_REACHED,
-    WAITING,
+    WAITING_FACTOR,
     WAITING_REACHED,
     Reading,
     Stopwatch,
@@ -44,7 +44,7 @@ def test_who_is_ready_to_compute_does_not_wait(steps):
     assert total.processor == pytest.approx(sum(interval * share for interval, share, _ in steps), rel=1e-6, abs=1e-9)
 
 
-@given(durations, st.floats(1.0, 100.0), st.floats(2 * IDLE, 1.0))
+@given(durations, st.floats(1.0, 100.0), st.floats(2 * IDLE_SHARE, 1.0))
 def test_who_computes_now_and_then_does_not_wait_because_others_slow_it_down(period, slower, share):
     """Of each period a share is computed; on a busy machine that takes longer, in which it stands in the queue."""
     computed = share * period
@@ -63,13 +63,13 @@ def test_who_sleeps_waits(steps):
 @given(st.lists(st.tuples(durations, shares, st.booleans()), max_size=20))
 def test_time_is_never_counted_twice(steps):
     total = spent(*steps)
-    assert total.processor + total.waited <= sum(interval for interval, _, _ in steps) * (1.0 + IDLE) + 1e-9
+    assert total.processor + total.waited <= sum(interval for interval, _, _ in steps) * (1.0 + IDLE_SHARE) + 1e-9
 
 
 @given(durations, durations)
 def test_a_limit_is_reached_when_it_is_exceeded(limit, used):
     assert bool(TimeSpent(processor=used).excess(limit)[0]) == (used > limit)
-    assert bool(TimeSpent(waited=used).excess(limit)[0]) == (used > WAITING * limit)
+    assert bool(TimeSpent(waited=used).excess(limit)[0]) == (used > WAITING_FACTOR * limit)
 
 
 def test_what_was_reached_is_told_with_figures():

@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
 from orchestrator.conformance import static as validation
-from orchestrator.conformance.static import FIRST, KINDS, MAX_LENGTH, STRUCTURED, summed_up, validation_problems
+from orchestrator.conformance.static import (
+    MAX_KINDS,
+    MAX_PER_KIND,
+    MAX_PROBLEM_LENGTH,
+    STRUCTURED,
+    summed_up,
+    validation_problems,
+)
 from orchestrator.fmi import connectors, names
 from orchestrator.fmi.description import read_description
 
@@ -76,16 +83,16 @@ def test_problems_of_one_kind_are_one_finding(tmp_path):
     assert lines[:2] == [
         f'"block {i}" is not a legal variable name for the naming convention "structured".' for i in (0, 1)
     ]
-    assert (len(lines), lines[-1]) == (FIRST + 1, f"and {5000 - FIRST} more of this kind")
+    assert (len(lines), lines[-1]) == (MAX_PER_KIND + 1, f"and {5000 - MAX_PER_KIND} more of this kind")
 
 
 @given(st.lists(st.text("ab 01\"'", max_size=30) | st.just("x" * 3000), max_size=60))
 def test_no_problem_is_lost_and_few_are_shown(problems):
     texts = list(summed_up(problems))
     lines = [line for text in texts for line in text.split("\n")]
-    assert len(texts) <= KINDS + 1 and max(map(len, lines), default=0) <= MAX_LENGTH
+    assert len(texts) <= MAX_KINDS + 1 and max(map(len, lines), default=0) <= MAX_PROBLEM_LENGTH
     more = [int(line.removeprefix("and ").split()[0]) for line in lines if " more " in line and "of this kind" in line]
-    rest = [int(text.split()[0]) for text in texts[KINDS:]]
+    rest = [int(text.split()[0]) for text in texts[MAX_KINDS:]]
     shown = len(lines) - len(more) - len(rest)
     assert shown + sum(more) + sum(rest) == len(problems)
 

@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 MATRICES = (".mat", ".npz", ".json")
 """Endings of files with a controller's matrices."""
 
-ANSWER, CHECK = 8001, 4000
+IMPULSE_SAMPLES, MOTION_SAMPLES = 8001, 4000
 """Samples of the impulse response that a controller is known by, and of the random motion it is checked with."""
 
-IMPULSE, MOTION = 1e-4, 3e-5
+IMPULSE_ERROR, MOTION_ERROR = 1e-4, 3e-5
 """Error of the impulse and largest error of the random motion [rad]: far above rounding, far below saturation."""
 
-EXACT, LINEAR = 1e-6, 0.05
+EXACT_MISMATCH, MAX_MISMATCH = 1e-6, 0.05
 """Relative differences: at which more states are of no use, and beyond which a controller is not linear at rest."""
 
 
@@ -127,7 +127,7 @@ class LinearLoop(Displayable):
         """The same with margins that a search :attr:`.Robustness.margins` has ``found``, by name."""
         parts: list[Part] = []
         if self.stable:
-            parts += [_margin_table(self.margins, found), Note(MEANING, warning=False)]
+            parts += [_margin_table(self.margins, found), Note(MARGINS_NOTE, warning=False)]
         else:
             parts.append(Note("The linear loop is unstable: it has no margins."))
         rows = tuple((mode.frequency, mode.damping) for mode in self.modes)
@@ -142,7 +142,7 @@ class LinearLoop(Displayable):
         return f"LinearLoop({self.title}: {len(self.closed.A)} states)"
 
 
-MEANING = (
+MARGINS_NOTE = (
     "Each axis with the other loop closed, broken at its torque; S is its sensitivity. The margins of the linear model "
     "are those of this arm, at this pose, near rest. Those of a search are the smallest that were found over all arms "
     "and poses, with friction, limits and quantization."
@@ -185,17 +185,17 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
     pairing, sampled = testbed.sampled(chosen, case)
     model = linear_model(sampled, True, True, friction)
     T_s, at = sampled.scenario.sample_time, model.at
-    impulses = np.zeros((2, ANSWER, 2))
-    impulses[(0, 1), 0, (0, 1)] = IMPULSE
+    impulses = np.zeros((2, IMPULSE_SAMPLES, 2))
+    impulses[(0, 1), 0, (0, 1)] = IMPULSE_ERROR
     # Noise excites all states. A controller with a dead zone or a limit answers it otherwise than its impulse says.
-    motion = MOTION * np.random.default_rng(1).uniform(-1.0, 1.0, (CHECK, 2))
-    experiments = [np.zeros((ANSWER, 2)), *impulses, motion]
+    motion = MOTION_ERROR * np.random.default_rng(1).uniform(-1.0, 1.0, (MOTION_SAMPLES, 2))
+    experiments = [np.zeros((IMPULSE_SAMPLES, 2)), *impulses, motion]
     job = pairing.raw_job(
         f"{work.__name__}:{work.answer.__name__}",
         [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, errors) for errors in experiments],
         (FIRST_START_TIME + pairing.timeout,) * len(experiments),
         lambda index, value: work.answered(len(experiments[index]), value),
-        ANSWER * 32,
+        IMPULSE_SAMPLES * 32,
     )
     torques = {}
     for outcome in run_isolated(job):
@@ -206,15 +206,12 @@ def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Frictio
         torques[outcome.index] = outcome.value
     rest, first, second, moved = (torques[number] for number in range(len(experiments)))
     # Less what it answers at rest: a controller with dither is linear beside that.
-    impulse = np.stack([first - rest, second - rest], axis=2) / IMPULSE
-    law, mismatch = _realized(impulse, float(T_s), motion, moved - rest[:CHECK])
-    if not mismatch <= LINEAR:
-        message = (
-            f"{chosen.file_name} is not linear at rest: in a random motion of {MOTION:g} rad, its torques differ by "
-        )
-        raise InputError(
-            f"{message}{mismatch:.1g} of the largest one from a linear law.", "not-linear", chosen.file_name
-        )
+    impulse = np.stack([first - rest, second - rest], axis=2) / IMPULSE_ERROR
+    law, mismatch = _realized(impulse, float(T_s), motion, moved - rest[:MOTION_SAMPLES])
+    if not mismatch <= MAX_MISMATCH:
+        message = f"{chosen.file_name} is not linear at rest: in a random motion of {MOTION_ERROR:g} rad, its torques "
+        message += f"differ by {mismatch:.1g} of the largest one from a linear law."
+        raise InputError(message, "not-linear", chosen.file_name)
     return LinearLoop(model, chosen.file_name, law, mismatch)
 
 
@@ -231,7 +228,7 @@ def _realized(impulse: np.ndarray, T_s: float, motion: np.ndarray, torques: np.n
         if best is None or difference < best[0]:
             best = difference, system
         # The smallest one: more states would be fitted to rounding.
-        if difference < EXACT:
+        if difference < EXACT_MISMATCH:
             break
     assert best is not None
     return best[1], best[0]

@@ -19,7 +19,7 @@ import numpy as np
 
 # Imports inside functions: SciPy takes longer to load than all else here.
 
-LOWEST = 0.01
+LOWEST_FREQUENCY = 0.01
 """Lowest frequency of a grid [Hz]: slower than any motion of the arm under control."""
 
 POINTS, AROUND_RESONANCE = 3000, 41
@@ -59,7 +59,7 @@ class LoopMargins(NamedTuple):
 def grid(system: StateSpace, highest: float | None = None) -> np.ndarray:
     """Frequencies [Hz], increasing, up to half the sampling frequency or ``highest``, denser at the resonances."""
     end = highest if highest is not None else 0.5 / system.T_s if system.T_s else 1e3
-    frequencies = [np.geomspace(LOWEST, end, POINTS)]
+    frequencies = [np.geomspace(LOWEST_FREQUENCY, end, POINTS)]
     for pole in continuous(np.linalg.eigvals(system.A), system.T_s):
         size = abs(pole)
         if pole.imag > 0.0:
@@ -67,7 +67,7 @@ def grid(system: StateSpace, highest: float | None = None) -> np.ndarray:
             width = max(-pole.real / size, 1e-4)
             frequencies.append(size / (2 * math.pi) * (1.0 + width * np.linspace(-3.0, 3.0, AROUND_RESONANCE)))
     merged = np.unique(np.concatenate(frequencies))
-    return merged[(merged >= LOWEST) & (merged <= end)]
+    return merged[(merged >= LOWEST_FREQUENCY) & (merged <= end)]
 
 
 def continuous(poles: np.ndarray, T_s: float | None) -> np.ndarray:
@@ -182,7 +182,7 @@ def step(system: StateSpace, given: int, samples: int) -> np.ndarray:
 SPARSE, DENSE = 25, 25
 """Rows and columns of blocks: one after the other, then at equal ratios."""
 
-NOISE = 1e-12
+SINGULAR_VALUE_NOISE = 1e-12
 """Singular values below this, relative to the largest, are rounding."""
 
 MAX_STATES = 40
@@ -200,7 +200,7 @@ def realizations(impulse: np.ndarray, T_s: float) -> Iterator[StateSpace]:
     now = _hankel(h, chosen, 0)
     later = _hankel(h, chosen, 1)
     left, sizes, right = svd(now)
-    most = int(np.sum(sizes > NOISE * sizes[0])) if sizes[0] > 0.0 else 0
+    most = int(np.sum(sizes > SINGULAR_VALUE_NOISE * sizes[0])) if sizes[0] > 0.0 else 0
     yield StateSpace(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0)), D, T_s)
     for order in range(1, min(most, MAX_STATES) + 1):
         # Balanced: observability and controllability get the same share of the singular values.

@@ -21,7 +21,7 @@ shorter substeps, but whose lower end lets a motion grow; of the others only the
 MAX_SUBSTEPS = 100
 """Largest number of substeps in place of one, where friction is steep: a simulation takes as many times longer."""
 
-GROWTH = 1.0 + 1e-6
+MAX_GROWTH = 1.0 + 1e-6
 """Largest growth of a motion per substep: the rigid body's, which is 1, with rounding."""
 
 
@@ -88,7 +88,7 @@ def _is_followed(member: Mapping[str, float]) -> bool:
         # Overflows are expected here, and show in the growth.
         with np.errstate(all="ignore"):
             return all(
-                _growth(substep * system_matrix(links, joints, stiffness, brakes, s_2)) <= GROWTH
+                _growth(substep * system_matrix(links, joints, stiffness, brakes, s_2)) <= MAX_GROWTH
                 for stiffness in ([actuator.k_1 for actuator in joints], [actuator.m_1 for actuator in joints])
                 for s_2 in (-1.0, 0.0, 1.0)
             )

@@ -20,7 +20,7 @@ T = TypeVar("T")
 MAX_DURATION = 1000
 """Duration of a simulation [s] whose trajectory still fits into memory."""
 
-FINEST_BITS = 52
+MAX_BITS = 52
 """Bits of a quantizer; finer ones than floating-point numbers themselves make no sense."""
 
 
@@ -61,8 +61,8 @@ class Variation:
             message = f"The duration {float(self.duration):g} s is not between 0 and {MAX_DURATION} s."
             raise InputError(message, "bad-duration", "", float(self.duration))
         for bits in (self.angle_bits, self.torque_bits):
-            if bits is not None and not 0 <= bits <= FINEST_BITS:
-                raise InputError(f"{bits} is not a number of bits from 0 to {FINEST_BITS}.", "bad-bits", "", bits)
+            if bits is not None and not 0 <= bits <= MAX_BITS:
+                raise InputError(f"{bits} is not a number of bits from 0 to {MAX_BITS}.", "bad-bits", "", bits)
         if self.dropout is not None and not 0.0 <= self.dropout <= 1.0:
             message = f"The dropout {self.dropout:g} is not a probability from 0 to 1."
             raise InputError(message, "bad-dropout", "", self.dropout)

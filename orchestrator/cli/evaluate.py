@@ -36,8 +36,8 @@ EXAMPLES = """examples:
 """
 
 
-IDLE = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json", "form",
-        "dry_run")  # fmt: skip
+IDLE_OPTIONS = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json",
+                "form", "dry_run")  # fmt: skip
 """Options that have no effect where the cases are only listed."""
 
 
@@ -56,7 +56,7 @@ def _options(parser: Parser) -> None:
 
 def _check(given: argparse.Namespace) -> None:
     evaluation_files.check_options(given)
-    if given.list and any(getattr(given, name) for name in IDLE):
+    if given.list and any(getattr(given, name) for name in IDLE_OPTIONS):
         raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 

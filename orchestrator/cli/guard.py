@@ -56,7 +56,7 @@ REMEDIES = {
 """What to do about a problem, by its stable code; formatted with the fields of the error."""
 
 
-GARBAGE = 50_000
+GARBAGE_THRESHOLD = 50_000
 """New objects between two looks for garbage. Importing makes many objects that stay: with Python's 700 a tenth of the
 start is spent looking for garbage among them."""
 
@@ -125,7 +125,7 @@ def run(name: str, arguments: Sequence[str] | None = None) -> int:
 
     A Ctrl-C during the imports, which take a second, leads to no traceback either.
     """
-    gc.set_threshold(GARBAGE)
+    gc.set_threshold(GARBAGE_THRESHOLD)
     try:
         from importlib import import_module
 

@@ -13,7 +13,7 @@ from ..benchmark.scorecard import score
 from ..study.requests import OnResult
 from ..views.terminal import terminal
 
-EVERY = 8
+ESTIMATE_EVERY = 8
 """Cases between two estimates of the cost; an estimate takes some milliseconds."""
 
 
@@ -41,7 +41,7 @@ def progress(protocol: Protocol | None = None) -> Iterator[OnResult]:
                 results.clear()
             results.append(result)
             bar.update(task, completed=done, total=total)
-            if protocol is not None and (done % EVERY == 0 or done == total):
+            if protocol is not None and (done % ESTIMATE_EVERY == 0 or done == total):
                 cost = estimate(protocol, results)
                 bar.update(task, cost="-" if cost is None else f"{cost:.1f}")
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation, beside, overlay
 from ..benchmark.case import Case
-from ..benchmark.variation import FINEST_BITS, MAX_DURATION, Variation
+from ..benchmark.variation import MAX_BITS, MAX_DURATION, Variation
 from ..documents import case_file, trajectory_files
 from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
@@ -291,8 +291,8 @@ def add_variation_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--ideal", action="store_true", help="no noise, quantization, saturation, delay but those given")
     single("--duration", f"length of the simulation [s], up to {MAX_DURATION}", time)
     single("--noise-power", "P_n of the measurement noise", number(0.0))
-    single("--angle-bits", "steps of a motor revolution, as a power of two", natural(most=FINEST_BITS))
-    single("--torque-bits", "steps of the torque range, as a power of two", natural(most=FINEST_BITS))
+    single("--angle-bits", "steps of a motor revolution, as a power of two", natural(most=MAX_BITS))
+    single("--torque-bits", "steps of the torque range, as a power of two", natural(most=MAX_BITS))
     pair("--torque-limit", "saturation [N.m] (inf: none)", number(0.0, infinite=True))
     pair("--delay", "transport delay from controller to motor, T_d included [s]", time)
     pair("--sensor-delay", "transport delay of the measurement [s]", time)

@@ -174,7 +174,7 @@ def _described(variable: Variable) -> str:
     return f"{variable.name}{shape} [{(variable.unit or '?') if variable.is_real else variable.type}]{start}"
 
 
-FIRST, KINDS, MAX_LENGTH = 3, 10, 500
+MAX_PER_KIND, MAX_KINDS, MAX_PROBLEM_LENGTH = 3, 10, 500
 """Problems of one kind that are named, kinds that are, and characters of a problem."""
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
@@ -200,12 +200,12 @@ def summed_up(problems: Sequence[str]) -> Iterator[str]:
     for problem in problems:
         # 20,000 variables with the same flaw were 20,000 rows: without names and numbers their texts are equal.
         kinds.setdefault(_OWN_WORDS.sub("", problem), []).append(problem)
-    for alike in list(kinds.values())[:KINDS]:
-        more = [f"and {len(alike) - FIRST} more of this kind"] if len(alike) > FIRST else []
-        yield "\n".join((*(problem[:MAX_LENGTH] for problem in alike[:FIRST]), *more))
-    if len(kinds) > KINDS:
-        left = sum(map(len, list(kinds.values())[KINDS:]))
-        yield f"{left} more problems of {len(kinds) - KINDS} more kinds"
+    for alike in list(kinds.values())[:MAX_KINDS]:
+        more = [f"and {len(alike) - MAX_PER_KIND} more of this kind"] if len(alike) > MAX_PER_KIND else []
+        yield "\n".join((*(problem[:MAX_PROBLEM_LENGTH] for problem in alike[:MAX_PER_KIND]), *more))
+    if len(kinds) > MAX_KINDS:
+        left = sum(map(len, list(kinds.values())[MAX_KINDS:]))
+        yield f"{left} more problems of {len(kinds) - MAX_KINDS} more kinds"
 
 
 def _backslashes(file: Path) -> list[str]:

@@ -164,7 +164,7 @@ def poles(plant: StateSpace, controller: StateSpace | None) -> Figure:
         shown.append(("loop", analysis.closed(plant, controller), "o", COLOURS[1]))
     for name, system, marker, hue in shown:
         found = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
-        found = found[(found.imag >= 0.0) & (np.abs(found) > 2 * math.pi * analysis.LOWEST)]
+        found = found[(found.imag >= 0.0) & (np.abs(found) > 2 * math.pi * analysis.LOWEST_FREQUENCY)]
         size = np.abs(found)
         fill: Any = {} if marker == "x" else {"fillstyle": "none"}
         axes.plot(-found.real / size, size / (2 * math.pi), marker, color=hue, markersize=4, label=name, **fill)

@@ -30,7 +30,7 @@ EXIT_TIMEOUT = 1.0
 """Seconds that a process that gives no answer may go on, computing or waiting, before it is said so."""
 
 
-TAIL = 8192
+TAIL_BYTES = 8192
 """Bytes of what a controller's process prints that are handed on."""
 
 
@@ -165,6 +165,6 @@ def _printed() -> Iterator[int]:
 def _hand_on(printed: int) -> None:
     """Print the end of what a controller's process has printed, and keep what it has logged."""
     # The first bytes are the log, which the process maps.
-    begin = max(os.fstat(printed).st_size - TAIL, log.SIZE)
-    write_all(2, os.pread(printed, TAIL, begin))
+    begin = max(os.fstat(printed).st_size - TAIL_BYTES, log.SIZE)
+    write_all(2, os.pread(printed, TAIL_BYTES, begin))
     log.current.take(log.Log(os.pread(printed, log.SIZE, 0).ljust(log.SIZE, b"\0")))

@@ -18,7 +18,7 @@ from ..errors import InputError
 from .interpreter import flags
 from .read_only import PACKAGES
 
-ROOM = 256 * 1024**2
+TMPFS_BYTES = 256 * 1024**2
 """Bytes that fit into each folder that can be written into: it lies in memory."""
 
 OPTIONS = (
@@ -28,7 +28,7 @@ OPTIONS = (
 """No network, no other processes, everything read-only. Root would keep its capabilities, with which it can mount
 everything writable again."""
 
-SHARED_MEMORY = ("--size", str(ROOM), "--tmpfs", "/dev/shm", "--remount-ro", "/dev")
+SHARED_MEMORY = ("--size", str(TMPFS_BYTES), "--tmpfs", "/dev/shm", "--remount-ro", "/dev")
 
 SYSTEM = ("--dev", "/dev", *SHARED_MEMORY, "--proc", "/proc", "--remount-ro", "/proc")
 """Root needs no capability to write into /proc/sys, which is the whole machine's."""
@@ -115,7 +115,7 @@ def _mounts(cache: Path, alone: bool) -> tuple[str, ...]:
     writable = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
     needed = [sys.prefix, sys.base_prefix, *filter(None, (sys.pycache_prefix,)), *_search_path(alone)]
     hidden = writable | (_rest(needed) if alone else set())
-    mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(ROOM), "--tmpfs", path) for path in hidden}
+    mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(TMPFS_BYTES), "--tmpfs", path) for path in hidden}
     # Both spellings: a virtual environment may be reached through a link that is hidden itself.
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):
         if path not in hidden and _is_below(path, hidden) and os.path.exists(path):

@@ -17,14 +17,14 @@ from pathlib import Path
 
 from ..cache import PACKAGE
 from .launch import boot, environment
-from .sandbox import ROOM, WORK, command
+from .sandbox import TMPFS_BYTES, WORK, command
 from .sandbox import environment as kept
 from .seccomp import FIRST_NEW, MACHINES, REFUSED, TALK, deny_covert_channels
 
 NEW_USER = 0x10000000
 """CLONE_NEWUSER of linux/sched.h."""
 
-PIECE = 1 << 24
+PIECE_BYTES = 1 << 24
 
 
 def leaks() -> tuple[str, ...]:
@@ -168,8 +168,8 @@ def _fill(folder: Path) -> None:
     place = folder / "probe"
     try:
         with place.open("wb", buffering=0) as file:
-            for _ in range(ROOM // PIECE + 1):
-                _require(file.write(bytes(PIECE)) == PIECE)
+            for _ in range(TMPFS_BYTES // PIECE_BYTES + 1):
+                _require(file.write(bytes(PIECE_BYTES)) == PIECE_BYTES)
     finally:
         with suppress(OSError):
             place.unlink()

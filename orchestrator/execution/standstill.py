@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 from ..fmi.trace import Place
-from .time_limit import PROCESSOR_REACHED, WAITING, WAITING_REACHED, TimeSpent
+from .time_limit import PROCESSOR_REACHED, WAITING_FACTOR, WAITING_REACHED, TimeSpent
 
-PATIENCE = 10.0
+STANDSTILL_TIME = 10.0
 """Seconds at one place after which a simulation stands still: a whole one of 26 s computes for a second or two, so that
 a machine must be very busy before one that goes on is taken for one that does not."""
 
@@ -50,10 +50,10 @@ class Lookout:
         """What is to be told at the ``time`` [s] of a task that has ``spent`` so much of its time ``limit`` [s], and
         may spend the ``longest`` time [s] at a place; None if nothing is."""
         seconds, here = time - self.since, self.here(spent)
-        if self.told or self.place is None or seconds < PATIENCE:
+        if self.told or self.place is None or seconds < STANDSTILL_TIME:
             return None
         left = min(limit - spent.processor, longest - here.processor)
-        wait = WAITING * min(limit - spent.waited / WAITING, longest - here.waited / WAITING)
+        wait = WAITING_FACTOR * min(limit - spent.waited / WAITING_FACTOR, longest - here.waited / WAITING_FACTOR)
         ends = ((left, here.processor, PROCESSOR_REACHED), (wait, here.waited, WAITING_REACHED))
         remaining, reached = min((_until(*end[:2], seconds), end[2]) for end in ends)
         return Standstill(self.place, seconds, remaining, reached)

@@ -26,16 +26,16 @@ from .time_limit import Stopwatch, end_within
 NOT_BY_CONTROLLER = "outside"
 """Code of a fault for which an isolated controller is not to blame: but it has seen its draws, so they are spent."""
 
-TAIL = 8192
+TAIL_BYTES = 8192
 """Bytes of a worker's printed output that are kept."""
 
-LINES = 10
+MAX_LINES = 10
 """Lines that are shown of what a dead worker had printed, and of what the FMUs had logged there."""
 
 POLL_INTERVAL = 0.2
 """Seconds between two looks at the stop signal and at what the worker uses."""
 
-START, FRESH_START = 10.0, 60.0
+START_TIMEOUT, FRESH_START_TIMEOUT = 10.0, 60.0
 """Seconds that a worker may take to load the FMUs, on top of its first task's limit: a forked one, and one that starts
 from nothing and may have to compile."""
 
@@ -113,12 +113,12 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     watch, lookout = Stopwatch(child.process.tree), Lookout()
     inbox = Inbox(child.channel, job.largest)
     sources = [child.channel, child.output]
-    start = FRESH_START if job.sandbox and not job.isolated else START
+    start = FRESH_START_TIMEOUT if job.sandbox and not job.isolated else START_TIMEOUT
 
     def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
         child.process.kill()
         count, logged = child.trace.logged()
-        words = (*_lines(tail + _rest(child.output, job.limits.output)), *logged[-LINES:])
+        words = (*_lines(tail + _rest(child.output, job.limits.output)), *logged[-MAX_LINES:])
         place = child.trace.read()
         if timeout and count > MANY_LOGGED:
             message += f"; it had logged {count} messages, which takes time"
@@ -133,7 +133,7 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
         ready = readable(sources, POLL_INTERVAL)
         if child.output in ready:
             piece = os.read(child.output, 65536)
-            tail, printed = (tail + piece)[-TAIL:], printed + len(piece)
+            tail, printed = (tail + piece)[-TAIL_BYTES:], printed + len(piece)
             if not piece:
                 sources.remove(child.output)
             if printed > job.limits.output:
@@ -211,12 +211,12 @@ def _rest(output: int, most: int) -> bytes:
     """What a dead worker had printed last, of at most ``most`` bytes: what it has started may go on printing."""
     data, count = b"", 0
     while count < most and readable([output], 0.0) and (piece := os.read(output, 65536)):
-        data, count = (data + piece)[-TAIL:], count + len(piece)
+        data, count = (data + piece)[-TAIL_BYTES:], count + len(piece)
     return data
 
 
 def _lines(tail: bytes) -> tuple[str, ...]:
-    return tuple(line[:500] for line in printable(tail).splitlines()[-LINES:])
+    return tuple(line[:500] for line in printable(tail).splitlines()[-MAX_LINES:])
 
 
 def _ending(process: Process, sandboxed: bool) -> tuple[str, bool]:

@@ -14,17 +14,17 @@ from typing import Protocol
 
 from .process_tree import Use
 
-WAITING = 2.0
+WAITING_FACTOR = 2.0
 """Limit of waiting, in time limits."""
 
-IDLE = 0.05
+IDLE_SHARE = 0.05
 """Time per second, with a processor or ready for one, below which a process waits: one that sleeps between short calls
 does, too."""
 
 MAX_INTERVAL = 1.0
 """Seconds that count at most between two looks: whoever looks may have been suspended, and the process with it."""
 
-PAUSE = 0.1
+POLL_INTERVAL = 0.1
 """Seconds between two looks at a process that should end."""
 
 PROCESSOR_REACHED, WAITING_REACHED = "the limit of processor time was reached", "the limit of waiting was reached"
@@ -58,7 +58,7 @@ class TimeSpent:
         passed, used = later.time - earlier.time, max(later.use.processor - earlier.use.processor, 0.0)
         # Linux counts the time in the run queue; on a busy machine a process that waits for a processor is not idle.
         queued = max(later.use.queued - earlier.use.queued, 0.0)
-        waits = not later.use.ready and used + queued < IDLE * passed
+        waits = not later.use.ready and used + queued < IDLE_SHARE * passed
         # A laptop that was closed for an hour must not end the case.
         waited = min(passed, MAX_INTERVAL) if waits else 0.0
         return TimeSpent(self.processor + used, self.waited + waited, self.stopped or later.use.stopped)
@@ -67,8 +67,8 @@ class TimeSpent:
         """What has exceeded the time limit [s], in words with and without figures; empty if nothing has."""
         if self.processor > limit:
             return f"{PROCESSOR_REACHED}: {self.processor:.1f} s of {limit:g} s", PROCESSOR_REACHED
-        if self.waited > WAITING * limit:
-            used = f"for {self.waited:.1f} s of {WAITING * limit:g} s it was not seen to compute"
+        if self.waited > WAITING_FACTOR * limit:
+            used = f"for {self.waited:.1f} s of {WAITING_FACTOR * limit:g} s it was not seen to compute"
             return f"{WAITING_REACHED}: {used}, and it computed for {self.processor:.1f} s", WAITING_REACHED
         return "", ""
 
@@ -110,6 +110,6 @@ def end_within(patience: float, exit_code: Callable[[float], int | None], tree: 
     """
     watch, code = Stopwatch(tree), exit_code(0.0)
     while code is None and watch.spent.processor + watch.spent.waited < patience:
-        code = exit_code(PAUSE)
+        code = exit_code(POLL_INTERVAL)
         watch.look()
     return code

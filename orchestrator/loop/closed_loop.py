@@ -20,7 +20,7 @@ from .disturbances import ChirpSignal, PulseSignal
 from .plan import Plan
 from .signals import amplify, chirp, pulse, quantize, saturate
 
-ABSURD = 1e12
+MAX_PHYSICAL_TORQUE = 1e12
 """A torque [N.m] beyond any physical one; a controller that asks for more has failed, not saturated."""
 
 FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILED, ARITHMETIC_CHANGED = range(6)
@@ -115,7 +115,7 @@ def run(plant: Port, controller: Port, loop: Loop, record: SampleArrays) -> Exit
             asked = controller.output_scale[i] * controller.output_values[i]
             record.command[k, i] = asked
             # Written so that NaN fails as well. The saturation behind it would hide both.
-            if not abs(asked) <= ABSURD:
+            if not abs(asked) <= MAX_PHYSICAL_TORQUE:
                 return Exit(ABSURD_TORQUE, k, GET, 0, warnings)
             if loop.dropped[k]:
                 # As a drive does that hears nothing: it holds what it had.

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..codec import Natural, NonNegative, Struct
 
-FEW, MANY = 20, 2000
+FIRST_STEPS, MAX_STEPS = 20, 2000
 """Steps that tell how many are worth their time, and the most that are timed."""
 
-ENOUGH = 0.1
+TIMED_DURATION = 0.1
 """Time [s] that the timed steps may take together; a few are timed in any case."""
 
 NANOSECOND = 1e-9
@@ -39,9 +39,9 @@ class ComputingTime(Struct):
 
 def computing_time(times: Callable[[int], np.ndarray]) -> ComputingTime:
     """From ``times(steps)``: the wall times [s] of so many steps, or of as many as there are."""
-    few = times(FEW)
+    few = times(FIRST_STEPS)
     # A controller of 50 ms a step would else take 100 s to be timed. The median of a coarse clock may be 0.
-    many = int(min(MANY, ENOUGH / max(float(np.median(few)), NANOSECOND)))
-    wall_times = few if many <= FEW else times(many)
+    many = int(min(MAX_STEPS, TIMED_DURATION / max(float(np.median(few)), NANOSECOND)))
+    wall_times = few if many <= FIRST_STEPS else times(many)
     median, most, largest = np.percentile(wall_times, (50, 99, 100)).tolist()
     return ComputingTime(len(wall_times), median, most, largest)

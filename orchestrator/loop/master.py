@@ -22,7 +22,7 @@ from .scenario import Scenario
 from .setup import Setup
 from .trajectory import Ending, Status, Trajectory
 
-RUNAWAY = 1e9
+MAX_MOTOR_ANGLE = 1e9
 """A motor angle [rad] that limited torques cannot cause in any simulation: the plant itself has failed."""
 
 STATUS_WORDS = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -168,7 +168,8 @@ def _ending(
         message = f"the TCP was more than {scenario.abort_distance:g} m from where it began"
         return Ending(Status.UNSTABLE, time, message, raw.warnings)
     if raw.reason == loop.ABSURD_TORQUE:
-        message = f"{controller.archive.name} asked for a torque that is not a number or beyond {loop.ABSURD:g} N.m"
+        largest = loop.MAX_PHYSICAL_TORQUE
+        message = f"{controller.archive.name} asked for a torque that is not a number or beyond {largest:g} N.m"
         return Ending(Status.ERROR, time, message, raw.warnings)
     if raw.reason == loop.ARITHMETIC_CHANGED:
         return Ending(Status.ERROR, time, _changed_arithmetic(controller, raw.status), raw.warnings)
@@ -187,8 +188,8 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
     """What shows that the plant's ``outputs`` (q_m, X, ...) are no motion of a manipulator; empty if nothing does."""
     if not np.all(np.isfinite(outputs)):
         return "gave outputs that are not finite numbers"
-    if np.all(np.isfinite(scenario.drive.limit)) and np.max(np.abs(outputs[:2])) > RUNAWAY:
-        return f"gave motor angles beyond {RUNAWAY:g} rad"
+    if np.all(np.isfinite(scenario.drive.limit)) and np.max(np.abs(outputs[:2])) > MAX_MOTOR_ANGLE:
+        return f"gave motor angles beyond {MAX_MOTOR_ANGLE:g} rad"
     return ""
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import InputError
 from .scenario import Delays
 
-FINEST = 10**14
+MAX_TICKS_PER_SECOND = 10**14
 """Largest number of ticks per second: 64-bit integers then count to 92,000 s."""
 
 CELLS = 2**16
@@ -84,8 +84,8 @@ def make_plan(
     # measurement at an odd one, so the two never fall together.
     denominator = math.lcm(*(time.denominator for time in times)) * (2 if jitter else 1)
     # int64 in the compiled loop wraps around without an error.
-    if denominator > FINEST:
-        message = f"Sample time and delays have no common grid of {1 / FINEST:g} s or coarser."
+    if denominator > MAX_TICKS_PER_SECOND:
+        message = f"Sample time and delays have no common grid of {1 / MAX_TICKS_PER_SECOND:g} s or coarser."
         raise InputError(f"{message} Give them with fewer digits.", "bad-time")
 
     def ticks(time: Fraction) -> int:

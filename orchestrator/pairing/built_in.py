@@ -72,7 +72,7 @@ def _digest(file: Path) -> str:
 PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
 DEFAULT_IN_C = "DiagonalPID_C"
 
-PROOF = "c07.random_1.disturbance"
+PROOF_CASE = "c07.random_1.disturbance"
 """The case in which a twin proves equal."""
 
 logger = logging.getLogger(__name__)
@@ -96,7 +96,7 @@ def fastest_default() -> Archive:
 
 
 def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Pairing]) -> Archive:
-    """The FMU ``twin`` if this machine can build it and its build gives, in the case PROOF on its ``bench``, the
+    """The FMU ``twin`` if this machine can build it and its build gives, in the case PROOF_CASE on its ``bench``, the
     trajectory of the FMU ``name`` in Python to the last bit, which is tried once; else the latter.
 
     Why a twin is not used, although there is a compiler, is a warning in the log.
@@ -124,7 +124,7 @@ def _fastest(what: str, name: str, twin: str, bench: Callable[[Archive], Pairing
 
 def _are_equal(python: Pairing, native: Pairing) -> bool:
     # A whole case, since compilers differ in fused operations and order of sums, which a few steps may not show.
-    case = case_named(load("paper"), NOMINAL, 0, PROOF)
+    case = case_named(load("paper"), NOMINAL, 0, PROOF_CASE)
     try:
         first, second = (simulate(bench, case.scenario) for bench in (python, native))
     except BenchmarkError:

@@ -26,7 +26,7 @@ MAX_MEDIAN = {"motor angles": 1e-6, "link angles": 1e-8, "TCP": 1e-8}
 in all segments. The plant's steps of fourth order have differences of some 1e-10 m while the arm is held, and larger
 ones where motors turn around fast: in few segments, or, in a limit cycle, in all."""
 
-METHOD = 2.0
+METHOD_FACTOR = 2.0
 """So many times the median of what the plant's method itself is apart from DOP853 may be added to these."""
 
 MAX_DIFFERENCE = {"motor angles": 5e-2, "link angles": 2e-4, "TCP": 1e-4, "motor speeds": 1.0, "link speeds": 3e-3}
@@ -94,7 +94,7 @@ def _rows(case: Recorded) -> Iterator[Row]:
         ("link angles", "rad", arrays["q_a"] - motion.q_a, method[:, 2:]),
         ("TCP", "m", arrays["X"] - tool(case.arm, motion.q_a.T).T, moved),
     ):
-        largest, slack = _by_segment(difference), METHOD * float(np.median(_by_segment(allowed)))
+        largest, slack = _by_segment(difference), METHOD_FACTOR * float(np.median(_by_segment(allowed)))
         yield Row(f"{name}, median of segments", unit, float(np.median(largest)), MAX_MEDIAN[name] + slack)
         yield _row(f"{name}, largest", unit, np.abs(difference), MAX_DIFFERENCE[name], scenario.sample_time)
         yield Row(f"{name}, the method's own", unit, float(np.abs(allowed).max()), MAX_DIFFERENCE[name])

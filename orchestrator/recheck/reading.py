@@ -28,7 +28,7 @@ MAX_BYTES = 256 * 1024**2
 """Bytes that the arrays of a file may have together."""
 
 
-WRONG = (KeyError, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
+READ_ERRORS = (KeyError, ValueError, TypeError, OverflowError, RecursionError, MemoryError)
 """What comes of contents that are no recorded case; an array may say that it has more numbers than there is memory."""
 
 
@@ -75,7 +75,7 @@ def read(source: Path | bytes) -> Recorded:
         raise
     except OSError as problem:
         raise Unreadable(problem.strerror or str(problem)) from None
-    except (zipfile.BadZipFile, EOFError, *WRONG) as problem:
+    except (zipfile.BadZipFile, EOFError, *READ_ERRORS) as problem:
         raise Unreadable(f"it is no recorded case ({type(problem).__name__}: {str(problem)[:100]})") from None
 
 

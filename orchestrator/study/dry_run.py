@@ -22,7 +22,7 @@ from . import batch, rehearsal, stored
 from .batch import Execute
 from .requests import Batch, BatchEntry, Instant, Now, Record, Rehearse, Request, Requests
 
-ENOUGH = 100_000
+MAX_SIMULATIONS = 100_000
 """Simulations after which a study is not played any further."""
 
 
@@ -78,7 +78,7 @@ def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | No
             cases += len(new)
             times.extend(there[number].wall_time for number in new if number in there)
             # A search that never fails on made-up results would go on for ever.
-            if cases > ENOUGH:
+            if cases > MAX_SIMULATIONS:
                 raise _Enough
             return [there.get(number) or on_target(entry.protocol, case) for number, case in enumerate(entry.cases)]
 

@@ -186,7 +186,7 @@ def can_fence() -> bool:
     return True
 
 
-MAX_BYTES = 1 << 22
+MAX_RECORDING_BYTES = 1 << 22
 """Bytes of the largest recording, whose signals are thinned out."""
 
 
@@ -204,7 +204,7 @@ def record_shown(shown: Sequence[CaseToShow], pairing: Pairing, workers: int) ->
             [to_show.case.scenario for to_show in group],
             lambda _, value: work.recording(value),
             START_TIME,
-            MAX_BYTES,
+            MAX_RECORDING_BYTES,
         )
         for group in groups
     ]

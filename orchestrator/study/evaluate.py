@@ -17,7 +17,7 @@ from ..documents.files import seed_folder
 from ..documents.results import Results
 from ..documents.spread import Spread, spread_of
 from ..errors import InputError
-from ..loop.computing import MANY
+from ..loop.computing import MAX_STEPS
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..pairing.records import loop_delay
@@ -126,7 +126,7 @@ class SpreadStudy(Study[Spread]):
 
 def _hangs_early(run: CaseRun, sample_time: Fraction) -> bool:
     """Whether a case did not get beyond the steps whose computing time is measured."""
-    return run.result.status is Status.TIMEOUT and run.result.time < MANY * sample_time
+    return run.result.status is Status.TIMEOUT and run.result.time < MAX_STEPS * sample_time
 
 
 def _chosen(cases: Sequence[Case], only: Sequence[str] | str) -> tuple[Case, ...]:

@@ -14,7 +14,7 @@ from ..loop.carry_over import WORDS, CarryOver
 from ..pairing.pairing import Pairing
 from .requests import Batch
 
-EVERY = 100
+REPEAT_EVERY = 100
 """Simulations of which one is repeated in a fresh process, beside one of the first batch."""
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,9 @@ class Processes:
     def is_due(self, batch: Batch) -> bool:
         """Whether a case of ``batch`` is to be repeated."""
         keys = {entry.pairing.controller.sha256 for entry in batch.entries}
-        return any(key not in self.repeated or self.grouped.get(key, 0) - self.repeated[key] >= EVERY for key in keys)
+        return any(
+            key not in self.repeated or self.grouped.get(key, 0) - self.repeated[key] >= REPEAT_EVERY for key in keys
+        )
 
     def count(self, batch: Batch, repeated: bool) -> None:
         """A ``batch`` has been run."""

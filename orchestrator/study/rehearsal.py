@@ -26,13 +26,13 @@ from ..pairing import work
 from ..pairing.pairing import Pairing, only
 from ..pairing.runs import CaseRun, case_run
 
-BEGINNING = Fraction(1)
+REPEATED_DURATION = Fraction(1)
 """Simulated time [s] of the simulation that is repeated: an evaluation simulates hundreds of times as much."""
 
-PUSH = Pulse((200.0, 200.0), 0.1, 0.4)
+PUSHING_FORCE = Pulse((200.0, 200.0), 0.1, 0.4)
 """The force that acts meanwhile: a law at rest would show little of its state."""
 
-ELSEWHERE = 0.1
+POSE_OFFSET = 0.1
 """How far [rad] the link angles of the simulation before lie from those of the one that is repeated."""
 
 
@@ -100,12 +100,12 @@ def _experiments(pairing: Pairing, rest: work.Beginning, T_s: Fraction) -> list[
 
 def _beginning(scenario: Scenario) -> Scenario:
     """The beginning of ``scenario``, in which the arm is pushed."""
-    return replace(scenario, duration=min(scenario.duration, BEGINNING), pulse=PUSH)
+    return replace(scenario, duration=min(scenario.duration, REPEATED_DURATION), pulse=PUSHING_FORCE)
 
 
 def _elsewhere(scenario: Scenario) -> Scenario:
     moved = (
-        (name, value + ELSEWHERE if name.startswith("q_a_start") else value) for name, value in scenario.parameters
+        (name, value + POSE_OFFSET if name.startswith("q_a_start") else value) for name, value in scenario.parameters
     )
     return replace(scenario, parameters=tuple(moved))
 

@@ -24,7 +24,7 @@ from .declaration import Study, described, option
 from .heads import head
 from .requests import Batch, BatchEntry, Now, Requests, Save, rehearsed
 
-AT_ONCE = 64
+DRAWS_PER_BATCH = 64
 """Draws in a batch."""
 
 
@@ -71,7 +71,7 @@ class ReliabilityStudy(Study[Reliability]):
         by_draw: list[list[CaseResult]] = []
         total = sum(map(len, sample))
         while len(by_draw) < draws:
-            chunk = sample[len(by_draw) : len(by_draw) + AT_ONCE]
+            chunk = sample[len(by_draw) : len(by_draw) + DRAWS_PER_BATCH]
             cases = [case_of(member, protocol, nominal) for drawn in chunk for member in drawn]
             at_rate = tuple(replace(case, scenario=replace(case.scenario, sample_time=T_s)) for case in cases)
             before = sum(map(len, by_draw))

@@ -21,7 +21,7 @@ POSE = (math.radians(18.0), math.radians(-50.0))
 SPREAD_SYSTEMS = 20
 """Uncertain systems in Figures 11 and 12 of the paper."""
 
-AFTERWARDS = 4.0
+TIME_AFTER_FORCE = 4.0
 """Seconds shown of the spread after the force has ended: the wanted settling time, and a second of what follows."""
 
 
@@ -67,7 +67,7 @@ def shown(
             scenario = replace(scenario, duration=min(scenario.duration, seconds(duration)))
         return CaseToShow(replace(case, scenario=scenario), (role,))
 
-    end = protocol.disturbance.t_2 + AFTERWARDS
+    end = protocol.disturbance.t_2 + TIME_AFTER_FORCE
     names = [*protocol.sets[test.systems], *(f"random_{number}" for number in range(1, SPREAD_SYSTEMS))]
     spread = [in_pose(name, SYSTEMS, end) for name in list(dict.fromkeys(names))[:size]]
     return [*chosen, in_pose("nominal", EXAMPLE), *spread]

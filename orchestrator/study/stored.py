@@ -21,7 +21,7 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from ..pairing.work import check_judgement
 
-LASTING = (Status.DONE, Status.UNSTABLE)
+LASTING_STATUSES = (Status.DONE, Status.UNSTABLE)
 """What depends on the key alone; a failure may depend on the restrictions, too: a timeout on the time limit."""
 
 
@@ -72,7 +72,9 @@ def load(
             stored = from_json(records[key], StoredRun)
             # The file lies in the user's folder, and controllers without a sandbox run with the user's rights.
             check_judgement(protocol, case, stored.judgement)
-            if stored.judgement.status in LASTING or (failures and stored.restrictions == pairing.restrictions):
+            if stored.judgement.status in LASTING_STATUSES or (
+                failures and stored.restrictions == pairing.restrictions
+            ):
                 runs[number] = CaseRun(case, case_result(case, stored.judgement), stored.wall_time, stored.kind)
     return runs
 

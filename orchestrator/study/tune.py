@@ -30,13 +30,13 @@ from .worst_case import RobustnessStudy, sought, worst_case
 
 logger = logging.getLogger(__name__)
 
-SEED = 1234
+SEED_OFFSET = 1234
 """What the objective's seed is above the benchmark's: it has other systems, disturbances and noise."""
 
-HELD_OUT = range(1, 9)
+HELD_OUT_OFFSETS = range(1, 9)
 """What the seeds of the draws that the best candidate is tried with are above the objective's."""
 
-SEEDS = range(1, 4)
+SEED_OFFSETS = range(1, 4)
 """What the seeds of the whole protocol that it is tried with are above the benchmark's."""
 
 BEST = "best.toml"
@@ -85,7 +85,7 @@ class TuningStudy(Study[Tuning]):
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Tuning]:
         """The requests of a tuning; the sampler keeps its own record in the study's folder."""
-        short = replace(testbed, protocol=self.objective, seed=testbed.seed + SEED)
+        short = replace(testbed, protocol=self.objective, seed=testbed.seed + SEED_OFFSET)
         controller, pairing, T_s, cases = short.prepared(controller)
         vary = ranges(self.vary)
         start = values_of(controller, vary)
@@ -119,13 +119,13 @@ class TuningStudy(Study[Tuning]):
         best_record = None
         if best is not None:
             # Other seeds than those it was tuned with: a candidate may fit the noise and the arms of its objective.
-            draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT}
+            draws = {seed: replace(short, seed=short.seed + seed).prepared(controller)[3] for seed in HELD_OUT_OFFSETS}
             held_out = yield from tuner.held_out(best, draws)
             chosen = controller.with_parameters(best.values)
             lines = [f'"{name}" = {value!r}\n' for name, value in best.values.items()]
             yield Write(BEST, "".join(["[parameters]\n", *lines]))
             whole = yield from inside(_name(best), EvaluationStudy(keep_going=True).ask(testbed, chosen))
-            others = SpreadStudy([testbed.seed + offset for offset in SEEDS], EvaluationStudy(recordings=False))
+            others = SpreadStudy([testbed.seed + offset for offset in SEED_OFFSETS], EvaluationStudy(recordings=False))
             seeds = yield from inside("seeds", others.ask(testbed, chosen))
             whole_list = EvaluationStudy(recordings=False, keep_going=True)
             listed = yield from inside("strict", whole_list.ask(list_of, chosen))

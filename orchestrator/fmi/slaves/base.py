@@ -241,14 +241,14 @@ class Slave(ABC):
             return function(*arguments)
 
 
-NEWER = re.compile(r"version [`'](GLIBC(?:XX)?_[\w.]+|CXXABI_[\w.]+)' not found")
-MISSING = re.compile(r"([^\s:/]+): cannot open shared object file")
+NEWER_SYSTEM = re.compile(r"version [`'](GLIBC(?:XX)?_[\w.]+|CXXABI_[\w.]+)' not found")
+MISSING_LIBRARY = re.compile(r"([^\s:/]+): cannot open shared object file")
 
 
 def refusal(archive: Archive, problem: Exception) -> BenchmarkError:
     """The error for a library that cannot be loaded. An :class:`InputError` says what to do about a binary that was
     built for a newer system than this one, or one that needs a library beside it and does not look for it there."""
-    message, newer = f"{archive.name} cannot be loaded: {problem}", NEWER.search(str(problem))
+    message, newer = f"{archive.name} cannot be loaded: {problem}", NEWER_SYSTEM.search(str(problem))
     library = archive.library_file
     if (machine := _machine(library)) not in (None, _machine(Path(sys.executable))):
         message = f"{archive.name} cannot be loaded: its library {library.name} is for another kind of processor "
@@ -261,7 +261,7 @@ def refusal(archive: Archive, problem: Exception) -> BenchmarkError:
         return InputError(
             f"{message}Export it on an older system, or with its sources.", "load", archive.name, newer[1]
         )
-    if (missing := MISSING.search(str(problem))) is not None:
+    if (missing := MISSING_LIBRARY.search(str(problem))) is not None:
         places = [path for path in archive.folder.rglob(missing[1]) if path.is_file()]
         # The loader looks in the system's folders and in the library's RPATH;
         # beside the library it does not look by itself, as Windows does.
