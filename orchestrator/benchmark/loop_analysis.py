@@ -29,6 +29,16 @@ GROWTH = 1e-9
 """A pole is outside the unit circle if it is farther out than this; rounding moves an integrator by less."""
 
 
+SPARSE, DENSE = 25, 25
+"""Rows and columns of blocks: one after the other, then at equal ratios."""
+
+SINGULAR_VALUE_NOISE = 1e-12
+"""Singular values below this, relative to the largest, are rounding."""
+
+MAX_STATES = 40
+"""States that a realization has at most."""
+
+
 class StateSpace(NamedTuple):
     """``x+ = A x + B u``, ``y = C x + D u``, sampled every ``T_s`` [s]; continuous if that is None."""
 
@@ -175,18 +185,6 @@ def step(system: StateSpace, given: int, samples: int) -> np.ndarray:
         outputs[k] = system.C @ x + system.D[:, given]
         x = system.A @ x + u
     return outputs
-
-
-# Imports inside functions: SciPy takes longer to load than all else here.
-
-SPARSE, DENSE = 25, 25
-"""Rows and columns of blocks: one after the other, then at equal ratios."""
-
-SINGULAR_VALUE_NOISE = 1e-12
-"""Singular values below this, relative to the largest, are rounding."""
-
-MAX_STATES = 40
-"""States that a realization has at most."""
 
 
 def realizations(impulse: np.ndarray, T_s: float) -> Iterator[StateSpace]:

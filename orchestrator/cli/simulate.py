@@ -54,6 +54,9 @@ CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
 """Which case is simulated if no option says so; angles in degrees."""
 
 
+NUMBER = number()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -270,9 +273,6 @@ def _parser() -> argparse.ArgumentParser:
         "--in-sequence", action="store_true", help="for --export-ssp: the tool exchanges in sequence (OMSimulator)"
     )
     return parser
-
-
-NUMBER = number()
 
 
 def add_variation_options(parser: argparse.ArgumentParser) -> None:

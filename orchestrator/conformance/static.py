@@ -35,6 +35,26 @@ MAX_LISTED = 40
 """The same of a list of parameters."""
 
 
+MAX_PER_KIND, MAX_KINDS, MAX_PROBLEM_LENGTH = 3, 10, 500
+"""Problems of one kind that are named, kinds that are, and characters of a problem."""
+
+_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
+
+_QUOTED = r"""'(?:[A-Za-z0-9_!#$%&()*+,./:;<=>?@\[\]^{}|~ -]|\\['"?\\abfnrtv])+'"""
+
+_INDICES = r"(?:\[[0-9]+(?:,[0-9]+)*\])?"
+
+_PART = rf"(?:{_NAME}|{_QUOTED}){_INDICES}"
+
+_IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
+
+STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
+"""Names of the structured convention, FMI 2.0.4, section 2.2.9, and FMI 3.0, section 2.4.7.5.1."""
+
+_OWN_WORDS = re.compile(r"\"[^\"]*\"|'[^']*'|[0-9]+")
+"""What differs between problems of one kind."""
+
+
 def archive_findings(archive: Archive) -> Iterator[Finding]:
     """Version, tool, platforms, capabilities, and what FMPy's validation says."""
     description = archive.description
@@ -172,21 +192,6 @@ def _described(variable: Variable) -> str:
     shape = f"[{variable.size}]" if variable.size > 1 else ""
     start = f" = {', '.join(map(variable.spelled, variable.start))}" if variable.start else ""
     return f"{variable.name}{shape} [{(variable.unit or '?') if variable.is_real else variable.type}]{start}"
-
-
-MAX_PER_KIND, MAX_KINDS, MAX_PROBLEM_LENGTH = 3, 10, 500
-"""Problems of one kind that are named, kinds that are, and characters of a problem."""
-
-_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
-_QUOTED = r"""'(?:[A-Za-z0-9_!#$%&()*+,./:;<=>?@\[\]^{}|~ -]|\\['"?\\abfnrtv])+'"""
-_INDICES = r"(?:\[[0-9]+(?:,[0-9]+)*\])?"
-_PART = rf"(?:{_NAME}|{_QUOTED}){_INDICES}"
-_IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
-STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
-"""Names of the structured convention, FMI 2.0.4, section 2.2.9, and FMI 3.0, section 2.4.7.5.1."""
-
-_OWN_WORDS = re.compile(r"\"[^\"]*\"|'[^']*'|[0-9]+")
-"""What differs between problems of one kind."""
 
 
 def validation_problems(file: Path, description: ModelDescription) -> list[str]:

@@ -35,6 +35,14 @@ ROOT = Path(build_fmus.__file__).resolve().parent
 logger = logging.getLogger(__name__)
 
 
+PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
+
+DEFAULT_IN_C = "DiagonalPID_C"
+
+PROOF_CASE = "c07.random_1.disturbance"
+"""The case in which a twin proves equal."""
+
+
 def built_in(name: str) -> Path:
     """Path of the FMU ``name`` of :data:`build_fmus.NAMES`; it is built if it is missing, or its sources, pythonfmu or
     the compiler's command have changed, or it is not what its folder's name says, the SHA-256 of its bytes.
@@ -67,15 +75,6 @@ def built_in(name: str) -> Path:
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
-DEFAULT_IN_C = "DiagonalPID_C"
-
-PROOF_CASE = "c07.random_1.disturbance"
-"""The case in which a twin proves equal."""
-
-logger = logging.getLogger(__name__)
 
 
 def fastest_plant() -> Archive:

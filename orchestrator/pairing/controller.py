@@ -26,6 +26,15 @@ from ..loop.setup import Setup
 from ..views.table import Cell, Column, Note, Part, Summary, Table, Value
 from .built_in import DEFAULT_CONTROLLER, built_in, fastest_default
 
+IN_C = {
+    "DiagonalPID": "DiagonalPID_C",
+    "TunedPID": "DiagonalPID_C",
+    "DitheredLQG": "DitheredLQG_C",
+    "ManipulatorLQG": "",
+}
+"""The references, each with the FMU in C that can take its place: the same to the last bit for the PIDs, up to rounding
+for the LQG."""
+
 
 @dataclass(frozen=True)
 class Controller(Displayable):
@@ -174,16 +183,6 @@ def _check_finite(parameters: Mapping[str, Scalar]) -> None:
             raise InputError(
                 f"The value of the parameter {name}, {value}, is not a finite number.", "not-finite", name, value
             )
-
-
-IN_C = {
-    "DiagonalPID": "DiagonalPID_C",
-    "TunedPID": "DiagonalPID_C",
-    "DitheredLQG": "DitheredLQG_C",
-    "ManipulatorLQG": "",
-}
-"""The references, each with the FMU in C that can take its place: the same to the last bit for the PIDs, up to rounding
-for the LQG."""
 
 
 def reference(name: str) -> Controller:

@@ -58,6 +58,10 @@ OnEvent = Callable[[Event], None]
 """Called with each event of a study."""
 
 
+MAX_RECORDING_BYTES = 1 << 22
+"""Bytes of the largest recording, whose signals are thinned out."""
+
+
 @dataclass
 class _Spent:
     """What simulations have taken so far, as in :class:`.Instant`."""
@@ -184,10 +188,6 @@ def can_fence() -> bool:
         message = f"The sandbox of this machine allows what it must not: {', '.join(leaking)}. Nothing is certified."
         raise InputError(message, "leaky-sandbox")
     return True
-
-
-MAX_RECORDING_BYTES = 1 << 22
-"""Bytes of the largest recording, whose signals are thinned out."""
 
 
 def record_shown(shown: Sequence[CaseToShow], pairing: Pairing, workers: int) -> tuple[Recording, ...]:

@@ -26,6 +26,15 @@ from ..search.candidates import Trial, measured, trial
 from ..search.proposals import GENERATION, Proposals
 from .requests import Requests, Tell, TrialDone, side_by_side
 
+JUDGED_EVERY = 4
+"""Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
+
+FINALISTS = 5
+"""Candidates that are tried there at the end, best first."""
+
+FIRST_ADDED = 1000
+"""From where on the configurations of cases that were added are numbered."""
+
 
 def attempt(
     protocol: Protocol,
@@ -69,16 +78,6 @@ def values_of(controller: Controller, names: Iterable[str]) -> dict[str, float]:
         message = f"{controller.name} has no parameter {unknown[0]}. It has: {', '.join(numbers) or 'none'}."
         raise InputError(message, "no-parameter", controller.name, unknown[0], tuple(numbers))
     return numbers
-
-
-JUDGED_EVERY = 4
-"""Generations between two trials of the best candidate on the whole protocol; the first one is that of the start."""
-
-FINALISTS = 5
-"""Candidates that are tried there at the end, best first."""
-
-FIRST_ADDED = 1000
-"""From where on the configurations of cases that were added are numbered."""
 
 
 class CandidateVerdict(NamedTuple):

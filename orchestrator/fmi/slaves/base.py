@@ -29,6 +29,11 @@ Values = Mapping[Variable, Sequence[Scalar]]
 """Values of variables, all elements of each."""
 
 
+NEWER_SYSTEM = re.compile(r"version [`'](GLIBC(?:XX)?_[\w.]+|CXXABI_[\w.]+)' not found")
+
+MISSING_LIBRARY = re.compile(r"([^\s:/]+): cannot open shared object file")
+
+
 class Slave(ABC):
     """One loaded FMU, of which one instance at a time is alive.
 
@@ -239,10 +244,6 @@ class Slave(ABC):
         """Call a method of the FMPy object."""
         with self._reported(function.__name__):
             return function(*arguments)
-
-
-NEWER_SYSTEM = re.compile(r"version [`'](GLIBC(?:XX)?_[\w.]+|CXXABI_[\w.]+)' not found")
-MISSING_LIBRARY = re.compile(r"([^\s:/]+): cannot open shared object file")
 
 
 def refusal(archive: Archive, problem: Exception) -> BenchmarkError:
