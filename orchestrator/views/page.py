@@ -18,15 +18,23 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..text import printable
-from .table import Beside, Headline, Page, Plot, Summary, Table, shown
-from .units import heading, number
+from .echarts import Pool, arm_data, heat_data, motion_data, plot_data
+from .plot import Arm, Heat, Motion, Plot
+from .table import Headline, Page, Summary, Table, shown
+from .units import number
 
 FILES = resources.files(__package__) / "templates"
 
 LIBRARY = "echarts.common.min.js"
 
-FIRST, LAST = ("page.js", "charts.js"), ("plot.js", "start.js")
-"""Scripts of every page, before and after its own."""
+SCRIPTS: Mapping[str, tuple[type, ...]] = {
+    "page.js": (object,),
+    "plot.js": (object,),
+    "heat.js": (Heat,),
+    "arm.js": (Arm, Motion),
+    "motion.js": (Motion,),
+}
+"""The scripts of a page, in their order: those of the parts that it has."""
 
 MOST = 20
 """Rows of a table that a notebook shows; the others are counted."""
@@ -37,18 +45,32 @@ SCALE_END = 1.15
 
 def page_html(page: Page) -> str:
     """The page as one HTML file, which needs no network."""
-    program = "\n".join(_text(name) for name in (*FIRST, *page.scripts, *LAST))
+    parts = page.parts
+    names = (name for name, kinds in SCRIPTS.items() if any(isinstance(part, kinds) for part in parts))
+    program = "\n".join(map(_text, names))
     library = _text(LIBRARY)
-    plots = [_plot(part) for panel in page.panels for part in _flat(panel.parts) if isinstance(part, Plot)]
     return _filled(
         "page.html",
         page=page,
         style=Markup(_text("style.css")),
         library=Markup(library),
         program=Markup(program),
-        data=Markup(script_json({**page.payload(), "plots": plots})),
+        data=Markup(script_json(page_data(page))),
         policy=_policy(library, program),
     )
+
+
+def page_data(page: Page) -> dict[str, Any]:
+    """What the scripts of a page are given: what they draw, by its id, and the columns and texts that it is made of."""
+    pool, parts = Pool(), page.parts
+    return {
+        "plots": {part.id: plot_data(part, pool) for part in parts if isinstance(part, Plot)},
+        "heats": {part.id: heat_data(part) for part in parts if isinstance(part, Heat)},
+        "arms": {part.id: arm_data(part) for part in parts if isinstance(part, Arm)},
+        "motions": {part.id: motion_data(part, pool) for part in parts if isinstance(part, Motion)},
+        "columns": list(pool.columns),
+        "texts": list(pool.texts),
+    }
 
 
 def fragment(summary: Summary, image: bytes = b"") -> str:
@@ -84,7 +106,6 @@ def _environment() -> Environment:
     made.filters["number"] = number
     made.globals |= {"kind": lambda part: type(part).__name__, "shown": shown, "marked": _marked, "placed": _placed}
     made.globals["MOST"] = MOST
-    made.globals["widget"] = lambda part: Markup(_filled(part.template, **part.values))
     return made
 
 
@@ -103,37 +124,6 @@ def _placed(part: Headline) -> dict[str, Any]:
     return {
         "place": None if part.value is None else 100 * part.value / end,
         "marks": [{"name": name, "value": f"{mark:.4g}", "place": 100 * mark / end} for name, mark in part.marks],
-    }
-
-
-def _flat(parts: Any) -> list[Any]:
-    """Parts, those beside each other one by one."""
-    found: list[Any] = []
-    for part in parts:
-        found += [each for column in part.columns for each in _flat(column)] if isinstance(part, Beside) else [part]
-    return found
-
-
-def _plot(plot: Plot) -> Mapping[str, Any]:
-    """What the script that draws plots is given: values in the units they are shown in."""
-    right, up = plot.x.unit.factor, plot.y.unit.factor
-    return {
-        "id": plot.id,
-        "title": plot.title,
-        "x": heading(plot.x.name, plot.x.unit),
-        "y": heading(plot.y.name, plot.y.unit),
-        "levels": [[name, value * up] for name, value in plot.levels],
-        "marked": plot.marked,
-        "logarithmic": plot.logarithmic,
-        "series": [
-            {
-                "name": each.name,
-                "x": [value * right for value in each.x],
-                "y": [None if value is None else value * up for value in each.y],
-                "marked": list(each.marked or [False] * len(each.x)),
-            }
-            for each in plot.series
-        ],
     }
 
 
