@@ -27,7 +27,7 @@ def draw(figure: Figure, links: Pair, rest: Pair, q_a: Pair, words: str) -> None
     lines = tuple(Line("", *joints(links, angles), hue, width=width, symbol="ring") for angles, hue, width in looks)
     x, z = (Axis(name, METRE, -reach, reach) for name in "xz")
     plot = Plot("arm", f"{words}, deviation x {MAGNIFIED:g}", x, z, lines, square=True)
-    drawing.figure(plot, into=figure, titles=True)
+    drawing.figure(plot, into=figure, titles=True, font=9.0)
 
 
 def joints(links: Pair, q_a: Pair) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -101,7 +101,7 @@ def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Fi
         Plot("error", title, time, Axis("TCP position error", MILLIMETRE), (error,), window=window, group="time"),
         Plot("torque", "", time, Axis("Motor torque", TORQUE), torques, window=window, group="time"),
     )
-    return drawing.figure([[plot] for plot in plots], (8, 6), figure, titles=True)
+    return drawing.figure([[plot] for plot in plots], (8, 6), figure, titles=True, font=10.0)
 
 
 def write_plot(figure: Figure, file: Path) -> None:

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ..text import printable
 from .plot import Axis, Bars, Colour, Heat, Layer, Level, Line, Numbers, Plot, Scatter, Series, Symbol
-from .units import number
+from .units import DEGREE, number
 
 STYLE: Any = {
     "font.size": 8,
@@ -101,18 +101,20 @@ def figure(
     *,
     titles: bool = False,
     common: bool = False,
+    font: float = 8.0,
 ) -> Figure:
     """Plots in rows, drawn into a figure of this ``size`` [inch] or ``into`` another; those above each other have one x
-    axis if they are zoomed together. ``titles`` stand above the plots, and one legend above all if it is ``common``."""
+    axis if they are zoomed together. ``titles`` stand above the plots, and one legend above all if it is ``common``;
+    ``font`` is the size of letters [pt]."""
     rows = [[plots]] if isinstance(plots, Plot | Heat) else plots
-    with rc_context(STYLE):
+    with rc_context({**STYLE, "font.size": font}):
         made = into or Picture(figsize=size, layout="constrained")
         together = len(rows) > 1 and all(isinstance(one, Plot) and one.group for row in rows for one in row)
         grid = made.subplots(len(rows), len(rows[0]), squeeze=False, sharex="col" if together else False)
         for axes, one in zip(grid.flat, (one for row in rows for one in row), strict=True):
             draw(axes, one)
             if titles:
-                axes.set_title(one.title, fontsize=8, parse_math=False)
+                axes.set_title(one.title, fontsize=font, parse_math=False)
             if not common and not titles:
                 _legend_above(axes)
             elif not common:
@@ -159,7 +161,7 @@ def _draw_series(axes: Axes, plot: Plot, series: Series, label: str, bars: Seque
                 linestyle=DASHES[series.dash],
                 linewidth=POINTS * series.width,
                 drawstyle="steps-post" if series.step else "default",
-                **_marker(series.symbol, 3.0),
+                **_marker(series.symbol, max(3.0, 0.9 * series.width), "w"),
                 label=label,
                 zorder=4 if series.above else 2 if series.faint else 3,
                 solid_capstyle="butt" if series.labels else "round",
@@ -168,7 +170,7 @@ def _draw_series(axes: Axes, plot: Plot, series: Series, label: str, bars: Seque
         case Scatter():
             look = {"color": PALETTE[series.colour], "linestyle": "none", **_marker(series.symbol, series.size / 2)}
             if series.hollow:
-                look["fillstyle"] = "none"
+                look["markerfacecolor"] = "none"
             x, y = _shown(series.x, plot.x), _shown(series.y, plot.y)
             if series.deviation:
                 sizes = _shown(series.deviation, plot.y)
@@ -185,12 +187,9 @@ def _shown(values: Numbers, axis: Axis) -> np.ndarray:
     return axis.unit.factor * np.array([math.nan if value is None else value for value in values], dtype=float)
 
 
-def _marker(symbol: Symbol, size: float) -> dict[str, Any]:
-    return {
-        "marker": MARKERS[symbol] or "none",
-        "markersize": size,
-        "fillstyle": "none" if symbol in HOLLOW else "full",
-    }
+def _marker(symbol: Symbol, size: float, inside: str = "none") -> dict[str, Any]:
+    look = {"marker": MARKERS[symbol] or "none", "markersize": size}
+    return {**look, "markerfacecolor": inside} if symbol in HOLLOW else look
 
 
 def _draw_labels(axes: Axes, plot: Plot, line: Line) -> None:
@@ -245,6 +244,8 @@ def _scale(axes: Axes, plot: Plot) -> None:
             scale.set_ticks(range(len(axis.names)), [symbols(words) for words in axis.names])
             low, high = -0.5, len(axis.names) - 0.5
         axes.set(**{f"{name}lim": (high, low) if axis.inverse else (low, high)})
+        if axis.unit == DEGREE:
+            scale.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
         if axis.logarithmic and max(scale.get_view_interval()) < DECADES * min(scale.get_view_interval()):
             scale.set(major_locator=LogLocator(subs=(1, 2, 5)), minor_locator=NullLocator())
             scale.set_major_formatter("{x:g}")
@@ -292,7 +293,7 @@ def symbols(words: str) -> str:
 
 def _legend_above(axes: Axes) -> None:
     """A legend that covers nothing of what is drawn, wherever that is; of one entry there is none."""
-    names = axes.get_legend_handles_labels()[1]
+    names = [re.sub(r"[${}\\]", "", name) for name in axes.get_legend_handles_labels()[1]]
     if len(names) > 1:
         columns = 2 if max(map(len, names)) <= LONGEST else 1  # else the layout would make room for it beside the axes
         axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)

@@ -76,7 +76,6 @@ def plot_data(plot: Plot, pool: Pool) -> dict[str, Any]:
         "text": plot.words,
         "unit": plot.x.unit.shown if plot.flat else plot.y.unit.shown,
         "windows": [_window(plot, window) for window in plot.windows],
-        "window": _window(plot, plot.window or Window("")),
         "group": plot.group,
         "square": plot.square,
         "rows": [len(plot.y.names), plot.height] if plot.flat else None,
@@ -84,9 +83,14 @@ def plot_data(plot: Plot, pool: Pool) -> dict[str, Any]:
     }
 
 
-def _window(plot: Plot, window: Window) -> dict[str, Any]:
-    ends = None if window.x is None else [plot.x.shown(end) for end in window.x]
-    return {"x": ends, "y": [None if end is None else plot.y.shown(end) for end in window.y]}
+def _window(plot: Plot, window: Window | None) -> dict[str, Any]:
+    """From and to on both axes, as far as they are given."""
+    shown = window or Window("")
+    x = None if shown.x is None else [plot.x.shown(end) for end in shown.x]
+    ends = (
+        given if given is not None else whole for given, whole in zip(shown.y, (plot.y.low, plot.y.high), strict=True)
+    )
+    return {"x": x, "y": [None if end is None else plot.y.shown(end) for end in ends]}
 
 
 def option(plot: Plot, pool: Pool) -> dict[str, Any]:
@@ -189,13 +193,13 @@ def _axis(axis: Axis, bars: bool) -> dict[str, Any]:
             return made | {"type": "category", "data": list(axis.names)}
         return made | {"min": -0.5, "max": count - 0.5, "interval": 0.5, "axisTick": {"show": False}}
     # The end of an axis is seldom round: a label there would stand unevenly beside the others.
-    narrow = axis.logarithmic and low is not None and high is not None and high < 10.0 * low  # else without a label
-    label |= {"showMinLabel": narrow or _round(low), "showMaxLabel": narrow or _round(high)}
+    if not axis.logarithmic:  # one that is has few labels
+        label |= {"showMinLabel": _round(low), "showMaxLabel": _round(high)}
     return made
 
 
 def _round(end: float | None) -> bool:
-    return end is None or math.isclose(float(f"{end:.1g}"), end)
+    return end is None or end == 0.0 or (abs(end) >= 1.0 and math.isclose(float(f"{end:.1g}"), end))
 
 
 UNEVEN = {"color": "@soft", "hideOverlap": True, "showMinLabel": False, "showMaxLabel": False}
@@ -203,26 +207,31 @@ UNEVEN = {"color": "@soft", "hideOverlap": True, "showMinLabel": False, "showMax
 
 
 def _windowed(plot: Plot) -> dict[str, Any]:
-    """The axis that is zoomed: from the first value to the last."""
-    ends = {} if plot.square else {"min": "dataMin", "max": "dataMax"}
-    return {**ends, "axisLabel": UNEVEN, "axisPointer": {"label": {"precision": 4}}}
+    """The axis that is zoomed: from the first value to the last; that of a square from and to what is in sight."""
+    ends: Any = ("dataMin", "dataMax")
+    if plot.square:
+        ends = _window(plot, plot.window)["x"] or (None, None)
+    return {"min": ends[0], "max": ends[1], "axisLabel": UNEVEN, "axisPointer": {"label": {"precision": 4}}}
 
 
 def _room(plot: Plot) -> dict[str, Any]:
-    if plot.square:
-        return {"axisLabel": UNEVEN}
-    free = plot.zoom and not plot.names and plot.y.high is None and not plot.y.logarithmic
-    return {"boundaryGap": [0, "12%"]} if free else {}
+    """How far the vertical axis goes: to what is in sight at first, or a little beyond the values."""
+    low, high = _window(plot, plot.window)["y"]
+    if not plot.zoom:
+        return {}
+    return {"min": low, "max": high, **({"axisLabel": UNEVEN} if plot.square else {"boundaryGap": [0, "12%"]})}
 
 
 def _zoom(plot: Plot) -> list[dict[str, Any]]:
-    inside = {"type": "inside", "zoomOnMouseWheel": "ctrl", "moveOnMouseWheel": False}
+    inside: dict[str, Any] = {"type": "inside", "zoomOnMouseWheel": "ctrl", "moveOnMouseWheel": False}
     if not plot.zoom:
         return []
     if plot.square:
         return [{**inside, "filterMode": "none", f"{axis}AxisIndex": 0} for axis in "xy"]
     look = {"bottom": 10, "height": 22, "brushSelect": False, "labelPrecision": 2, "textStyle": {"color": "@soft"}}
-    return [inside, {"type": "slider", **look}]
+    begin, end = _window(plot, plot.window)["x"] or (None, None)
+    shown = {} if begin is None else {"startValue": begin, "endValue": end}
+    return [{**inside, **shown}, {"type": "slider", **look, **shown}]
 
 
 def _series(plot: Plot, one: Series, pool: Pool) -> dict[str, Any]:

@@ -129,6 +129,20 @@ def test_targets_are_in_sight_wherever_one_looks(open_page, size, scheme):
         assert dashes(page, f"overlay-{criterion}-error", target) > 5, criterion
 
 
+def test_the_path_of_the_tcp_is_a_circle_that_buttons_enlarge(open_page):
+    page = open_page(report())
+    show(page, "case")
+    page.locator("#pick-case").select_option("0")
+    path, ends = shown(page, "path"), {}
+    for name in ("Settled TCP", "Largest error"):
+        page.locator("#case button:visible", has_text=name).click()
+        corners = page.evaluate(f"[[-1, -1], [1, 1]].map((end) => {chart(path)}.convertToPixel('grid', end))")
+        (left, bottom), (right, top) = corners
+        assert right - left == pytest.approx(bottom - top, rel=0.01)
+        ends[name] = right - left
+    assert ends["Settled TCP"] > 10 * ends["Largest error"]
+
+
 def test_lines_are_not_broken_where_they_leave_the_chart(open_page):
     """A view that ends below the peak still holds every sample in its times."""
     page = open_page(report())

@@ -93,21 +93,18 @@ function drawPlot(place) {
   made.setOption(option, { notMerge: true });
   made.group = given.group;
   if (given.group) echarts.connect(given.group);
-  zoomTo(made, given.window);
   $(`#${place.id}-text`).textContent = given.text;
   place.setAttribute("role", "img");
   place.setAttribute("aria-label", given.text);
 }
 
-/** Show the part of a chart from and to on `x` and `y`, as far as they are given. */
-function zoomTo(made, { x, y: [low, high] = [null, null] }) {
-  if (x && made.getOption().dataZoom.length && !made.getOption().dataZoom.some((zoom) => zoom.yAxisIndex)) {
-    made.dispatchAction({ type: "dataZoom", batch: [0, 1].map((dataZoomIndex) => ({ dataZoomIndex, startValue: x[0], endValue: x[1] })) });
-  } else if (x) {
-    made.setOption({ xAxis: { min: x[0], max: x[1] } });
+/** Show the part of a chart from and to on `x` and `y`; an end of y that is not given is where the values end. */
+function zoomTo(made, { x, y: [low, high] }) {
+  if (data.plots[made.getDom().id].square) made.setOption({ xAxis: { min: x[0], max: x[1] }, yAxis: { min: low, max: high } });
+  else {
+    made.setOption({ yAxis: { min: low, max: high } });
+    if (x) made.dispatchAction({ type: "dataZoom", batch: [0, 1].map((dataZoomIndex) => ({ dataZoomIndex, startValue: x[0], endValue: x[1] })) });
   }
-  if (low !== null || high !== null || made.heightened) made.setOption({ yAxis: { min: low, max: high } });
-  made.heightened = low !== null || high !== null;
 }
 
 document.addEventListener("click", ({ target }) => {
