@@ -36,7 +36,6 @@ from orchestrator.views.latex import CHARACTER, GAP, TEXT_WIDTH, latex
 from orchestrator.views.markdown import markdown
 from orchestrator.views.page import fragment, page_html, script_json
 from orchestrator.views.plot import (
-    Arm,
     Axis,
     Band,
     Bars,
@@ -44,9 +43,10 @@ from orchestrator.views.plot import (
     Layer,
     Level,
     Line,
-    Motion,
     Moved,
+    MovingArm,
     Plot,
+    PosedArm,
     Scatter,
     Window,
 )
@@ -282,9 +282,9 @@ PLOTS = (
     Plot("names", EVIL, Axis(names=(EVIL, "b")), Axis(EVIL), (POINTS, Line("", (0, 1), (1, 2), labels=(EVIL, "")))),
 )
 HEAT = Heat("map", EVIL, Axis(EVIL, names=(EVIL,)), Axis(names=("a", EVIL)), (Layer(EVIL, (1.0, None)),), (EVIL, None))
-ARM = Arm("arm", (1.0, 1.0), "map", ((0.0, 1.0), None))
+ARM = PosedArm("arm", (1.0, 1.0), "map", ((0.0, 1.0), None))
 MOVED = Moved(EVIL, (0.1, 0.2), np.zeros((2, 5)), np.zeros((2, 3)), 1.0, (3.0, 4.0), (0.1, 0.2), ((EVIL, 0.0),))
-MOTION = Motion("motion", "chosen", (1.0, 1.0), (("limit", 7e-3),), (MOVED,))
+MOTION = MovingArm("motion", "chosen", (1.0, 1.0), (("limit", 7e-3),), (MOVED,))
 CHOICE = Choice("chosen", EVIL, ((EVIL, PLOTS[:1]), ("other", (Note(EVIL),))))
 WHOLE = Page(
     EVIL,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..benchmark.results import Rules
-from ..views.plot import Axis, Band, Colour, Dash, Level, Line, Motion, Moved, Plot, Window, hue
+from ..views.plot import Axis, Band, Colour, Dash, Level, Line, Moved, MovingArm, Plot, Window, hue
 from ..views.table import Beside, Choice, Commands, Note, Part
 from ..views.units import MILLIMETRE, SECOND, TORQUE, number
 from .recording import Recording, thin
@@ -419,7 +419,7 @@ def motion(
     )  # fmt: skip
     moved = tuple(_moved(entry, rules) for entry in entries)
     options = tuple(("", _again(command)) for command in commands)
-    return Motion("motion-of-case", "case", links, circles, moved), Choice("case", "", options, _first(entries))
+    return MovingArm("motion-of-case", "case", links, circles, moved), Choice("case", "", options, _first(entries))
 
 
 def _again(command: str) -> tuple[Part, ...]:

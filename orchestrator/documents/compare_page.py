@@ -50,9 +50,9 @@ def panels(named: Named, everything: Sequence[tuple[str, Comparable]] = ()) -> t
             made.append(Panel("difference", "Workspace", workspace.parts(first.plant, first.rules, scores)))
         made.append(Panel("overlay", "Worst cases", (_overlay(runs),)))
     spreads = {
-        f"{place}. {name}": each
-        for place, (name, each) in enumerate(named.get(Spread.KIND, ()), start=1)
-        if isinstance(each, Spread)
+        f"{place}. {name}": document
+        for place, (name, document) in enumerate(named.get(Spread.KIND, ()), start=1)
+        if isinstance(document, Spread)
     }
     if spreads:
         made.append(Panel("seeds", "Seeds", (seeds(spreads, {label: place for place, label in enumerate(spreads)}),)))
@@ -63,9 +63,9 @@ def labelled(named: Named) -> dict[str, Evaluation]:
     """The evaluations, which stand in the order of the first leaderboard, with their rank there before the name: by it
     they are told apart where names are cut."""
     runs: dict[str, Evaluation] = {}
-    for place, (name, each) in enumerate(named.get(Evaluation.KIND, ()), start=1):
-        if isinstance(each, Evaluation):
-            runs[f"({place}) {name}" if each.rank.reason else f"{place}. {name}"] = each
+    for place, (name, document) in enumerate(named.get(Evaluation.KIND, ()), start=1):
+        if isinstance(document, Evaluation):
+            runs[f"({place}) {name}" if document.rank.reason else f"{place}. {name}"] = document
     return runs
 
 
@@ -139,11 +139,11 @@ def bounds(everything: Sequence[tuple[str, Comparable]]) -> list[tuple[str, Comp
     """By controller that was searched or sampled, what is known of its V: of scorecards, of a search's list, what a
     search found (at least), and the quantile that a sample bounds."""
     rows: list[tuple[str, Comparable, list[Mark]]] = []
-    for name, each in everything:
-        row = next((row for row in rows if same_controller(row[1].head, each.head)), None)
+    for name, document in everything:
+        row = next((row for row in rows if same_controller(row[1].head, document.head)), None)
         if row is None:
-            rows.append(row := (name, each, []))
-        row[2].extend(_marks(each))
+            rows.append(row := (name, document, []))
+        row[2].extend(_marks(document))
     return [row for row in rows if any(mark.kind in ("found", "sampled") for mark in row[2])]
 
 
@@ -166,12 +166,14 @@ def _bounds(rows: Sequence[tuple[str, Comparable, list[Mark]]]) -> Plot:
     target = rows[0][1].head.rules.cost.target
     series = []
     for kind, (name, symbol, colour) in LOOKS.items():
-        marks = [(mark, float(place)) for place, (_, _, own) in enumerate(rows) for mark in own if mark.kind == kind]
+        marks = [
+            (mark, float(place)) for place, (_, _, listed) in enumerate(rows) for mark in listed if mark.kind == kind
+        ]
         words = tuple(f"{mark.words}: V {number(mark.V)}" for mark, _ in marks)
         values, places = [mark.V for mark, _ in marks], [place for _, place in marks]
         series.append(Scatter(name, values, places, colour, symbol, 14.0, words))
-    told = (f"{name}: {'; '.join(f'{number(mark.V)} {mark.words}' for mark in own)}" for name, _, own in rows)
-    high = _reaching(target, (mark.V for _, _, own in rows for mark in own))
+    told = (f"{name}: {'; '.join(f'{number(mark.V)} {mark.words}' for mark in listed)}" for name, _, listed in rows)
+    high = _reaching(target, (mark.V for _, _, listed in rows for mark in listed))
     return Plot(
         "bounds-chart",
         "V, found and sampled",
@@ -192,7 +194,7 @@ def _overlay(runs: Mapping[str, Evaluation]) -> Part:
     rules = next(iter(runs.values())).results.rules
     options = []
     for name in ("B5", "B6", "B7"):
-        shown = {label: next(iter(run.recorded(name)), None) for label, run in runs.items()}
+        shown = {label: next(reversed(run.recorded(name)), None) for label, run in runs.items()}
         if any(shown.values()):
             options.append((f"{name}, {rules.criteria[name].title.lower()}", _worst(name, rules, runs, shown)))
     return Choice("which", "Worst case of", tuple(options)) if options else Note(
@@ -282,14 +284,14 @@ def seeds(spreads: Mapping[str, Spread], looks: Mapping[str, int]) -> Plot:
 def _seeds(label: str, spread: Spread, targets: Mapping[str, float], look: int, shift: float) -> Scatter:
     """The points of one controller, beside those of the others."""
     values: Mapping[str, Statistic] = {"V": spread.cost, **spread.criteria}
-    known = [(at, name, values[name]) for at, name in enumerate(targets) if values[name].mean is not None]
-    means = [(value.mean or 0.0) / targets[name] for _, name, value in known]
-    deviations = tuple((value.deviation or 0.0) / targets[name] for _, name, value in known)
+    shown = [(at, name, values[name]) for at, name in enumerate(targets) if values[name].mean is not None]
+    means = [(value.mean or 0.0) / targets[name] for _, name, value in shown]
+    deviations = tuple((value.deviation or 0.0) / targets[name] for _, name, value in shown)
     words = (
         f"{name} {number(mean)} ± {number(deviation)}"
-        for (_, name, _), mean, deviation in zip(known, means, deviations, strict=True)
+        for (_, name, _), mean, deviation in zip(shown, means, deviations, strict=True)
     )
-    x = [at + shift for at, _, _ in known]
+    x = [at + shift for at, _, _ in shown]
     return Scatter(label, x, means, hue(look), shape(look), 7.0, tuple(words), deviations)
 
 

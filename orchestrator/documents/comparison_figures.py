@@ -42,11 +42,11 @@ def write_comparison(
 
     Returns the names of the figures written, without endings, and of the others.
     """
-    listed = [(_short(name), each) for entries in named.values() for name, each in entries]
+    listed = [(_short(name), document) for entries in named.values() for name, document in entries]
     looks = {name: place for place, name in enumerate(dict.fromkeys(name for name, _ in listed))}
-    runs = {name: each for name, each in listed if isinstance(each, Evaluation)}
-    spreads = {name: each for name, each in listed if isinstance(each, Spread)}
-    searches = {name: each for name, each in listed if isinstance(each, Robustness)}
+    runs = {name: document for name, document in listed if isinstance(document, Evaluation)}
+    spreads = {name: document for name, document in listed if isinstance(document, Spread)}
+    searches = {name: document for name, document in listed if isinstance(document, Robustness)}
     drawings: Mapping[str, Callable[[], Figure | None]] = {
         "comparison_time": partial(over_time, runs, looks),
         "comparison_radius": partial(radii, searches, [*runs.values(), *spreads.values()], looks),
@@ -96,7 +96,7 @@ def _column(
 def radii(searches: Mapping[str, Robustness], cards: Sequence[Evaluation | Spread], looks: Looks) -> Figure | None:
     """V over the factor on the tolerances of Table 1 at which A1 to A3 fail: right and low is better. A line leads from
     V of the scorecard to V that the search found."""
-    series = [one for name, found in searches.items() for one in _radius(name, found, cards, looks[name])]
+    series = [one for name, search in searches.items() for one in _radius(name, search, cards, looks[name])]
     if not series:
         return None
     target = next(iter(searches.values())).rules.cost.target
@@ -106,19 +106,19 @@ def radii(searches: Mapping[str, Robustness], cards: Sequence[Evaluation | Sprea
     return drawing.figure(Plot("radius", "", x, y, tuple(series), levels), (ONE_COLUMN, 70 * MM))
 
 
-def _radius(name: str, found: Robustness, cards: Sequence[Evaluation | Spread], look: int) -> list[Line | Scatter]:
-    radius = found.radius
+def _radius(name: str, search: Robustness, cards: Sequence[Evaluation | Spread], look: int) -> list[Line | Scatter]:
+    radius = search.radius
     if radius is None:
         return []
-    card = next((each.V for each in cards if same_controller(each.head, found.head)), None)
+    card = next((other.V for other in cards if same_controller(other.head, search.head)), None)
     at = radius.limit if radius.stability is None else radius.stability
     symbol = "right" if radius.stability is None else compare_page.shape(look)
-    known = [value for value in (card, found.cost) if value is not None]
-    points: list[Line | Scatter] = [Line("", [at] * len(known), known, hue(look))]
+    values = [value for value in (card, search.cost) if value is not None]
+    points: list[Line | Scatter] = [Line("", [at] * len(values), values, hue(look))]
     if card is not None:
-        points.append(Scatter(name if found.cost is None else "", [at], [card], hue(look), symbol, 10.0, hollow=True))
-    if found.cost is not None:
-        points.append(Scatter(name, [at], [found.cost], hue(look), symbol, 10.0))
+        points.append(Scatter(name if search.cost is None else "", [at], [card], hue(look), symbol, 10.0, hollow=True))
+    if search.cost is not None:
+        points.append(Scatter(name, [at], [search.cost], hue(look), symbol, 10.0))
     return points
 
 
@@ -131,7 +131,7 @@ def seeds(spreads: Mapping[str, Spread], looks: Looks) -> Figure | None:
 
 def margins(searches: Mapping[str, Robustness], looks: Looks) -> Figure | None:
     """The smallest gain factors and delays [ms] found to fail, of both axes, beside what A1 and A2 ask for."""
-    entries = {name: found for name, found in searches.items() if found.margins}
+    entries = {name: search for name, search in searches.items() if search.margins}
     if not entries:
         return None
     tests = next(iter(entries.values())).rules.tests
@@ -146,9 +146,9 @@ def margins(searches: Mapping[str, Robustness], looks: Looks) -> Figure | None:
 
 def _margins(kind: str, x: Axis, asked: float, entries: Mapping[str, Robustness], looks: Looks) -> Plot:
     series = []
-    for place, (name, found) in enumerate(entries.items()):
+    for place, (name, search) in enumerate(entries.items()):
         for axis in (1, 2):
-            margin = found.margins.get(f"{kind}_{axis}", None)
+            margin = search.margins.get(f"{kind}_{axis}", None)
             series.append(_margin(name, margin, axis - 1 + compare_page.offset(place, len(entries)), looks[name]))
     names = Axis(names=("axis 1", "axis 2"), inverse=True)
     level = Level(asked, "asked for", upright=True)

@@ -127,8 +127,8 @@ def plant_step(plant: StateSpace) -> Figure:
     """Motor angles [rad] of the plant alone after a step of 1 N.m of each torque."""
     lines = []
     for into in AXES:
-        t, found = _step(plant, into)
-        lines += [_response(f"q_m{out + 1} after u_m{into + 1}", t, found[:, out], out, out == into) for out in AXES]
+        t, response = _step(plant, into)
+        lines += [_response(f"q_m{out + 1} after u_m{into + 1}", t, response[:, out], out, out == into) for out in AXES]
     return drawing.figure(Plot("step", "", TIME, Axis("Motor angle", RADIAN), tuple(lines)), ONE)
 
 
@@ -141,12 +141,12 @@ def loop_step(plant: StateSpace, controller: StateSpace) -> Figure:
     loop = analysis.closed(plant, controller)
     follow, tool = [], []
     for axis in AXES:
-        t, found = _step(loop, axis)
+        t, response = _step(loop, axis)
         names = [f"q_m{out + 1} after the reference of axis {axis + 1}" for out in AXES]
-        follow += [_response(names[out], t, found[:, out], out, out == axis) for out in AXES]
+        follow += [_response(names[out], t, response[:, out], out, out == axis) for out in AXES]
         for number, (first, words, size) in enumerate(((2, "u_d%d of 1 Nm", 1.0), (4, "F_%d of 100 N", 100.0))):
-            t, found = _step(loop, first + axis)
-            moved = size * np.hypot(found[:, 2], found[:, 3])
+            t, response = _step(loop, first + axis)
+            moved = size * np.hypot(response[:, 2], response[:, 3])
             tool.append(Line(words % (axis + 1), t, moved, hue(2 * number + axis)))
     plots = (
         Plot("follow", "", TIME, Axis("Motor angle / step"), tuple(follow)),
@@ -162,10 +162,10 @@ def poles(plant: StateSpace, controller: StateSpace | None) -> Figure:
         shown.append(("loop", analysis.closed(plant, controller), "ring"))
     series = []
     for place, (name, system, symbol) in enumerate(shown):
-        found = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
-        found = found[(found.imag >= 0.0) & (np.abs(found) > 2 * math.pi * analysis.LOWEST)]
-        size = np.abs(found)
-        series.append(Scatter(name, -found.real / size, size / (2 * math.pi), hue(place), symbol))
+        values = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
+        values = values[(values.imag >= 0.0) & (np.abs(values) > 2 * math.pi * analysis.LOWEST)]
+        size = np.abs(values)
+        series.append(Scatter(name, -values.real / size, size / (2 * math.pi), hue(place), symbol))
     x = Axis("Damping ratio (negative: unstable)", high=1.05)
     return drawing.figure(Plot("poles", "", x, FREQUENCY, tuple(series), (Level(0.0, "", upright=True),)), ONE)
 
@@ -197,6 +197,6 @@ def _decibels(values: np.ndarray) -> np.ndarray:
 
 def _phase(values: np.ndarray) -> np.ndarray:
     """Phase [rad] without jumps, which begins between -2 pi and 0."""
-    found = np.unwrap(np.angle(values))
-    shifted: np.ndarray = found - found[0] + found[0] % (-2.0 * math.pi)
+    angles = np.unwrap(np.angle(values))
+    shifted: np.ndarray = angles - angles[0] + angles[0] % (-2.0 * math.pi)
     return shifted

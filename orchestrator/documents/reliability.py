@@ -110,10 +110,10 @@ class Reliability(Document, Comparable, kw_only=True):
 
     def _distribution(self) -> Plot:
         by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
-        found = {"V": (self.cost, self.rules.cost.target)}
-        found |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
+        quantiles = {"V": (self.cost, self.rules.cost.target)}
+        quantiles |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
         series = tuple(
-            _exceeding(name, each, target, place) for place, (name, (each, target)) in enumerate(found.items())
+            _exceeding(name, values, target, place) for place, (name, (values, target)) in enumerate(quantiles.items())
         )
         axes = Axis("value, in times of its target"), Axis("share of the draws that exceed it")
         levels = (Level(self.probability, "probability"),)
@@ -124,13 +124,13 @@ class Reliability(Document, Comparable, kw_only=True):
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
 
 
-def _exceeding(name: str, each: Quantile, target: float, order: int) -> Line:
+def _exceeding(name: str, sample: Quantile, target: float, order: int) -> Line:
     """The share of the draws above values of the sample, of which at most POINTS are shown, evenly chosen."""
-    count = len(each.values)
+    count = len(sample.values)
     places = sorted({round(step * (count - 1) / (POINTS - 1)) for step in range(POINTS)}) if count else []
-    shares = [1.0 - (place + 1) / each.judged for place in places]
-    values = [each.values[place] / target for place in places]
-    return Line(name, values, shares, hue(order), symbol="circle")
+    shares = [1.0 - (place + 1) / sample.judged for place in places]
+    x = [sample.values[place] / target for place in places]
+    return Line(name, x, shares, hue(order), symbol="circle")
 
 
 def reliability_reasons(found: Reliability) -> list[Reason]:

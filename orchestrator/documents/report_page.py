@@ -104,18 +104,18 @@ def _summary(run: Run, shown: Mapping[str, int]) -> tuple[Part, ...]:
 def shares(results: Results) -> Plot:
     """What V consists of: the share of every criterion beside its share on target."""
     scores = results.criteria
-    known = [(name, each.share) for name, each in scores.items() if each.share is not None]
+    valued = [(name, score.share) for name, score in scores.items() if score.share is not None]
     text = "No criterion has a value."
-    if known:
-        name, share = max(known, key=lambda entry: entry[1])
+    if valued:
+        name, share = max(valued, key=lambda entry: entry[1])
         text = (
             f"{name}, {scores[name].title.lower()}, has the largest share of V: {number(share)}, "
             f"{number(share / scores[name].weight)} times its share on target."
         )
-    values = tuple(each.share for each in scores.values())
-    targets = tuple(each.weight for each in scores.values())
+    values = tuple(score.share for score in scores.values())
+    targets = tuple(score.weight for score in scores.values())
     series = Bars("on target", targets, "soft"), Bars("this controller", values, labels=tuple(map(number, values)))
-    names = tuple(f"{name} {each.title}" for name, each in scores.items())
+    names = tuple(f"{name} {score.title}" for name, score in scores.items())
     return Plot(
         "share-chart", "What V consists of", Axis(), Axis(names=names, inverse=True), series, text=text, height=32
     )
@@ -174,14 +174,14 @@ def limit_cycles(results: Results) -> Plot:
     """The limit cycles of all tests with a requirement over the configurations, on a logarithmic scale."""
     cases, limit = tested(results), results.rules.stability.limit_cycle
     tests = list(dict.fromkeys(case.test for case, _ in cases))
-    known = [(case, size) for case, _ in cases if (size := case.measurements.limit_cycle) is not None]
+    sized = [(case, size) for case, _ in cases if (size := case.measurements.limit_cycle) is not None]
     indices = [entry.index for entry in results.configurations]
-    highest = max([limit, *(size for _, size in known)])
+    highest = max([limit, *(size for _, size in sized)])
     micro = MICROMETRE.factor
     x = Axis("Configuration", low=min(indices) - 0.5, high=max(indices) + 0.5)
     top = 10.0 ** math.ceil(math.log10(1.3 * highest * micro)) / micro
     y = Axis("Limit cycle", MICROMETRE, SMALLEST, top, logarithmic=True)
-    series = tuple(_cycles(known, test, place, len(tests)) for place, test in enumerate(tests))
+    series = tuple(_cycles(sized, test, place, len(tests)) for place, test in enumerate(tests))
     failed = sum(passed is False for _, passed in cases)
     words = number(limit, micro)
     text = (
@@ -190,14 +190,14 @@ def limit_cycles(results: Results) -> Plot:
     )
     if not_judged := sum(passed is None for _, passed in cases):
         text += f" {not_judged} not judged: skipped or lost."
-    if unknown := len(cases) - len(known):
+    if unknown := len(cases) - len(sized):
         text += f" {unknown} have no amplitude and stand in the table only."
     return Plot("stability-chart", "", x, y, series, (Level(limit, f"{words} µm"),), text=text, height=380)
 
 
-def _cycles(known: list[tuple[CaseResult, float]], test: str, place: int, count: int) -> Scatter:
+def _cycles(sized: list[tuple[CaseResult, float]], test: str, place: int, count: int) -> Scatter:
     """The limit cycles of one test, beside those of the others."""
-    shown = [(case, size) for case, size in known if case.test == test]
+    shown = [(case, size) for case, size in sized if case.test == test]
     x = [case.configuration.index + (place - (count - 1) / 2) * BESIDE for case, _ in shown]
     words = tuple(f"{case.id}: {number(size, MICROMETRE.factor)} µm" for case, size in shown)
     symbol = SYMBOLS[place % len(SYMBOLS)]

@@ -34,7 +34,7 @@ def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulatio
     """The page; with a single simulation there is nothing to lay over it."""
     parameters = dict(shown[0].case.scenario.parameters)
     recordings = list(map(_recorded, shown))
-    commands = [each.command for each in shown]
+    commands = [one.command for one in shown]
     links = (parameters["l[1]"], parameters["l[2]"])
     panels = (
         *((Panel("overlay", "Overlay", _overlay(shown, recordings, rules)),) if len(shown) > 1 else ()),

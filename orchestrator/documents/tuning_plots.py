@@ -17,8 +17,8 @@ CLIPPED = f"What is worse than {WORST_SHOWN:g} times the best stands at the end 
 
 def bounded(title: str, values: Iterable[float]) -> Axis:
     """An axis for positive values, whose end the worst of them may exceed."""
-    known = list(values)
-    smallest, largest = min(known), max(known)
+    listed = list(values)
+    smallest, largest = min(listed), max(listed)
     low = float(f"{0.95 * smallest:.2g}")
     return Axis(title, low=low, high=float(math.ceil(min(1.05 * largest, WORST_SHOWN * smallest))))
 
@@ -53,12 +53,12 @@ def _kinds(trials: Iterable[Trial], best: Trial | None, place: Place) -> tuple[S
     cut = points("cut short", (trial for trial in listed if trial.cut_short))
     fail = points("A1–A3 fail", (trial for trial in whole if not trial.holds))
     hold = points("A1–A3 hold", (trial for trial in whole if trial.holds))
-    found = points("best", [] if best is None else [best])
+    winner = points("best", [] if best is None else [best])
     kinds = (
         Scatter(*cut[:3], "soft", "circle", 6.0, cut[3], faint=True),
         Scatter(*fail[:3], "bad", "triangle", words=fail[3]),
         Scatter(*hold[:3], "one", "circle", words=hold[3]),
-        Scatter(*found[:3], "good", "diamond", 18.0, found[3]),
+        Scatter(*winner[:3], "good", "diamond", 18.0, winner[3]),
     )
     return tuple(kind for kind in kinds if len(kind.x))
 
@@ -130,23 +130,23 @@ def by_parameter(name: str, place: int, given: Range, trials: Sequence[Trial], b
 
 def trade(trials: Sequence[Trial], best: Trial | None, target: float) -> Plot | None:
     """V against the largest limit cycle relative to what A3 allows; None if no candidate has both."""
-    known = [(trial.cost, trial.cycle, trial) for trial in trials if trial.cost is not None and trial.cycle]
-    if not known:
+    complete = [(trial.cost, trial.cycle, trial) for trial in trials if trial.cost is not None and trial.cycle]
+    if not complete:
         return None
-    axis = bounded("V in the objective", [target, *(cost for cost, _, _ in known)])
+    axis = bounded("V in the objective", [target, *(cost for cost, _, _ in complete)])
     points = _kinds(
-        (trial for _, _, trial in known),
-        best if best in [trial for _, _, trial in known] else None,
+        (trial for _, _, trial in complete),
+        best if best in [trial for _, _, trial in complete] else None,
         lambda trial: (_on(axis, trial.cost or 0.0), trial.cycle or 1.0),
     )
     front: list[tuple[float, float]] = []
-    for cost, cycle, _ in sorted(known, key=lambda row: row[:2]):
+    for cost, cycle, _ in sorted(complete, key=lambda row: row[:2]):
         if not front or cycle < front[-1][1]:
             front.append((cost, cycle))
     line = Line(
         "Pareto front", [_on(axis, V) for V, _ in front], [cycle for _, cycle in front], "accent", width=2.0, step=True
     )
-    sizes = [math.log10(value) for value in (1.0, *(cycle for _, cycle, _ in known))]
+    sizes = [math.log10(value) for value in (1.0, *(cycle for _, cycle, _ in complete))]
     y = Axis(
         "Largest limit cycle / what A3 allows",
         low=10.0 ** math.floor(min(sizes)),
@@ -155,9 +155,9 @@ def trade(trials: Sequence[Trial], best: Trial | None, target: float) -> Plot | 
     )
     told = "" if best is None else f" The best: V = {number(best.cost)}, {number(best.cycle)} times what A3 allows."
     text = (
-        f"V against the largest limit cycle relative to what A3 allows, of the {len(known)} candidates that have both. "
-        f"On the front, no other candidate is better in both.{told} Above 1, A3 holds where the oscillation dies away. "
-        f"{CLIPPED}"
+        f"V against the largest limit cycle relative to what A3 allows, of the {len(complete)} candidates that have "
+        f"both. On the front, no other candidate is better in both.{told} Above 1, A3 holds where the oscillation dies "
+        f"away. {CLIPPED}"
     )
     levels = Level(1.0, "A3"), Level(target, "target", upright=True)
     title = "What a lower V costs in stability"

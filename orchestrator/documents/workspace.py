@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..benchmark.results import ConfigurationScore, Rules
-from ..views.plot import Arm, Axis, Heat, Layer
+from ..views.plot import Axis, Heat, Layer, PosedArm
 from ..views.table import Beside, Part
 from .case_plots import degrees
 from .head import PlantRecord
@@ -25,7 +25,7 @@ def parts(plant: PlantRecord, rules: Rules, scores: Mapping[str, Sequence[Config
     columns = sorted({place.q_a1 for place in places})
     rows = sorted({place.q_a2 for place in places}, reverse=True)
     grid = [next((p for p in places if (p.q_a1, p.q_a2) == (column, row)), None) for row in rows for column in columns]
-    layers = tuple(layer for of, own in scores.items() for layer in _layers(rules, of, own, grid))
+    layers = tuple(layer for of, entries in scores.items() for layer in _layers(rules, of, entries, grid))
     heat = Heat(
         HEAT,
         "",
@@ -37,7 +37,7 @@ def parts(plant: PlantRecord, rules: Rules, scores: Mapping[str, Sequence[Config
         "is better" if len(scores) > 1 else "",
     )
     poses = tuple(None if place is None else (place.q_a1, place.q_a2) for place in grid)
-    return (Beside(((heat,), (Arm(ARM, links(plant), HEAT, poses),)), equal=True),)
+    return (Beside(((heat,), (PosedArm(ARM, links(plant), HEAT, poses),)), equal=True),)
 
 
 def _words(place: ConfigurationScore) -> str:
@@ -49,10 +49,10 @@ def _layers(
 ) -> list[Layer]:
     """V_k and each b_i of one controller over the places of the ``grid``."""
     by_index = {score.index: score for score in scores}
-    own = [None if place is None else by_index.get(place.index) for place in grid]
-    costs = tuple(None if score is None else score.cost for score in own)
+    placed = [None if place is None else by_index.get(place.index) for place in grid]
+    costs = tuple(None if score is None else score.cost for score in placed)
     layers = [Layer("V_k, the cost of a configuration", costs, "V_k", of, rules.cost.target)]
     for number, (name, spec) in enumerate(rules.criteria.items(), start=1):
-        values = tuple(None if score is None else score.relative.get(name) for score in own)
+        values = tuple(None if score is None else score.relative.get(name) for score in placed)
         layers.append(Layer(f"b{number}: {spec.title}, worst value / target", values, f"b{number}", of, 1.0))
     return layers

@@ -86,9 +86,11 @@ def _stages(path: Iterable[Step]) -> list[tuple[str, float, float]]:
 def effects(rules: Rules, name: str, listed: Sequence[Effect]) -> Plot:
     """What each end of a parameter adds to the worst value of a criterion."""
     unit = SHOWN[rules.criteria[name].unit]
-    own = [effect for effect in listed if effect.criterion == name]
-    known = sorted(((-effect.change, effect) for effect in own if effect.change is not None), key=lambda row: -row[0])
-    changes = tuple(change for change, _ in known)
+    chosen = [effect for effect in listed if effect.criterion == name]
+    changed = sorted(
+        ((-effect.change, effect) for effect in chosen if effect.change is not None), key=lambda row: -row[0]
+    )
+    changes = tuple(change for change, _ in changed)
     bars = Bars(
         f"{name} falls by",
         changes,
@@ -99,13 +101,13 @@ def effects(rules: Rules, name: str, listed: Sequence[Effect]) -> Plot:
         f"By how much the worst {name} falls if one parameter alone goes to its other end: + and − are the ends at "
         "which it stands in the worst arm. Where the bar points to the left, the other end is worse."
     )
-    if lost := len(own) - len(known):
+    if lost := len(chosen) - len(changed):
         text += f" For {lost} parameters there is no value."
     return Plot(
         f"effects-{name}",
         "Which parameters matter",
         Axis(f"What this end adds to {name}", unit),
-        Axis(names=tuple(_end_words(effect) for _, effect in known), inverse=True),
+        Axis(names=tuple(_end_words(effect) for _, effect in changed), inverse=True),
         (bars,),
         text=text,
         height=26,
@@ -155,24 +157,24 @@ def ends(
 
 def by_configuration(rules: Rules, configurations: Sequence[ConfigurationFound]) -> Plot:
     """V_k of each configuration: of the list, and with all that was found there."""
-    known = [(entry.found, entry) for entry in configurations if entry.found is not None]
-    more = sum(entry.protocol is not None and found > entry.protocol for found, entry in known)
+    ranked = [(entry.found, entry) for entry in configurations if entry.found is not None]
+    more = sum(entry.protocol is not None and value > entry.protocol for value, entry in ranked)
     text = "No configuration has a value."
-    if known:
-        largest, worst = max(known, key=lambda row: row[0])
+    if ranked:
+        largest, worst = max(ranked, key=lambda row: row[0])
         text = (
             "V_k of eq. (14) by configuration (q_a1 / q_a2): of the list, and with all that was found there. The "
             f"largest is {number(largest)} at {pose_words((worst.q_a1, worst.q_a2))}; the search found more than the "
             f"list at {more} of {len(configurations)}."
         )
-    found = tuple(entry.found for entry in configurations)
+    values = tuple(entry.found for entry in configurations)
     return Plot(
         "configurations-chart",
         "V_k over the workspace",
         Axis("V_k"),
         Axis(names=tuple(pose_words((entry.q_a1, entry.q_a2)) for entry in configurations), inverse=True),
         (
-            Bars("found", found, labels=tuple(map(number, found))),
+            Bars("found", values, labels=tuple(map(number, values))),
             Bars("of the list", tuple(entry.protocol for entry in configurations), "soft"),
         ),
         (Level(rules.cost.target, "target", upright=True),),
@@ -191,15 +193,15 @@ class Held(NamedTuple):
     low_shown: bool = False
 
 
-def margins(rules: Rules, found: Mapping[str, Margin], radius: Radius | None) -> tuple[Plot, ...]:
+def margins(rules: Rules, smallest: Mapping[str, Margin], radius: Radius | None) -> tuple[Plot, ...]:
     """How far the controller holds: the loop gain, the delay, and the tolerances."""
     gain, delay = (max(getattr(test, name) for test in rules.tests) for name in ("gain", "delay"))
     gains, delays, radii = [], [], []
     for axis in (1, 2):
-        if (margin := found.get(f"gain_{axis}")) is not None:
-            down = found[f"gain_{axis}_down"] if f"gain_{axis}_down" in found else Margin(None, 1.0)
+        if (margin := smallest.get(f"gain_{axis}")) is not None:
+            down = smallest[f"gain_{axis}_down"] if f"gain_{axis}_down" in smallest else Margin(None, 1.0)
             gains.append(Held(f"axis {axis}", _end(down), _end(margin), margin.value is None, down.value is not None))
-        if (margin := found.get(f"delay_{axis}")) is not None:
+        if (margin := smallest.get(f"delay_{axis}")) is not None:
             delays.append(Held(f"axis {axis}", 0.0, _end(margin), margin.value is None))
     if radius is not None:
         for name, value in (("V", radius.cost), ("A1 to A3", radius.stability)):
@@ -251,5 +253,5 @@ def _high_words(row: Held, unit: Unit) -> str:
 def _place(axis: Axis, value: float) -> float:
     """Where a value stands on an axis that has both ends, from 0 to 1."""
     assert axis.low is not None and axis.high is not None
-    low, high, at = (math.log(each) if axis.logarithmic else each for each in (axis.low, axis.high, value))
+    low, high, at = (math.log(end) if axis.logarithmic else end for end in (axis.low, axis.high, value))
     return (at - low) / (high - low)

@@ -13,7 +13,22 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .plot import HUES, Arm, Axis, Bars, Colour, Heat, Level, Line, Motion, Plot, Scatter, Series, Symbol, Window
+from .plot import (
+    HUES,
+    Axis,
+    Bars,
+    Colour,
+    Heat,
+    Level,
+    Line,
+    MovingArm,
+    Plot,
+    PosedArm,
+    Scatter,
+    Series,
+    Symbol,
+    Window,
+)
 from .units import MILLIMETRE, number
 
 SYMBOLS: dict[Symbol, str] = {
@@ -95,7 +110,7 @@ def _window(plot: Plot, window: Window | None) -> dict[str, Any]:
 
 def option(plot: Plot, pool: Pool) -> dict[str, Any]:
     """The option of ECharts."""
-    names = list(dict.fromkeys(one.name for one in plot.series))
+    names = list(dict.fromkeys(one.name for one in plot.series if one.name))
     lines = {one.name for one in plot.series if not isinstance(one, Scatter)}
     legend = [{"name": name, **({"icon": "roundRect"} if name in lines else {})} for name in names]
     top = (66 if len(names) > 1 else 40) + (18 if any(level.upright for level in plot.levels) else 0)
@@ -423,12 +438,12 @@ def heat_data(heat: Heat) -> dict[str, Any]:
     }
 
 
-def arm_data(arm: Arm) -> dict[str, Any]:
+def arm_data(arm: PosedArm) -> dict[str, Any]:
     """The arm beside a map."""
     return {"links": arm.links, "heat": arm.heat, "poses": arm.poses}
 
 
-def motion_data(motion: Motion, pool: Pool) -> dict[str, Any]:
+def motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
     """The arm in motion: offsets of the tool in millimetres."""
     return {
         "choice": motion.choice,

@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from ..text import printable
 from .echarts import Pool, arm_data, heat_data, motion_data, plot_data
-from .plot import Arm, Heat, Motion, Plot
+from .plot import Heat, MovingArm, Plot, PosedArm
 from .table import Headline, Page, Summary, Table, shown
 from .units import number
 
@@ -31,8 +31,8 @@ SCRIPTS: Mapping[str, tuple[type, ...]] = {
     "page.js": (object,),
     "plot.js": (object,),
     "heat.js": (Heat,),
-    "arm.js": (Arm, Motion),
-    "motion.js": (Motion,),
+    "arm.js": (PosedArm, MovingArm),
+    "motion.js": (MovingArm,),
 }
 """The scripts of a page, in their order: those of the parts that it has."""
 
@@ -66,8 +66,8 @@ def page_data(page: Page) -> dict[str, Any]:
     return {
         "plots": {part.id: plot_data(part, pool) for part in parts if isinstance(part, Plot)},
         "heats": {part.id: heat_data(part) for part in parts if isinstance(part, Heat)},
-        "arms": {part.id: arm_data(part) for part in parts if isinstance(part, Arm)},
-        "motions": {part.id: motion_data(part, pool) for part in parts if isinstance(part, Motion)},
+        "arms": {part.id: arm_data(part) for part in parts if isinstance(part, PosedArm)},
+        "motions": {part.id: motion_data(part, pool) for part in parts if isinstance(part, MovingArm)},
         "columns": list(pool.columns),
         "texts": list(pool.texts),
     }

@@ -243,7 +243,7 @@ class Heat:
 
 
 @dataclass(frozen=True)
-class Arm:
+class PosedArm:
     """The arm with links of these lengths [m], in the pose of the cell of ``heat`` that is pointed at: link angles
     [rad] by cell, None where there is none."""
 
@@ -273,7 +273,7 @@ class Moved:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MovingArm:
     """The arm with links of these lengths [m] in motion, its deviations magnified; one of ``moved`` is chosen, together
     with the ``choice`` of that id. ``circles`` around the tool have a colour and a radius [m]."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from .plot import Arm, Heat, Motion, Plot
+from .plot import Heat, MovingArm, Plot, PosedArm
 from .units import NONE, Unit, heading, number
 
 VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
@@ -209,7 +209,7 @@ class Choice:
     chosen: int = 0
 
 
-Part = Table | Note | Commands | Facts | Headline | Plot | Heat | Arm | Motion | Beside | Choice
+Part = Table | Note | Commands | Facts | Headline | Plot | Heat | PosedArm | MovingArm | Beside | Choice
 
 
 def flat(parts: Iterable[Part]) -> Iterator[Part]:

@@ -9,7 +9,7 @@ const labelled = (value) => (typeof value === "number" ? String(Number(value.toP
 /** The option with colours of the scheme in use in place of their names. */
 function coloured(value, key = "") {
   if (typeof value === "string") return /olor$/.test(key) && value.startsWith("@") ? colour(value.slice(1)) : value;
-  if (Array.isArray(value)) return key === "data" ? value.map((item) => (item && typeof item === "object" && !Array.isArray(item) ? coloured(item) : Array.isArray(item) ? item.map((end) => coloured(end)) : item)) : value.map((item) => coloured(item, key));
+  if (Array.isArray(value)) return value.map((item) => coloured(item, key));
   if (value === null || typeof value !== "object") return value;
   return Object.fromEntries(Object.entries(value).map(([name, inner]) => [name, coloured(inner, name)]));
 }
@@ -77,9 +77,9 @@ function drawPlot(place) {
   option.textStyle = { fontFamily: getComputedStyle(document.body).fontFamily };
   fit(place, option, given);
   for (const axis of ["x", "y"]) {
-    const own = option[`${axis}Axis`];
+    const scale = option[`${axis}Axis`];
     const names = given.names[axis];
-    if (own.type !== "category") own.axisLabel.formatter = names.length ? (value) => names[value] ?? "" : labelled;
+    if (scale.type !== "category") scale.axisLabel.formatter = names.length ? (value) => names[value] ?? "" : labelled;
   }
   option.tooltip.formatter = option.tooltip.trigger === "item" ? told(given.unit) : undefined;
   option.tooltip.valueFormatter = (value) => (typeof value === "number" ? `${figures(value, 4)} ${given.unit}` : "-");
