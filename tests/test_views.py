@@ -303,6 +303,8 @@ def test_a_page_of_all_parts_escapes_them_and_admits_its_own_scripts_only():
     assert page.elements["script"] == 3 and page.elements["img"] == 0 and page.active == [("href", "#content")]
     assert page.text.count(words(EVIL)) >= 14
     (data,) = map(json.loads, page.data)
+    ids = set(re.findall(r' id="([^"]*)"', html))
+    assert {*data["plots"], *data["heats"], *data["arms"], "stage", "pick-chosen"} <= ids, "every part has its place"
     assert [part.id for part in WHOLE.parts if isinstance(part, Plot)] == list(data["plots"])
     option = data["plots"]["own-plot"]["option"]
     assert option["series"][0]["data"] == [[1.0, 3.0], [2.0, None]], "in the unit shown"
