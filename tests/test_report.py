@@ -14,11 +14,10 @@ from support.reports import CONTROLLER, RECORDINGS, recording, results_of
 from support.results import TABLE_2, everything, result
 
 from orchestrator.benchmark.results import Measurements
-from orchestrator.documents.case_plots import ROWS
 from orchestrator.documents.commands import simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import BoundRecord, SampleTimeRecord
-from orchestrator.documents.recording import MOTION_INTERVALS
+from orchestrator.documents.recording import MOTION_INTERVALS, ROWS
 from orchestrator.documents.results import LoopDelay
 from orchestrator.documents.run import contradictions
 from orchestrator.documents.scorecard import facts

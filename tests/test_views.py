@@ -418,7 +418,7 @@ def test_every_plot_of_a_page_is_a_figure_of_matplotlib_as_well(name):
     parts = WHOLE.parts if name == "own" else DOCUMENTS[name].page().parts
     for part in parts:
         if isinstance(part, Plot | Heat):
-            made = drawing.figure(part, titles=name == "own")
+            made = drawing.figure(part, (16, 12), titles=name == "own")
             assert drawing.png(made).startswith(b"\x89PNG")
             labels = [axes.get_xlabel() for axes in made.axes] + [axes.get_ylabel() for axes in made.axes]
             assert {drawing.symbols(axis.heading) for axis in (part.x, part.y)} <= set(labels), part.id

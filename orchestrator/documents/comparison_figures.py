@@ -14,12 +14,12 @@ from ..views import drawing
 from ..views.plot import Axis, Level, Line, Plot, Scatter, Window, dash, hue
 from ..views.units import MILLISECOND, NONE, number
 from . import case_plots, compare_page
-from .case_plots import Curve, part_of
+from .case_plots import Curve
 from .comparability import same_controller
 from .document import Comparable
 from .evaluation import Evaluation
 from .figures import window, write_drawn
-from .recording import EXAMPLE, Recording
+from .recording import EXAMPLE, Recording, part_of
 from .robustness import Robustness
 from .spread import Spread
 

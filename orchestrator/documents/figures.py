@@ -20,9 +20,9 @@ from ..views.drawing import SIZE
 from ..views.plot import Axis, Line, Plot, Window, hue
 from ..views.units import TORQUE, Unit
 from . import case_plots
-from .case_plots import Curve, part_of, size
+from .case_plots import Curve
 from .files import prepare_folder, write_bytes
-from .recording import EXAMPLE, SYSTEMS, Recording
+from .recording import EXAMPLE, SYSTEMS, Recording, part_of, size
 from .run import Run
 from .trajectory_files import interpreted
 

@@ -30,7 +30,7 @@ from ..views.units import MICROMETRE, SECOND, number
 from . import case_plots, scorecard, workspace
 from .commands import recording_command, simulate_command
 from .reasons import reason_notes
-from .recording import SYSTEMS, Recording
+from .recording import SYSTEMS, Recording, affordable, size, thinned
 from .results import Results
 from .run import Run, contradictions
 from .wording import remarks
@@ -54,7 +54,7 @@ BESIDE = 0.14
 def page(run: Run) -> Page:
     """The report of a run."""
     results, rules = run.results, run.results.rules
-    recordings = case_plots.affordable([entry for entry in run.recordings if SYSTEMS not in entry.about.roles])
+    recordings = affordable([entry for entry in run.recordings if SYSTEMS not in entry.about.roles])
     shown = {entry.about.id: index for index, entry in reversed(list(enumerate(recordings)))}
     failures = [case for case in results.cases if case.status is not Status.DONE]
     case: Part = WITHOUT
@@ -132,7 +132,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     force = case_plots.errors(
         "spread-force",
         "TCP position error due to the force",
-        case_plots.spread_curves(recorded, lambda entry: case_plots.size(entry, *forced)),
+        case_plots.spread_curves(recorded, lambda entry: size(entry, *forced)),
         rules,
         Window("", (begin - 0.2, longest.about.time)),
         text=f"{len(recorded)} uncertain systems with their disturbances at {pose} (Figure 11): "
@@ -143,7 +143,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     chirp = case_plots.errors(
         "spread-chirp",
         "TCP position error due to the motor torque disturbance",
-        case_plots.spread_curves(recorded, lambda entry: case_plots.size(entry, *chirped)),
+        case_plots.spread_curves(recorded, lambda entry: size(entry, *chirped)),
         rules,
         Window("", (0.0, begin - 0.5)),
         text="The same systems under the motor torque disturbance (Figure 12): "
@@ -159,7 +159,7 @@ def _spread(run: Run) -> tuple[Part, ...]:
     if not recorded:
         return (WITHOUT,)
     commands = ((entry.about.id, recording_command(run.results.head, entry.about)) for entry in recorded)
-    thinned = [case_plots.thinned(entry, SPREAD_INTERVALS) for entry in recorded]
+    thinned = [thinned(entry, SPREAD_INTERVALS) for entry in recorded]
     return *spread_plots(thinned, run.results), Commands("repeat one of these cases", tuple(commands))
 
 

@@ -24,7 +24,7 @@ from .comparability import same_controller
 from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
-from .recording import MOTION_INTERVALS, Recording
+from .recording import MOTION_INTERVALS, Recording, thinned
 from .recording import load as load_recordings
 from .spread import Spread
 from .wording import carry_over, seed_words
@@ -176,7 +176,7 @@ class Robustness(Document, Comparable, kw_only=True):
         motion: tuple[Part, ...] = (WITHOUT,)
         if worst:
             entries = [entry for entry, _ in worst]
-            nominal = [None if other is None else case_plots.thinned(other, MOTION_INTERVALS) for _, other in worst]
+            nominal = [None if other is None else thinned(other, MOTION_INTERVALS) for _, other in worst]
             commands = [self._command(entry) for entry in entries]
             case = case_plots.cases(entries, self.rules, commands, nominal)
             motion = case_plots.motion(entries, self.rules, links(self.head.plant), commands)

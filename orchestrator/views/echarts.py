@@ -1,6 +1,6 @@
-"""Plots, maps and motions as what a page's scripts are given: options of ECharts, and numbers packed once each.
+"""Plots as what a page's script is given: options of ECharts, and numbers packed once each.
 
-A script knows no document. What it must still do is what only a browser can: colours of the scheme in use, which an
+The script knows no document. What it must still do is what only a browser can: colours of the scheme in use, which an
 option names as ``@one``; sizes that depend on the room; and columns, which an option names by their number.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -18,18 +17,14 @@ from .plot import (
     Axis,
     Bars,
     Colour,
-    Heat,
     Level,
     Line,
-    MovingArm,
     Plot,
-    PosedArm,
     Scatter,
     Series,
     Symbol,
     Window,
 )
-from .units import MILLIMETRE, number
 
 SYMBOLS: dict[Symbol, str] = {
     "": "none",
@@ -410,61 +405,3 @@ def _mark(plot: Plot, level: Level) -> dict[str, Any]:
         "lineStyle": {"color": _colour(level.colour), "type": level.dash, "width": 1.5},
         "label": {"formatter": level.name, "color": _colour(level.colour), "position": look, **HALO},
     }
-
-
-def heat_data(heat: Heat) -> dict[str, Any]:
-    """A map: its rows from above, and its layers."""
-    return {
-        "title": heat.title,
-        "text": heat.text,
-        "corner": f"{heat.y.title} \\ {heat.x.title}",
-        "columns": heat.x.names,
-        "rows": heat.y.names,
-        "cells": heat.cells,
-        "layers": [
-            {
-                "name": layer.name,
-                "symbol": layer.symbol or layer.name,
-                "of": layer.of,
-                "target": layer.target,
-                "values": layer.values,
-                "marked": sorted(layer.marked),
-            }
-            for layer in heat.layers
-        ],
-        "smaller": heat.smaller,
-        "limits": heat.limits,
-        "aroundZero": heat.around_zero or bool(heat.smaller),
-    }
-
-
-def arm_data(arm: PosedArm) -> dict[str, Any]:
-    """The arm beside a map."""
-    return {"links": arm.links, "heat": arm.heat, "poses": arm.poses}
-
-
-def motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
-    """The arm in motion: offsets of the tool in millimetres."""
-    return {
-        "choice": motion.choice,
-        "links": motion.links,
-        "circles": [[colour, radius] for colour, radius in motion.circles],
-        "circleWords": " and ".join(number(radius, 1e3) for _, radius in motion.circles) + " mm",
-        "moved": [
-            {
-                "name": moved.name,
-                "rest": moved.rest,
-                "motion": _columns(moved.motion, (1.0, *[MILLIMETRE.factor] * 2, 1.0, 1.0), pool),
-                "torque": _columns(moved.torque, (1.0, 1.0, 1.0), pool),
-                "end": moved.end,
-                "force": moved.force if any(moved.force) else None,
-                "window": moved.window,
-                "places": moved.places,
-            }
-            for moved in motion.moved
-        ],
-    }
-
-
-def _columns(table: np.ndarray, factors: Iterable[float], pool: Pool) -> list[int]:
-    return [pool.column(factor * column) for factor, column in zip(factors, table.T, strict=True)]

@@ -10,18 +10,19 @@ import base64
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..text import printable
-from .echarts import Pool, arm_data, heat_data, motion_data, plot_data
+from .echarts import Pool, plot_data
 from .plot import Heat, MovingArm, Plot, PosedArm
 from .table import Headline, Page, Summary, Table, shown
-from .units import number
+from .units import MILLIMETRE, number
 
 FILES = resources.files(__package__) / "templates"
 
@@ -65,12 +66,70 @@ def page_data(page: Page) -> dict[str, Any]:
     pool, parts = Pool(), page.parts
     return {
         "plots": {part.id: plot_data(part, pool) for part in parts if isinstance(part, Plot)},
-        "heats": {part.id: heat_data(part) for part in parts if isinstance(part, Heat)},
-        "arms": {part.id: arm_data(part) for part in parts if isinstance(part, PosedArm)},
-        "motions": {part.id: motion_data(part, pool) for part in parts if isinstance(part, MovingArm)},
+        "heats": {part.id: _heat_data(part) for part in parts if isinstance(part, Heat)},
+        "arms": {part.id: _arm_data(part) for part in parts if isinstance(part, PosedArm)},
+        "motions": {part.id: _motion_data(part, pool) for part in parts if isinstance(part, MovingArm)},
         "columns": list(pool.columns),
         "texts": list(pool.texts),
     }
+
+
+def _heat_data(heat: Heat) -> dict[str, Any]:
+    """A map: its rows from above, and its layers."""
+    return {
+        "title": heat.title,
+        "text": heat.text,
+        "corner": f"{heat.y.title} \\ {heat.x.title}",
+        "columns": heat.x.names,
+        "rows": heat.y.names,
+        "cells": heat.cells,
+        "layers": [
+            {
+                "name": layer.name,
+                "symbol": layer.symbol or layer.name,
+                "of": layer.of,
+                "target": layer.target,
+                "values": layer.values,
+                "marked": sorted(layer.marked),
+            }
+            for layer in heat.layers
+        ],
+        "smaller": heat.smaller,
+        "limits": heat.limits,
+        "aroundZero": heat.around_zero or bool(heat.smaller),
+    }
+
+
+def _arm_data(arm: PosedArm) -> dict[str, Any]:
+    """The arm beside a map."""
+    return {"links": arm.links, "heat": arm.heat, "poses": arm.poses}
+
+
+def _motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
+    """The arm in motion: offsets of the tool in millimetres."""
+    return {
+        "choice": motion.choice,
+        "links": motion.links,
+        "circles": [[colour, radius] for colour, radius in motion.circles],
+        "circleWords": " and ".join(number(radius, 1e3) for _, radius in motion.circles) + " mm",
+        "moved": [
+            {
+                "name": moved.name,
+                "rest": moved.rest,
+                "motion": _columns(moved.motion, (1.0, *[MILLIMETRE.factor] * 2, 1.0, 1.0), pool),
+                "torque": _columns(moved.torque, (1.0, 1.0, 1.0), pool),
+                "end": moved.end,
+                "force": moved.force if any(moved.force) else None,
+                "window": moved.window,
+                "places": moved.places,
+            }
+            for moved in motion.moved
+        ],
+    }
+
+
+def _columns(table: np.ndarray, factors: Iterable[float], pool: Pool) -> list[int]:
+    return [pool.column(factor * column) for factor, column in zip(factors, table.T, strict=True)]
 
 
 def fragment(summary: Summary, image: bytes = b"") -> str:
