@@ -13,7 +13,7 @@ from ..benchmark.results import Rules
 from ..views.plot import Axis, Band, Colour, Dash, Level, Line, Moved, MovingArm, Plot, Window, hue
 from ..views.table import Beside, Choice, Commands, Note, Part
 from ..views.units import MILLIMETRE, SECOND, TORQUE, number
-from .recording import Recording, peak, size
+from .recording import Recording, largest_error, peak
 
 SIMULATION = "simulation "
 """Begins the role of a recording that is shown under a name of its own."""
@@ -134,7 +134,7 @@ def windows(entry: Recording, rules: Rules) -> dict[str, Window]:
     if not pulsed(entry):
         return whole
     settled = end + rules.criteria["B6"].target
-    top = settling_top(size(entry, settled), rules)
+    top = settling_top(largest_error(entry, settled), rules)
     parts = {
         "B7": Window("Chirp (Fig. 10)", (about.chirp[0], about.chirp[1] + 0.5)),
         "B5": Window("Force (Fig. 9)", (begin - 0.2, end + 1.5)),
@@ -179,7 +179,7 @@ def _error_words(entry: Recording, other: Recording | None) -> str:
     causes = {"measurement noise alone": largest}
     if pulsed(entry):
         force = f"the force of {number(math.hypot(*about.force))} N"
-        causes = {"the chirp": size(entry, about.chirp[0], begin), force: size(entry, begin)}
+        causes = {"the chirp": largest_error(entry, about.chirp[0], begin), force: largest_error(entry, begin)}
     parts = [f"{number(most, 1e3)} mm due to {cause}" for cause, most in causes.items() if most is not None]
     missed = [cause for cause, most in causes.items() if most is None]
     words = f"TCP error of {pose_words(about.q_a)}, {about.system}, {about.test}: at most "
@@ -187,7 +187,7 @@ def _error_words(entry: Recording, other: Recording | None) -> str:
     if missed:
         words += f" The case ended at {number(about.time)} s, before {' and '.join(missed)}."
     if other is not None:
-        words += f" The nominal arm in the same pose and test: at most {number(size(other, 0.0), 1e3)} mm."
+        words += f" The nominal arm in the same pose and test: at most {number(largest_error(other, 0.0), 1e3)} mm."
     return words + " Wheel with Ctrl, slider or buttons zoom."
 
 
@@ -232,7 +232,7 @@ def path(id: str, entry: Recording, rules: Rules) -> Plot:
         after = f"after {number(rules.criteria['B6'].target)} s of settling"
         parts = [("force and settling", (first, late), hue(0)), (after, (late, end), hue(1))]
     lines = tuple(Line(name, x, z, colour, width=1.2, rows=rows) for name, rows, colour in parts if rows[0] < rows[1])
-    reach = 1.1 * max(size(entry, begin if pulsed(entry) else 0.0) or 0.0, large)
+    reach = 1.1 * max(largest_error(entry, begin if pulsed(entry) else 0.0) or 0.0, large)
     whole, close = (Window(name, (-r, r), (-r, r))
                     for name, r in (("Largest error", reach), ("Settled TCP", 2.5 * small)))  # fmt: skip
     return Plot(
@@ -262,7 +262,7 @@ def _path_words(entry: Recording, rules: Rules) -> str:
     if not pulsed(entry):
         return "Path of the TCP."
     about, due = entry.about, entry.about.window[1] + rules.criteria["B6"].target
-    forced, settled = size(entry, about.window[0]), size(entry, due)
+    forced, settled = largest_error(entry, about.window[0]), largest_error(entry, due)
     ended = f"ended at {number(about.time)} s, before"
     target = rules.criteria["B5"].target
     stays = "it stays inside the large one" if (forced or 0.0) <= target else "it leaves the large one"
@@ -336,7 +336,7 @@ def _random(entry: Recording) -> bool:
 
 def dispersion(entries: Sequence[Recording], rules: Rules, name: str, part: tuple[float, float], cause: str) -> str:
     """The largest errors of many cases in the ``part`` [s] of a criterion, and how many are above its target."""
-    sizes = [size(entry, *part) for entry in entries]
+    sizes = [largest_error(entry, *part) for entry in entries]
     values = [value for value in sizes if value is not None]
     target = rules.criteria[name].target
     words = []

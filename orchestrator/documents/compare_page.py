@@ -16,7 +16,7 @@ from .commands import recording_command
 from .comparability import same_controller
 from .document import Comparable
 from .evaluation import Evaluation
-from .recording import Recording, size, thinned
+from .recording import Recording, largest_error, thinned
 from .reliability import Reliability
 from .robustness import Robustness
 from .spread import Spread
@@ -243,7 +243,7 @@ def _window(name: str, rules: Rules, longest: Recording, entries: Sequence[Recor
         return Window("", (begin - 0.2, end + 1.0))
     if name == "B7":
         return Window("", (0.0, longest.about.chirp[1] + 0.5))
-    largest = max(size(entry, settled) or 0.0 for entry in entries)
+    largest = max(largest_error(entry, settled) or 0.0 for entry in entries)
     return Window("", (end, end + 5.0), (0.0, case_plots.settling_top(largest, rules)))
 
 

@@ -22,7 +22,7 @@ from ..views.units import TORQUE, Unit
 from . import case_plots
 from .case_plots import Curve
 from .files import prepare_folder, write_bytes
-from .recording import EXAMPLE, SYSTEMS, Recording, part_of, size
+from .recording import EXAMPLE, SYSTEMS, Recording, largest_error, part_of
 from .run import Run
 from .trajectory_files import interpreted
 
@@ -77,7 +77,7 @@ def _law(run: Run, x: Axis, y: Axis, law: Callable[..., float], points: Callable
 def circles(run: Run) -> Figure | None:
     """Figure 8: path of the TCP [mm] from the force on, in the circle of B5, and enlarged in that of B6."""
     example = next(iter(run.recorded(EXAMPLE)), None)
-    if example is None or size(example, example.about.window[0]) is None:
+    if example is None or largest_error(example, example.about.window[0]) is None:
         return None
     path, reach = case_plots.path("path", example, run.results.rules), 2.0 * run.results.rules.settling_error
     close = replace(path, window=Window("", (-reach, reach), (-reach, reach)))
@@ -94,7 +94,7 @@ def spread_error(run: Run, name: str) -> Figure | None:
     """Figures 11 and 12: the same for the uncertain systems; those assumed and the worst of all stand out."""
     parts = (part_of(entry, *window(entry, name)) for entry in run.recorded(SYSTEMS))
     entries = [entry for entry in parts if len(entry.motion)]
-    curves = case_plots.spread_curves(entries, lambda entry: size(entry, 0.0)) if entries else []
+    curves = case_plots.spread_curves(entries, lambda entry: largest_error(entry, 0.0)) if entries else []
     return _errors(run, name, [curve._replace(width=0.9) for curve in curves])
 
 

@@ -149,7 +149,7 @@ def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[f
     return float(entry.error[row]), float(entry.motion[row, 0])
 
 
-def size(entry: Recording, begin: float, end: float = math.inf) -> float | None:
+def largest_error(entry: Recording, begin: float, end: float = math.inf) -> float | None:
     """The largest TCP error [m] alone."""
     largest = peak(entry, begin, end)
     return None if largest is None else largest[0]

@@ -30,7 +30,7 @@ from ..views.units import MICROMETRE, SECOND, number
 from . import case_plots, scorecard, workspace
 from .commands import recording_command, simulate_command
 from .reasons import reason_notes
-from .recording import SYSTEMS, Recording, affordable, size, thinned
+from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
 from .results import Results
 from .run import Run, contradictions
 from .wording import remarks
@@ -132,7 +132,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     force = case_plots.errors(
         "spread-force",
         "TCP position error due to the force",
-        case_plots.spread_curves(recorded, lambda entry: size(entry, *forced)),
+        case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *forced)),
         rules,
         Window("", (begin - 0.2, longest.about.time)),
         text=f"{len(recorded)} uncertain systems with their disturbances at {pose} (Figure 11): "
@@ -143,7 +143,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     chirp = case_plots.errors(
         "spread-chirp",
         "TCP position error due to the motor torque disturbance",
-        case_plots.spread_curves(recorded, lambda entry: size(entry, *chirped)),
+        case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *chirped)),
         rules,
         Window("", (0.0, begin - 0.5)),
         text="The same systems under the motor torque disturbance (Figure 12): "
@@ -159,8 +159,8 @@ def _spread(run: Run) -> tuple[Part, ...]:
     if not recorded:
         return (WITHOUT,)
     commands = ((entry.about.id, recording_command(run.results.head, entry.about)) for entry in recorded)
-    thinned = [thinned(entry, SPREAD_INTERVALS) for entry in recorded]
-    return *spread_plots(thinned, run.results), Commands("repeat one of these cases", tuple(commands))
+    curves = [thinned(entry, SPREAD_INTERVALS) for entry in recorded]
+    return *spread_plots(curves, run.results), Commands("repeat one of these cases", tuple(commands))
 
 
 def tested(results: Results) -> list[tuple[CaseResult, bool | None]]:

@@ -15,7 +15,7 @@ from ..views.table import Page, Panel, Part
 from ..views.units import number
 from . import case_plots
 from .case_plots import SIMULATION, Curve
-from .recording import Recording, record, size
+from .recording import Recording, largest_error, record
 
 INTERVALS = 6000
 """Intervals that signals are thinned out to: enough to zoom into a second of 26."""
@@ -59,7 +59,7 @@ def _overlay(shown: Sequence[PlottedSimulation], recordings: Sequence[Recording]
         for place, (each, entry) in enumerate(zip(shown, recordings, strict=True))
     ]
     window = Window("", (0.0, max(entry.about.time for entry in recordings)))
-    most = (f"{curve.name}: at most {number(size(curve.recording, 0.0), 1e3)} mm" for curve in curves)
+    most = (f"{curve.name}: at most {number(largest_error(curve.recording, 0.0), 1e3)} mm" for curve in curves)
     text = f"{'. '.join(most)}. Wheel with Ctrl, slider or a box zoom all charts; a click on a name hides its line."
     of = recordings[0] if all(map(case_plots.pulsed, recordings)) else None
     error = case_plots.errors(
