@@ -20,7 +20,8 @@ from orchestrator.pairing.testbed import Testbed
 from orchestrator.study.declaration import Study, option
 from orchestrator.study.heads import head
 from orchestrator.study.requests import Batch, BatchEntry, Now, Requests, Save, rehearsed
-from orchestrator.views.table import Column, Plot, Series, Summary, Table
+from orchestrator.views.plot import Axis, Level, Line, Plot
+from orchestrator.views.table import Column, Summary, Table
 from orchestrator.views.units import MILLIMETRE, MILLISECOND
 
 
@@ -39,10 +40,11 @@ class SampleTimes(Document, Comparable, kw_only=True):
 
     def summary(self) -> Summary:
         """A table and a plot."""
-        x, y = Column("sample time", MILLISECOND), Column("B5", MILLIMETRE, best="smallest")
-        table = Table("Force error", (x, y), tuple(zip(self.times, self.B5, strict=True)))
-        target = (("target", self.rules.criteria["B5"].target),)
-        plot = Plot("sample-times", "B5 over the sample time", x, y, (Series("B5", self.times, self.B5),), target)
+        columns = Column("sample time", MILLISECOND), Column("B5", MILLIMETRE, best="smallest")
+        table = Table("Force error", columns, tuple(zip(self.times, self.B5, strict=True)))
+        line, target = Line("B5", self.times, self.B5, symbol="circle"), self.rules.criteria["B5"].target
+        x, y, levels = Axis("sample time", MILLISECOND), Axis("B5", MILLIMETRE), (Level(target, "target"),)
+        plot = Plot("sample-times", "B5 over the sample time", x, y, (line,), levels)
         return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}", (table, plot))
 
     def row(self, first, others) -> Row:

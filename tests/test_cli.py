@@ -217,7 +217,7 @@ def test_several_simulations_stand_on_one_page(quick_pid_file: Path, tmp_path: P
     )
     assert len(first) == len(second) == 201 and len(third) == 241 and not np.array_equal(first, second)
     page = (tmp_path / "out" / "simulation.html").read_text(encoding="utf-8")
-    assert f"simulation {quick_pid_file.name} --set K_p[1]=60" in page and "--output-dir out" in page
+    assert f"{quick_pid_file.name} --set K_p[1]=60" in page and "--output-dir out" in page
     assert len(json.loads(call("simulate", *words, "--json", folder=tmp_path).out)) == 3
 
 

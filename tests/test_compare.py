@@ -128,7 +128,7 @@ def test_page_says_the_same():
         assert "depends on the seed" in text and "depends on the seed" not in str(groups[0].notes)
     assert html.index("112.6") < html.index("140.7")
     assert html.count("paper&#39;s PID</th>") == 2
-    assert "simulate 'my controllers/PID.fmu' --case c03.random_2.disturbance" in html
+    assert "simulate &#39;my controllers/PID.fmu&#39; --case c03.random_2.disturbance" in html
 
 
 def test_controllers_are_paired_by_seed_with_the_first():
@@ -183,9 +183,9 @@ def test_documents_of_all_kinds_stand_in_one_comparison(tmp_path):
 def test_what_is_known_of_v_of_a_controller_stands_on_one_axis():
     """Scorecards, lists, what searches found and samples of the same controller, and none of others."""
     listed = [Evaluation(scaled(1.0)), Evaluation(scaled(1.2)), searched(1.0), sampled(parameters={"K": 1.0})]
-    (row,) = compare_page.bounds([(f"no. {number}", each) for number, each in enumerate(listed)])
-    assert (row["name"], row["target"]) == ("no. 0", 100.0)
-    marks = [(mark["kind"], mark["V"]) for mark in row["marks"]]
+    ((name, first, known),) = compare_page.bounds([(f"no. {number}", each) for number, each in enumerate(listed)])
+    assert (name, first) == ("no. 0", listed[0])
+    marks = [(mark.kind, mark.V) for mark in known]
     expected = [("scorecard", listed[0].results.cost), ("scorecard", 180.0), ("found", 200.0)]
     assert marks == [*expected, ("sampled", listed[3].cost.bound)]
     assert not compare_page.bounds([("a", listed[0]), ("b", listed[1])])

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from lxml.html import fromstring
 from msgspec.structs import replace as changed
 from rich.console import Console
@@ -16,14 +17,13 @@ from orchestrator.benchmark.results import Measurements
 from orchestrator.documents.commands import simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import BoundRecord, SampleTimeRecord
-from orchestrator.documents.payload import ROWS, report_payload
-from orchestrator.documents.recording import MOTION_INTERVALS
+from orchestrator.documents.recording import MOTION_INTERVALS, ROWS
 from orchestrator.documents.results import LoopDelay
 from orchestrator.documents.run import contradictions
 from orchestrator.documents.scorecard import facts
 from orchestrator.documents.wording import collapsed, remarks, requirement_rows
 from orchestrator.loop.trajectory import Status
-from orchestrator.views.page import page_html
+from orchestrator.views.page import page_data, page_html
 from orchestrator.views.table import VERDICTS
 from orchestrator.views.terminal import show
 
@@ -82,19 +82,20 @@ def test_a_page_stays_below_5_MB_and_keeps_every_peak_however_lively_its_signals
     lively = replace(recording(("B5",)), motion=motion.astype(np.float32), torque=torque)
     run = replace(RUN, recordings=(lively,) * 30 + (replace(lively, about=recording(("spread",)).about),) * 20)
     assert len(page_html(run.page()).encode()) < 5e6
-    shown = report_payload(run)["recordings"]
+    data = page_data(run.page())
+    (shown,) = (motion["moved"] for motion in data["motions"].values())
     for entry in shown[:1] + shown[-1:]:
-        x, z = unpacked(entry["motion"])[:, 1:3].T
-        assert np.hypot(x, z).max() == lively.error.max()
+        x, z = unpacked(data, entry["motion"])[:, 1:3].T
+        assert np.hypot(x, z).max() == pytest.approx(1e3 * lively.error.max(), rel=1e-6)
         for extreme in (np.max, np.min):
-            np.testing.assert_array_equal(extreme(unpacked(entry["torque"]), 0)[1:], extreme(torque, 0)[1:])
+            np.testing.assert_array_equal(extreme(unpacked(data, entry["torque"]), 0)[1:], extreme(torque, 0)[1:])
     for table, whole in (("motion", motion), ("torque", torque)):
-        assert len(shown) == 30 and sum(len(unpacked(entry[table])) for entry in shown) <= ROWS < 30 * len(whole)
+        assert len(shown) == 30 and sum(len(unpacked(data, entry[table])) for entry in shown) <= ROWS < 30 * len(whole)
 
 
-def unpacked(columns: list[str]) -> np.ndarray:
-    """The columns of a recording in a page, shape (N, columns)."""
-    return np.column_stack([np.frombuffer(base64.b64decode(column), "<f4") for column in columns])
+def unpacked(data, numbers: list[int]) -> np.ndarray:
+    """Columns of a page, shape (N, columns)."""
+    return np.column_stack([np.frombuffer(base64.b64decode(data["columns"][number]), "<f4") for number in numbers])
 
 
 def test_a_controller_that_fails_everywhere_has_a_report():
@@ -112,8 +113,8 @@ def test_every_case_in_sight_comes_with_the_command_that_repeats_it():
     ids = set(re.findall(r"\bc\d\d\.\w+\.\w+", page.text))
     assert {simulate_command(results.head, id) for id in ids} <= set(page.copied) and len(ids) > 50
     assert page.text.count(simulate_command(results.head, CYCLING.id)) == 2, "with the requirements, to be read"
-    for entry in report_payload(run)["recordings"]:
-        assert entry["command"] == simulate_command(results.head, entry["id"])
+    for entry in run.recordings:
+        assert simulate_command(results.head, entry.about.id) in page.copied
 
 
 REMARKS = {

@@ -215,8 +215,8 @@ def test_a_sweep_is_a_line_a_map_or_a_table():
     assert drawn["A1-A3 fail"][:2] == [[2.0, 91.0], [3.0, 92.0]] and "no V" in drawn
     axes = chart.plot().axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("K_2", "K_0")
-    assert axes.images[0].get_array().tolist() == [[90.0, 91.0], [92.0, 93.0], [94.0, None]]
-    assert [entry.get_text() for entry in axes.texts] == ["90", *(f"{V}\n×" for V in (91, 92, 93, 94)), "-\n×"]
+    assert axes.images[0].get_array().tolist() == [[94.0, None], [92.0, 93.0], [90.0, 91.0]], "upwards"
+    assert [entry.get_text() for entry in axes.texts] == [*("94\n×", "-\n×", "92\n×", "93\n×"), "90", "91\n×"]
     assert refusal(table.plot).what == "no-picture"
     assert "&lt;i&gt;" in table._repr_html_() and table.csv().endswith(",,,False,'=died <i>at noon</i>\n")
     assert values.grid_values("K=1:100:3:log") == ("K", (1.0, 10.0, 100.0))

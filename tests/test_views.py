@@ -15,6 +15,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,16 +28,31 @@ from support.snapshots import snapshot
 import orchestrator
 from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
-from orchestrator.documents.picture import Picture
 from orchestrator.text import printable
+from orchestrator.views import drawing
 from orchestrator.views import page as pages
 from orchestrator.views.csv import FORMULA, csv
 from orchestrator.views.latex import CHARACTER, GAP, TEXT_WIDTH, latex
 from orchestrator.views.markdown import markdown
 from orchestrator.views.page import fragment, page_html, script_json
+from orchestrator.views.plot import (
+    Axis,
+    Band,
+    Bars,
+    Heat,
+    Layer,
+    Level,
+    Line,
+    Moved,
+    MovingArm,
+    Plot,
+    PosedArm,
+    Scatter,
+    Window,
+)
 from orchestrator.views.table import (
     Beside,
-    Chart,
+    Choice,
     Column,
     Commands,
     Facts,
@@ -45,9 +61,7 @@ from orchestrator.views.table import (
     Note,
     Page,
     Panel,
-    Plot,
     Quantity,
-    Series,
     Summary,
     Table,
     Value,
@@ -255,16 +269,31 @@ def test_no_text_ends_a_script_and_the_library_is_a_known_release():
         assert "</script" not in script.read_text(encoding="utf-8").lower(), script.name
 
 
-LINE = Series(EVIL, (1e-3, 2e-3), (3.0, None), (True, False))
-PLOT = Plot("own-plot", EVIL, Column(EVIL, MILLIMETRE), Column("V"), (LINE,), ((EVIL, 2.0),), EVIL)
+LINE = Line(EVIL, (1e-3, 2e-3), (3.0, None))
+POINTS = Scatter(EVIL, (1e-3,), (3.0,), words=(EVIL,), deviation=(1.0,), hollow=True)
+BARS = Bars(EVIL, (1.0, None), labels=(EVIL, "-"), colours=("good", "bad"))
+ARRAY = Line("packed", np.array([0.001, 0.002], np.float32), np.array([1, 3], np.float32), rows=(1, 2))
+LEVELS = (Level(2.0, EVIL), Level(1e-3, EVIL, upright=True), Level(1.0, EVIL, 1e-3, 2e-3))
+X = Axis(EVIL, MILLIMETRE, 1e-3, 2e-3, logarithmic=True)
+PLOTS = (
+    Plot("own-plot", EVIL, X, Axis("V"), (LINE, POINTS, ARRAY), LEVELS, (Band(1e-3, 2e-3, EVIL),)),
+    Plot("square", EVIL, Axis("x"), Axis("z"), (LINE,), zoom=True, windows=(Window(EVIL, (0.0, 1.0)),), square=True),
+    Plot("bars", EVIL, Axis(EVIL), Axis(names=(EVIL, "b"), inverse=True), (BARS, Bars("", (1.0, 2.0), stack="s"))),
+    Plot("names", EVIL, Axis(names=(EVIL, "b")), Axis(EVIL), (POINTS, Line("", (0, 1), (1, 2), labels=(EVIL, "")))),
+)
+HEAT = Heat("map", EVIL, Axis(EVIL, names=(EVIL,)), Axis(names=("a", EVIL)), (Layer(EVIL, (1.0, None)),), (EVIL, None))
+ARM = PosedArm("arm", (1.0, 1.0), "map", ((0.0, 1.0), None))
+MOVED = Moved(EVIL, (0.1, 0.2), np.zeros((2, 5)), np.zeros((2, 3)), 1.0, (3.0, 4.0), (0.1, 0.2), ((EVIL, 0.0),))
+MOTION = MovingArm("motion", "chosen", (1.0, 1.0), (("limit", 7e-3),), (MOVED,))
+CHOICE = Choice("chosen", EVIL, ((EVIL, PLOTS[:1]), ("other", (Note(EVIL),))))
 WHOLE = Page(
     EVIL,
     EVIL,
     (
         Panel("summary", EVIL, (Beside(((Headline(EVIL, 2.0, ((EVIL, 1.0),), EVIL),), (EVERY, Note(EVIL)))),)),
-        Panel("more", EVIL, (Facts(EVIL, ((EVIL, EVIL),)), Commands(EVIL, ((EVIL, EVIL),)), Chart("c", 9, EVIL), PLOT)),
+        Panel("more", EVIL, (Facts(EVIL, ((EVIL, EVIL),)), Commands(EVIL, ((EVIL, EVIL),)), CHOICE, *PLOTS[1:])),
+        Panel("arms", EVIL, (Beside(((HEAT,), (ARM,)), equal=True), MOTION)),
     ),
-    payload=lambda: {"own": EVIL},
 )
 
 
@@ -274,14 +303,27 @@ def test_a_page_of_all_parts_escapes_them_and_admits_its_own_scripts_only():
     assert page.elements["script"] == 3 and page.elements["img"] == 0 and page.active == [("href", "#content")]
     assert page.text.count(words(EVIL)) >= 14
     (data,) = map(json.loads, page.data)
-    assert data["own"] == EVIL and data["plots"][0]["series"][0]["x"] == [1.0, 2.0], "in the unit shown"
-    assert data["plots"][0]["x"] == f"{EVIL} [mm]"
+    ids = set(re.findall(r' id="([^"]*)"', html))
+    assert {*data["plots"], *data["heats"], *data["arms"], "stage", "pick-chosen"} <= ids, "every part has its place"
+    assert [part.id for part in WHOLE.parts if isinstance(part, Plot)] == list(data["plots"])
+    option = data["plots"]["own-plot"]["option"]
+    assert option["series"][0]["data"] == [[1.0, 3.0], [2.0, None]], "in the unit shown"
+    assert option["xAxis"]["name"] == f"{EVIL} [mm]" and data["texts"] == [EVIL]
+    assert option["series"][2]["data"] == {"columns": [0, 1], "rows": [1, 2]}
+    assert np.frombuffer(base64.b64decode(data["columns"][0]), "<f4").tolist() == [1.0, 2.0]
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1].replace("&#39;", "'")
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     assert rules["default-src"] == "'none'"
     scripts = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     hashes = {"'sha256-" + base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() + "'" for s in scripts}
     assert set(rules["script-src"].split()) == hashes and len(hashes) == 2
+
+
+def test_scripts_know_plots_and_no_document():
+    """Whatever a document shows, it shows by the types of ``views/plot.py``: no script is one of a document."""
+    there = {file.name for file in pages.FILES.iterdir() if file.name.endswith(".js")}
+    assert there == {*pages.SCRIPTS, pages.LIBRARY}
+    assert not pages.SCRIPTS.keys() - {"page.js", "plot.js", "heat.js", "arm.js", "motion.js"}
 
 
 def test_the_image_of_a_fragment_cannot_run_anything():
@@ -371,11 +413,33 @@ def test_html_of_every_document_is_escaped_and_small(name):
     assert piece.elements["table"] == len(document.summary().tables)
 
 
+@pytest.mark.parametrize("name", [*DOCUMENTS, "own"])
+def test_every_plot_of_a_page_is_a_figure_of_matplotlib_as_well(name):
+    parts = WHOLE.parts if name == "own" else DOCUMENTS[name].page().parts
+    for part in parts:
+        if isinstance(part, Plot | Heat):
+            made = drawing.figure(part, (16, 12), titles=name == "own")
+            assert drawing.png(made).startswith(b"\x89PNG")
+            labels = [axes.get_xlabel() for axes in made.axes] + [axes.get_ylabel() for axes in made.axes]
+            assert {drawing.symbols(axis.heading) for axis in (part.x, part.y)} <= set(labels), part.id
+
+
+def test_symbols_of_the_paper_are_typeset_and_the_text_of_strangers_is_not():
+    shown = {
+        "u_m1 to q_m2": "$u_{m1}$ to $q_{m2}$",
+        "Motor speed q̇_m [rad/s]": r"Motor speed $\dot{q}_{m}$ [rad/s]",
+        "S_1, the other axis closed": "$S_{1}$, the other axis closed",
+        "_$x_1$": r" _\$x_1\$",
+        "u_m[1] of K_p[1] in q_m.fmu": "u_m[1] of K_p[1] in q_m.fmu",
+    }
+    assert {words: drawing.symbols(words) for words in shown} == shown
+
+
 def test_what_is_long_shows_itself_short_and_a_plot_as_a_picture():
     cases = Evaluation(results_of()).cases
     assert len(cases) == 324 and len(repr(cases)) < 100 and len(cases._repr_html_()) < 6000
     assert cases[0].id in cases._repr_html_() and cases == results_of().cases
-    assert Picture()._repr_png_().startswith(b"\x89PNG")
+    assert drawing.Picture()._repr_png_().startswith(b"\x89PNG")
 
 
 SCREEN = 12_000

@@ -114,8 +114,8 @@ class LinearLoop(Displayable):
 
     def save_plots(self, folder: str | Path) -> list[str]:
         """Write all figures into ``folder`` as PDF, SVG and PNG; returns their names without endings."""
+        from ..documents.figures import write_drawn
         from ..documents.loop_figures import drawings
-        from ..documents.style import write_drawn
 
         return write_drawn(drawings(self.plant, self.controller), Path(folder))[0]
 

@@ -177,7 +177,7 @@ class Simulation(Displayable):
         return f"{self.result.status.value} at {self.ending.time:g} s{message}"
 
     def _repr_html_(self) -> str:
-        from ..documents.picture import png
+        from ..views.drawing import png
         from ..views.page import fragment  # as in Displayable
 
         return fragment(self.summary(), png(self.plot()))

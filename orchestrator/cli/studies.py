@@ -7,7 +7,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..documents.files import TRAJECTORIES, streamed, write_bytes, write_text
+from ..documents.files import TRAJECTORIES, write_bytes, write_text
 from ..documents.robustness import Robustness
 from ..documents.sweep import CSV, SVG, Sweep
 from ..documents.tuning import Tuning
@@ -106,10 +106,9 @@ def sweep_files(sweep: Sweep, folder: Path, given: argparse.Namespace) -> Sequen
     write_text(folder / CSV, sweep.csv())
     if len(sweep.varied) > 2:
         return [CSV]
-    from ..documents.style import FORMATS  # Matplotlib takes as long to load as the rest of the command
+    from ..views.drawing import encoded  # Matplotlib takes as long to load as the rest of the command
 
-    figure = sweep.plot()
-    write_bytes(folder / SVG, streamed(lambda file: figure.savefig(file, format="svg", **FORMATS["svg"])))
+    write_bytes(folder / SVG, encoded(sweep.plot(), "svg"))
     return [CSV, SVG]
 
 

@@ -7,25 +7,27 @@ import math
 from matplotlib.figure import Figure
 
 from ..loop.scenario import Pair
-from .style import COLOURS, MUTED
+from ..views import drawing
+from ..views.plot import Axis, Colour, Line, Plot
+from ..views.units import Unit
 
 MAGNIFIED = 100.0
 """Factor on the deviations of the link angles: the tool moves by millimetres, the arm is metres long."""
+
+METRE = Unit("m", "m")
 
 
 def draw(figure: Figure, links: Pair, rest: Pair, q_a: Pair, words: str) -> None:
     """Draw the arm with these lengths of its ``links`` [m] into ``figure``, which is cleared: grey at the link angles
     ``rest``, and at ``q_a`` [rad], magnified; ``words`` stand above it."""
     figure.clear()
-    axes = figure.subplots()
     reach = 1.1 * sum(links)
     shown = (rest[0] + MAGNIFIED * (q_a[0] - rest[0]), rest[1] + MAGNIFIED * (q_a[1] - rest[1]))
-    for angles, colour, width in ((rest, MUTED, 2.0), (shown, COLOURS[0], 4.0)):
-        x, z = joints(links, angles)
-        axes.plot(x, z, color=colour, linewidth=width, marker="o", markerfacecolor="w", solid_capstyle="round")
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]", ylabel="z [m]")
-    axes.set_title(f"{words}, deviation x {MAGNIFIED:g}", fontsize=9)
-    axes.grid(alpha=0.3)
+    looks: tuple[tuple[Pair, Colour, float], ...] = ((rest, "muted", 3.5), (shown, "one", 7.0))
+    lines = tuple(Line("", *joints(links, angles), hue, width=width, symbol="ring") for angles, hue, width in looks)
+    x, z = (Axis(name, METRE, -reach, reach) for name in "xz")
+    plot = Plot("arm", f"{words}, deviation x {MAGNIFIED:g}", x, z, lines, square=True)
+    drawing.figure(plot, into=figure, titles=True, font=9.0)
 
 
 def joints(links: Pair, q_a: Pair) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

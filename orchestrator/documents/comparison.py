@@ -133,8 +133,7 @@ class Comparison(Displayable, Sequence[Group]):
         listed = (entry.document for group in self.groups for entry in group.entries)
         everything = [(_controller(each.head.controller), each) for each in listed]
         panels = (Panel("leaderboard", "Leaderboard", own.parts), *compare_page.panels(named, everything))
-        scripts = compare_page.SCRIPTS
-        return Page(own.title, own.kicker, panels, scripts, lambda: compare_page.payload(named, everything))
+        return Page(own.title, own.kicker, panels)
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain values in SI units."""

@@ -3,68 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
-from ..benchmark.spread import Statistic
 from ..search.findings import Margin
+from ..views import drawing
+from ..views.plot import Axis, Level, Line, Plot, Scatter, Window, dash, hue
+from ..views.units import MILLISECOND, NONE, number
+from . import case_plots, compare_page
+from .case_plots import Curve
 from .comparability import same_controller
 from .document import Comparable
 from .evaluation import Evaluation
-from .figures import window, within
-from .recording import EXAMPLE, Recording
+from .figures import window, write_drawn
+from .recording import EXAMPLE, Recording, part_of
 from .robustness import Robustness
 from .spread import Spread
-from .style import DASHED, HUES, label, legend_above, write_drawn
 
 MM = 1 / 25.4
 ONE_COLUMN, TWO_COLUMNS = 88 * MM, 180 * MM
 """Widths of a figure [inch]."""
 
-DASHES = ("solid", (0, (4, 1.5)), (0, (1, 1)))
-MARKERS = "osD^vP"
-"""Controllers are told apart by colour (after Okabe and Ito), and by dashes or markers: in print as well."""
-
 LONGEST = 34
 """Characters of a name in a legend."""
 
-SPAN = 0.6
-"""Part of the space between two rows or columns that the controllers share."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """How a controller is drawn, the same in all figures."""
-
-    number: int
-    name: str
-
-    @property
-    def hue(self) -> str:
-        """Its colour."""
-        return HUES[self.number % len(HUES)]
-
-    @property
-    def dash(self) -> Any:
-        """Its kind of line: another one where colours repeat themselves."""
-        return DASHES[self.number // len(HUES) % len(DASHES)]
-
-    @property
-    def marker(self) -> str:
-        """Its marker."""
-        return MARKERS[(self.number + self.number // len(HUES)) % len(MARKERS)]
-
-    @property
-    def label(self) -> str:
-        """Its name in a legend."""
-        return label(self.name if len(self.name) <= LONGEST else f"{self.name[: LONGEST - 1]}…")
+Looks = Mapping[str, int]
+"""The number of each controller, by which it looks the same in all figures."""
 
 
 def write_comparison(
@@ -75,162 +42,124 @@ def write_comparison(
 
     Returns the names of the figures written, without endings, and of the others.
     """
-    listed = [entry for entries in named.values() for entry in entries]
-    looks = {name: Look(number, name) for number, name in enumerate(dict.fromkeys(name for name, _ in listed))}
-    runs = [(looks[name], each) for name, each in listed if isinstance(each, Evaluation)]
-    spreads = [(looks[name], each) for name, each in listed if isinstance(each, Spread)]
-    searches = [(looks[name], each) for name, each in listed if isinstance(each, Robustness)]
-    cards: list[Evaluation | Spread] = [*(each for _, each in runs), *(each for _, each in spreads)]
+    listed = [(_short(name), document) for entries in named.values() for name, document in entries]
+    looks = {name: place for place, name in enumerate(dict.fromkeys(name for name, _ in listed))}
+    runs = {name: document for name, document in listed if isinstance(document, Evaluation)}
+    spreads = {name: document for name, document in listed if isinstance(document, Spread)}
+    searches = {name: document for name, document in listed if isinstance(document, Robustness)}
     drawings: Mapping[str, Callable[[], Figure | None]] = {
-        "comparison_time": partial(over_time, runs),
-        "comparison_radius": partial(radii, searches, cards),
-        "comparison_seeds": partial(seeds, spreads),
-        "comparison_margins": partial(margins, searches),
+        "comparison_time": partial(over_time, runs, looks),
+        "comparison_radius": partial(radii, searches, [*runs.values(), *spreads.values()], looks),
+        "comparison_seeds": partial(seeds, spreads, looks),
+        "comparison_margins": partial(margins, searches, looks),
     }
     return write_drawn(drawings, folder)
 
 
-def over_time(runs: Sequence[tuple[Look, Evaluation]]) -> Figure | None:
+def _short(name: str) -> str:
+    return name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
+
+
+def over_time(runs: Mapping[str, Evaluation], looks: Looks) -> Figure | None:
     """Figures 10 and 9 side by side: TCP error [mm] and torques [Nm] over time [s], due to the chirp and the force."""
-    recorded = ((look, next(iter(run.recorded(EXAMPLE)), None)) for look, run in runs)
-    shown = [(look, example) for look, example in recorded if example is not None]
-    if not shown:
+    shown = {name: next(iter(run.recorded(EXAMPLE)), None) for name, run in runs.items()}
+    entries = {name: entry for name, entry in shown.items() if entry is not None}
+    if not entries:
         return None
-    figure = Figure(figsize=(TWO_COLUMNS, 105 * MM), layout="constrained")
-    grid = figure.subplots(3, 2, sharex="col")
-    results = runs[0][1].results
-    for column, (due_to_force, criterion) in enumerate(((False, "B7"), (True, "B5"))):
-        for look, example in shown:
-            begin, end = window(example, due_to_force)
-            line = {"color": look.hue, "linestyle": look.dash}
-            inside = within(example, begin, end)
-            grid[0, column].plot(example.motion[inside, 0], 1e3 * example.error[inside], label=look.label, **line)
-            t, *torques = _torques(example, begin, end)
-            for row, torque in enumerate(torques, start=1):
-                grid[row, column].plot(t, torque, **line)
-        target = 1e3 * results.criteria[criterion].target
-        grid[0, column].axhline(target, **DASHED)
-        grid[0, column].set_title(
-            f"{'Force' if due_to_force else 'Chirp'} (target {criterion}: {target:g} mm)", fontsize=8
-        )
-        grid[0, column].set(ylim=(0, None))
-        grid[2, column].set(xlabel="Time [s]", xlim=(begin, end))
-    for row, words in enumerate(("TCP error [mm]", "Torque $u_{m1}$ [Nm]", "Torque $u_{m2}$ [Nm]")):
-        grid[row, 0].set_ylabel(words)
-    _legend(figure, grid[0, 0])
-    return figure
+    columns = [_column(criterion, entries, runs, looks) for criterion in ("B7", "B5")]
+    rows = list(zip(*columns, strict=True))
+    return drawing.figure(rows, (TWO_COLUMNS, 105 * MM), titles=True, common=True)
 
 
-def radii(searches: Sequence[tuple[Look, Robustness]], cards: Sequence[Evaluation | Spread]) -> Figure | None:
+def _column(
+    criterion: str, entries: Mapping[str, Recording], runs: Mapping[str, Evaluation], looks: Looks
+) -> tuple[Plot, ...]:
+    """Error and torques in the part of a case that a criterion is measured in."""
+    rules = next(iter(runs.values())).results.rules
+    part = window(next(iter(entries.values())), criterion)
+    curves = [
+        Curve(name, part_of(entry, *part), hue(looks[name]), dash=dash(looks[name])) for name, entry in entries.items()
+    ]
+    shown = Window("", part)
+    error = case_plots.errors(criterion, "", curves, rules, shown, text=criterion, of=curves[0].recording, group="time")
+    levels = tuple(replace(level, name="") for level in error.levels if level.name.startswith(criterion))
+    target = number(rules.criteria[criterion].target, 1e3)
+    title = f"{'Force' if criterion == 'B5' else 'Chirp'} (target {criterion}: {target} mm)"
+    torques = (
+        replace(plot, y=Axis(f"Torque u_m{axis}", plot.y.unit), levels=())
+        for axis, limit in enumerate(rules.torque_limit, start=1)
+        for plot in (case_plots.torques("torque", "", curves, axis, limit, shown, text=criterion, group="time"),)
+    )
+    return replace(error, title=title, y=replace(error.y, title="TCP error"), levels=levels), *torques
+
+
+def radii(searches: Mapping[str, Robustness], cards: Sequence[Evaluation | Spread], looks: Looks) -> Figure | None:
     """V over the factor on the tolerances of Table 1 at which A1 to A3 fail: right and low is better. A line leads from
     V of the scorecard to V that the search found."""
-    shown = [(look, found) for look, found in searches if found.radius is not None]
-    if not shown:
+    series = [one for name, search in searches.items() for one in _radius(name, search, cards, looks[name])]
+    if not series:
         return None
-    figure = Figure(figsize=(ONE_COLUMN, 70 * MM), layout="constrained")
-    axes = figure.subplots()
-    for look, found in shown:
-        radius = found.radius
-        assert radius is not None
-        card = next((each for each in cards if same_controller(each.head, found.head)), None)
-        values = {"none": None if card is None else card.V, "full": found.cost}
-        known = {fill: value for fill, value in values.items() if value is not None}
-        at = radius.limit if radius.stability is None else radius.stability
-        marker = ">" if radius.stability is None else look.marker
-        axes.plot([at] * len(known), list(known.values()), color=look.hue, linewidth=0.6)
-        for fill, value in known.items():
-            label = look.label if value is list(known.values())[-1] else None
-            axes.plot([at], [value], marker, color=look.hue, markersize=5, fillstyle=fill, label=label)
-    axes.axhline(shown[0][1].rules.cost.target, **DASHED)
-    axes.axvline(1.0, **DASHED)
-    axes.set(
-        xlabel="Tolerances at which A1-A3 fail / Table 1 (▸: none found)", ylabel="V (open: scorecard, filled: found)"
-    )
-    legend_above(axes)
-    return figure
+    target = next(iter(searches.values())).rules.cost.target
+    x = Axis("Tolerances at which A1-A3 fail / Table 1 (▸: none found)")
+    y = Axis("V (open: scorecard, filled: found)")
+    levels = Level(target, ""), Level(1.0, "", upright=True)
+    return drawing.figure(Plot("radius", "", x, y, tuple(series), levels), (ONE_COLUMN, 70 * MM))
 
 
-def seeds(spreads: Sequence[tuple[Look, Spread]]) -> Figure | None:
+def _radius(name: str, search: Robustness, cards: Sequence[Evaluation | Spread], look: int) -> list[Line | Scatter]:
+    radius = search.radius
+    if radius is None:
+        return []
+    card = next((other.V for other in cards if same_controller(other.head, search.head)), None)
+    at = radius.limit if radius.stability is None else radius.stability
+    symbol = "right" if radius.stability is None else compare_page.shape(look)
+    values = [value for value in (card, search.cost) if value is not None]
+    points: list[Line | Scatter] = [Line("", [at] * len(values), values, hue(look))]
+    if card is not None:
+        points.append(Scatter(name if search.cost is None else "", [at], [card], hue(look), symbol, 10.0, hollow=True))
+    if search.cost is not None:
+        points.append(Scatter(name, [at], [search.cost], hue(look), symbol, 10.0))
+    return points
+
+
+def seeds(spreads: Mapping[str, Spread], looks: Looks) -> Figure | None:
     """V and the criteria relative to their targets: mean and standard deviation over the seeds."""
     if not spreads:
         return None
-    rules = spreads[0][1].rules
-    targets = {"V": rules.cost.target} | {name: spec.target for name, spec in rules.criteria.items()}
-    figure = Figure(figsize=(ONE_COLUMN, 65 * MM), layout="constrained")
-    axes = figure.subplots()
-    for number, (look, spread) in enumerate(spreads):
-        found: Mapping[str, Statistic] = {"V": spread.cost, **spread.criteria}
-        known = [
-            (place, each, targets[name]) for place, (name, each) in enumerate(found.items()) if each.mean is not None
-        ]
-        axes.errorbar(
-            [place + _offset(number, len(spreads)) for place, _, _ in known],
-            [(each.mean or 0.0) / target for _, each, target in known],
-            [(each.deviation or 0.0) / target for _, each, target in known],
-            fmt=look.marker,
-            color=look.hue,
-            markersize=3,
-            capsize=1.5,
-            linewidth=0.8,
-            label=look.label,
-        )
-    axes.axhline(1.0, **DASHED)
-    axes.set_xticks(range(len(targets)), list(targets))
-    axes.set(ylabel="Mean ± standard deviation / target", ylim=(0, None))
-    legend_above(axes)
-    return figure
+    return drawing.figure(compare_page.seeds(spreads, looks), (ONE_COLUMN, 65 * MM))
 
 
-def margins(searches: Sequence[tuple[Look, Robustness]]) -> Figure | None:
+def margins(searches: Mapping[str, Robustness], looks: Looks) -> Figure | None:
     """The smallest gain factors and delays [ms] found to fail, of both axes, beside what A1 and A2 ask for."""
-    entries = [(look, found) for look, found in searches if found.margins]
+    entries = {name: search for name, search in searches.items() if search.margins}
     if not entries:
         return None
-    tests = entries[0][1].rules.tests
-    figure = Figure(figsize=(TWO_COLUMNS, 60 * MM), layout="constrained")
-    kinds = (
-        ("gain", "Factor of the loop gain", 1.0, max(test.gain for test in tests)),
-        ("delay", "Additional delay [ms]", 1e3, max(test.delay for test in tests) * 1e3),
-    )
-    for axes, (kind, words, factor, asked) in zip(figure.subplots(1, 2), kinds, strict=True):
-        for number, (look, found) in enumerate(entries):
-            points: dict[str, Any] = {"color": look.hue, "markersize": 4, "linestyle": "none"}
-            for axis in (1, 2):
-                margin = found.margins.get(f"{kind}_{axis}")
-                if margin is not None:
-                    height = axis + _offset(number, len(entries))
-                    marker = ">" if margin.value is None else look.marker
-                    axes.plot(_end(margin) * factor, height, marker, **points)
-            axes.plot([], [], look.marker, **points, label=look.label)
-        axes.axvline(asked, **DASHED)
-        axes.set_yticks((1, 2), ("axis 1", "axis 2"))
-        axes.set(xlabel=f"{words} (▸: none found up to there)", ylim=(2.5, 0.5))
-        if kind == "gain":
-            axes.set_xscale("log")
-            axes.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), minor_locator=NullLocator())
-            axes.xaxis.set_major_formatter("{x:g}")
-            _legend(figure, axes)
-    return figure
+    tests = next(iter(entries.values())).rules.tests
+    gain, delay = max(test.gain for test in tests), max(test.delay for test in tests)
+    none = " (▸: none found up to there)"
+    plots = [
+        _margins("gain", Axis(f"Factor of the loop gain{none}", NONE, logarithmic=True), gain, entries, looks),
+        _margins("delay", Axis(f"Additional delay{none}", MILLISECOND), delay, entries, looks),
+    ]
+    return drawing.figure([plots], (TWO_COLUMNS, 60 * MM), common=True)
 
 
-def _torques(example: Recording, begin: float, end: float) -> tuple[np.ndarray, ...]:
-    """Times [s] and torques [Nm] of both motors from ``begin`` to ``end``."""
-    inside = (example.torque[:, 0] >= begin) & (example.torque[:, 0] <= end)
-    t, first, second = example.torque[inside].T
-    return t, first, second
+def _margins(kind: str, x: Axis, asked: float, entries: Mapping[str, Robustness], looks: Looks) -> Plot:
+    series = []
+    for place, (name, search) in enumerate(entries.items()):
+        for axis in (1, 2):
+            margin = search.margins.get(f"{kind}_{axis}", None)
+            series.append(_margin(name, margin, axis - 1 + compare_page.offset(place, len(entries)), looks[name]))
+    names = Axis(names=("axis 1", "axis 2"), inverse=True)
+    level = Level(asked, "asked for", upright=True)
+    return Plot(kind, "", x, names, tuple(series), (level,))
 
 
-def _end(margin: Margin) -> float:
-    return margin.limit if margin.value is None else margin.value
-
-
-def _offset(number: int, count: int) -> float:
-    """Where a controller stands beside the others."""
-    return SPAN * ((number + 0.5) / count - 0.5)
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    """One legend above all diagrams."""
-    handles, names = axes.get_legend_handles_labels()
-    columns = min(3, len(names))
-    figure.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False, fontsize=7)
+def _margin(name: str, margin: Margin | None, place: float, look: int) -> Scatter:
+    """One margin; none is an entry of the legend alone."""
+    symbol = compare_page.shape(look)
+    if margin is None:
+        return Scatter(name, [], [], hue(look), symbol)
+    if margin.value is None:
+        return Scatter(name, [margin.limit], [place], hue(look), "right")
+    return Scatter(name, [margin.value], [place], hue(look), symbol)

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..benchmark import loop_analysis as analysis
 from ..benchmark.loop_analysis import StateSpace
 from ..errors import InputError
-from .picture import Picture
-from .style import COLOURS, DASHED, HUES, MUTED, SIZE, STYLE, legend_above
+from ..views import drawing
+from ..views.drawing import SIZE
+from ..views.plot import Axis, Colour, Level, Line, Plot, Scatter, Symbol, hue
+from ..views.units import DEGREE, HERTZ, MILLIMETRE, RADIAN, SECOND, Unit
 
 AXES = (0, 1)
-WIDE, HIGH = 2.0, 1.7
-"""Figures of two columns, and those of two diagrams, relative to :data:`.style.SIZE`."""
+
+ONE = (1.3 * SIZE[0], 1.2 * SIZE[1])
+BESIDE = (2.0 * SIZE[0], SIZE[1])
+ABOVE = (1.3 * SIZE[0], 1.7 * SIZE[1])
+"""Sizes [inch] of figures of one plot, and of two beside or above each other."""
+
+DECIBEL = Unit("dB", "dB")
+FREQUENCY = Axis("Frequency", HERTZ, logarithmic=True)
+TIME = Axis("Time", SECOND)
 
 STEP_TIME = 0.5
 """Length of a step response [s]."""
@@ -46,132 +52,122 @@ def drawings(plant: StateSpace, controller: StateSpace | None) -> Mapping[str, C
 
 
 def drawn(plant: StateSpace, controller: StateSpace | None, name: str) -> Figure:
-    """The figure called ``name``, in the common style; raises :class:`InputError` if there is none."""
+    """The figure called ``name``; raises :class:`InputError` if there is none."""
     known = drawings(plant, controller)
     if name not in known:
         raise InputError(f"There is no figure {name}. Figures: {', '.join(known)}.", "no-figure", "", name, known)
-    with rc_context(STYLE):
-        return known[name]()
+    return known[name]()
 
 
 def plant_bode(plant: StateSpace) -> Figure:
     """From the torques u_m to the motor angles q_m: magnitude [dB of rad/(N.m)] and phase [°] over frequency [Hz]."""
     f = _frequencies(plant)
     values = analysis.response(plant, f)
-    figure, (size, phase) = _two("Frequency [Hz]")
-    for out, into in ((0, 0), (1, 1), (0, 1)):
-        own = values[:, out, into]
-        look = {"color": COLOURS[out] if out == into else MUTED}
-        _decibels(size, f, own, label=f"$u_{{m{into + 1}}}$ to $q_{{m{out + 1}}}$", **look)
-        phase.semilogx(f, _phase(own), **look)
-    size.set_ylabel("Magnitude [dB]")
-    phase.set_ylabel("Phase [°]")
-    legend_above(size)
-    return figure
+    paths = {f"u_m{into + 1} to q_m{out + 1}": values[:, out, into] for out, into in ((0, 0), (1, 1), (0, 1))}
+    looks: tuple[Colour, ...] = (hue(0), hue(1), "muted")
+    return _bode(f, list(paths.items()), looks)
 
 
 def loop_bode(plant: StateSpace, controller: StateSpace) -> Figure:
     """The loop of each axis, broken at its torque while the other one is closed."""
     f, loops = _loops(plant, controller)
-    figure, (size, phase) = _two("Frequency [Hz]")
-    for axis, own in zip(AXES, loops, strict=True):
-        _decibels(size, f, own, color=COLOURS[axis], label=f"axis {axis + 1}, the other closed")
-        phase.semilogx(f, _phase(own), color=COLOURS[axis])
-    size.axhline(0.0, **DASHED)
-    phase.axhline(-180.0, **DASHED)
-    size.set(ylabel="Magnitude [dB]", ylim=(-60, None))
-    phase.set_ylabel("Phase [°]")
-    legend_above(size)
-    return figure
+    named = [(f"axis {axis + 1}, the other closed", loop) for axis, loop in zip(AXES, loops, strict=True)]
+    return _bode(f, named, (hue(0), hue(1)), low=-60.0, levels=(Level(0.0, ""),), turns=(Level(-math.pi, ""),))
+
+
+def _bode(
+    f: np.ndarray,
+    named: Sequence[tuple[str, np.ndarray]],
+    colours: Sequence[Colour],
+    low: float | None = None,
+    levels: tuple[Level, ...] = (),
+    turns: tuple[Level, ...] = (),
+) -> Figure:
+    """Magnitude above phase."""
+    looks = list(zip(named, colours, strict=True))
+    sizes = tuple(Line(name, f, _decibels(values), colour) for (name, values), colour in looks)
+    phases = tuple(Line("", f, _phase(values), colour) for (_, values), colour in looks)
+    size = Plot("magnitude", "", FREQUENCY, Axis("Magnitude", DECIBEL, low), sizes, levels, group="bode")
+    phase = Plot("phase", "", FREQUENCY, Axis("Phase", DEGREE), phases, turns, group="bode")
+    return drawing.figure([[size], [phase]], ABOVE)
 
 
 def nichols(plant: StateSpace, controller: StateSpace) -> Figure:
     """The same as magnitude over phase, with the region in which S exceeds 6 dB around -180° and 0 dB."""
     f, loops = _loops(plant, controller)
-    figure = Picture(figsize=(1.3 * SIZE[0], 1.3 * SIZE[0]), layout="constrained")
-    axes = figure.subplots()
     around = -1.0 + 0.5 * np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    for turn in (-360.0, 0.0):
-        angle = np.degrees(np.angle(-around)) - 180.0 + turn
-        axes.plot(angle, 20 * np.log10(np.abs(around)), **DASHED, label="|S| = 6 dB" if turn else None)
-        axes.plot([turn - 180.0], [0.0], "k+")
-    for axis, own in zip(AXES, loops, strict=True):
-        axes.plot(_phase(own), 20 * np.log10(np.abs(own)), color=COLOURS[axis], label=f"axis {axis + 1}")
-    axes.set(xlabel="Phase [°]", ylabel="Magnitude [dB]", ylim=(-40, 40), xlim=(-600, 60))
-    axes.set_xticks(range(-540, 1, 90))
-    legend_above(axes)
-    return figure
+    angle = np.angle(-around) - math.pi
+    limits = (
+        Line("|S| = 6 dB", angle + turn, _decibels(around), "limit", "dashed", 1.2) for turn in (-2 * math.pi, 0.0)
+    )
+    points = Scatter("", [-3 * math.pi, -math.pi], [0.0, 0.0], "limit", "plus")
+    lines = (Line(f"axis {axis + 1}", _phase(loop), _decibels(loop), hue(axis))
+             for axis, loop in zip(AXES, loops, strict=True))  # fmt: skip
+    x = Axis("Phase", DEGREE, math.radians(-600), math.radians(60))
+    y = Axis("Magnitude", DECIBEL, -40.0, 40.0)
+    return drawing.figure(Plot("nichols", "", x, y, (*limits, points, *lines)), (1.3 * SIZE[0], 1.3 * SIZE[0]))
 
 
 def sensitivity(plant: StateSpace, controller: StateSpace) -> Figure:
     """S and T: of each axis with the other one closed, and the largest singular values of both together."""
     f, loops = _loops(plant, controller)
     both = analysis.singular_values(analysis.loop_gain(plant, controller, f))
-    figure = Picture(figsize=(WIDE * SIZE[0], SIZE[1]), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, name, values in zip(panels, "ST", both, strict=True):
-        _decibels(axes, f, values, color=MUTED, label=f"largest singular value of {name}")
-        for axis, own in zip(AXES, loops, strict=True):
-            shown = 1.0 / (1.0 + own) if name == "S" else own / (1.0 + own)
-            _decibels(axes, f, shown, color=COLOURS[axis], label=f"${name}_{axis + 1}$, the other axis closed")
-        axes.axhline(0.0, **DASHED)
-        axes.set(xlabel="Frequency [Hz]", ylim=(-40, None))
-        legend_above(axes)
-    panels[0].set_ylabel("Magnitude [dB]")
-    return figure
+    plots = []
+    for name, values in zip("ST", both, strict=True):
+        lines = [Line(f"largest singular value of {name}", f, _decibels(values), "muted")]
+        for axis, loop in zip(AXES, loops, strict=True):
+            shown = 1.0 / (1.0 + loop) if name == "S" else loop / (1.0 + loop)
+            lines.append(Line(f"{name}_{axis + 1}, the other axis closed", f, _decibels(shown), hue(axis)))
+        y = Axis("Magnitude", DECIBEL, -40.0)
+        plots.append(Plot(name, "", FREQUENCY, y, tuple(lines), (Level(0.0, ""),)))
+    return drawing.figure([plots], BESIDE)
 
 
 def plant_step(plant: StateSpace) -> Figure:
     """Motor angles [rad] of the plant alone after a step of 1 N.m of each torque."""
-    figure, axes = _one()
+    lines = []
     for into in AXES:
-        t, found = _step(plant, into)
-        for out in AXES:
-            look: Any = {"color": COLOURS[out], "linestyle": "solid" if out == into else "dotted"}
-            axes.plot(t, found[:, out], **look, label=f"$q_{{m{out + 1}}}$ after $u_{{m{into + 1}}}$")
-    axes.set(xlabel="Time [s]", ylabel="Motor angle [rad]")
-    legend_above(axes)
-    return figure
+        t, response = _step(plant, into)
+        lines += [_response(f"q_m{out + 1} after u_m{into + 1}", t, response[:, out], out, out == into) for out in AXES]
+    return drawing.figure(Plot("step", "", TIME, Axis("Motor angle", RADIAN), tuple(lines)), ONE)
+
+
+def _response(name: str, t: np.ndarray, values: np.ndarray, axis: int, same: bool) -> Line:
+    return Line(name, t, values, hue(axis), "solid" if same else "dotted")
 
 
 def loop_step(plant: StateSpace, controller: StateSpace) -> Figure:
     """Motor angles after a step of their reference, and the tool after steps of a motor's torque and of the force."""
     loop = analysis.closed(plant, controller)
-    figure = Picture(figsize=(WIDE * SIZE[0], SIZE[1]), layout="constrained")
-    follow, tool = figure.subplots(1, 2)
+    follow, tool = [], []
     for axis in AXES:
-        t, found = _step(loop, axis)
-        for out in AXES:
-            look = {"color": COLOURS[out], "linestyle": "solid" if out == axis else "dotted"}
-            name = f"$q_{{m{out + 1}}}$ after the reference of axis {axis + 1}"
-            follow.plot(t, found[:, out], **look, label=name)
-        for number, (first, words, size) in enumerate(((2, "$u_{d%d}$ of 1 Nm", 1.0), (4, "$F_%d$ of 100 N", 100.0))):
-            t, found = _step(loop, first + axis)
-            hue = HUES[2 * number + axis]
-            tool.plot(t, 1e3 * size * np.hypot(found[:, 2], found[:, 3]), color=hue, label=words % (axis + 1))
-    follow.set(xlabel="Time [s]", ylabel="Motor angle / step")
-    tool.set(xlabel="Time [s]", ylabel="TCP displacement [mm]")
-    legend_above(follow)
-    legend_above(tool)
-    return figure
+        t, response = _step(loop, axis)
+        names = [f"q_m{out + 1} after the reference of axis {axis + 1}" for out in AXES]
+        follow += [_response(names[out], t, response[:, out], out, out == axis) for out in AXES]
+        for number, (first, words, size) in enumerate(((2, "u_d%d of 1 Nm", 1.0), (4, "F_%d of 100 N", 100.0))):
+            t, response = _step(loop, first + axis)
+            moved = size * np.hypot(response[:, 2], response[:, 3])
+            tool.append(Line(words % (axis + 1), t, moved, hue(2 * number + axis)))
+    plots = (
+        Plot("follow", "", TIME, Axis("Motor angle / step"), tuple(follow)),
+        Plot("tool", "", TIME, Axis("TCP displacement", MILLIMETRE), tuple(tool)),
+    )
+    return drawing.figure([plots], BESIDE)
 
 
 def poles(plant: StateSpace, controller: StateSpace | None) -> Figure:
-    """Poles as frequency [Hz] over damping ratio; real ones have the ratio 1, unstable ones are red."""
-    figure, axes = _one()
-    shown = [("plant", plant, "x", COLOURS[0])]
+    """Poles as frequency [Hz] over damping ratio; real ones have the ratio 1, unstable ones a negative one."""
+    shown: list[tuple[str, StateSpace, Symbol]] = [("plant", plant, "cross")]
     if controller is not None:
-        shown.append(("loop", analysis.closed(plant, controller), "o", COLOURS[1]))
-    for name, system, marker, hue in shown:
-        found = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
-        found = found[(found.imag >= 0.0) & (np.abs(found) > 2 * math.pi * analysis.LOWEST_FREQUENCY)]
-        size = np.abs(found)
-        fill: Any = {} if marker == "x" else {"fillstyle": "none"}
-        axes.plot(-found.real / size, size / (2 * math.pi), marker, color=hue, markersize=4, label=name, **fill)
-    axes.axvline(0.0, **DASHED)
-    axes.set(xlabel="Damping ratio (negative: unstable)", ylabel="Frequency [Hz]", yscale="log", xlim=(None, 1.05))
-    legend_above(axes)
-    return figure
+        shown.append(("loop", analysis.closed(plant, controller), "ring"))
+    series = []
+    for place, (name, system, symbol) in enumerate(shown):
+        values = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
+        values = values[(values.imag >= 0.0) & (np.abs(values) > 2 * math.pi * analysis.LOWEST_FREQUENCY)]
+        size = np.abs(values)
+        series.append(Scatter(name, -values.real / size, size / (2 * math.pi), hue(place), symbol))
+    x = Axis("Damping ratio (negative: unstable)", high=1.05)
+    return drawing.figure(Plot("poles", "", x, FREQUENCY, tuple(series), (Level(0.0, "", upright=True),)), ONE)
 
 
 def _loops(plant: StateSpace, controller: StateSpace) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -193,24 +189,14 @@ def _step(system: StateSpace, given: int) -> tuple[np.ndarray, np.ndarray]:
     return system.T_s * np.arange(samples), analysis.step(system, given, samples)
 
 
-def _decibels(axes: Axes, f: np.ndarray, values: np.ndarray, **look: Any) -> None:
-    axes.semilogx(f, 20 * np.log10(np.maximum(np.abs(values), 1e-12)), **look)
+def _decibels(values: np.ndarray) -> np.ndarray:
+    """Magnitude [dB]."""
+    sizes: np.ndarray = 20 * np.log10(np.maximum(np.abs(values), 1e-12))
+    return sizes
 
 
 def _phase(values: np.ndarray) -> np.ndarray:
-    """Phase [°] without jumps, which begins between -360° and 0°."""
-    found = np.degrees(np.unwrap(np.angle(values)))
-    shifted: np.ndarray = found - found[0] + found[0] % -360.0
+    """Phase [rad] without jumps, which begins between -2 pi and 0."""
+    angles = np.unwrap(np.angle(values))
+    shifted: np.ndarray = angles - angles[0] + angles[0] % (-2.0 * math.pi)
     return shifted
-
-
-def _one() -> tuple[Figure, Axes]:
-    figure = Picture(figsize=(1.3 * SIZE[0], 1.2 * SIZE[1]), layout="constrained")
-    return figure, figure.subplots()
-
-
-def _two(xlabel: str) -> tuple[Figure, tuple[Axes, Axes]]:
-    figure = Picture(figsize=(1.3 * SIZE[0], HIGH * SIZE[1]), layout="constrained")
-    size, phase = figure.subplots(2, 1, sharex=True)
-    phase.set_xlabel(xlabel)
-    return figure, (size, phase)

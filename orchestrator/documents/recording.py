@@ -7,9 +7,10 @@ is lost and every point shown is one that was computed; what lies between two po
 from __future__ import annotations
 
 import io
+import math
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,9 @@ OBSERVED = ("q_a[1]", "q_a[2]")
 
 MOTION_INTERVALS = 1800
 """Intervals that the signals of the motion are thinned out to."""
+
+ROWS = 75_000
+"""Rows of recordings together, of motion and of torque each, that keep a page below 5 MB."""
 
 EXAMPLE, SYSTEMS = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
@@ -134,6 +138,59 @@ def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
         kept.update((begin + np.argmin(part, axis=0)).tolist())
         kept.update((begin + np.argmax(part, axis=0)).tolist())
     return rows[sorted(kept)]
+
+
+def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:
+    """The largest TCP error [m] and its time [s] from ``begin`` to ``end``; None if nothing was recorded there."""
+    inside = np.flatnonzero(within(entry, begin, end))
+    if not inside.size:
+        return None
+    row = inside[np.argmax(entry.error[inside])]
+    return float(entry.error[row]), float(entry.motion[row, 0])
+
+
+def largest_error(entry: Recording, begin: float, end: float = math.inf) -> float | None:
+    """The largest TCP error [m] alone."""
+    largest = peak(entry, begin, end)
+    return None if largest is None else largest[0]
+
+
+def within(entry: Recording, begin: float, end: float) -> np.ndarray:
+    """Which samples of ``motion`` were taken from ``begin`` to ``end`` [s]."""
+    t = entry.motion[:, 0]
+    return (t >= begin) & (t <= end)
+
+
+def part_of(entry: Recording, begin: float, end: float) -> Recording:
+    """The recording from ``begin`` to ``end`` [s]."""
+    t = entry.torque[:, 0]
+    motion, torque = entry.motion[within(entry, begin, end)], entry.torque[(t >= begin) & (t <= end)]
+    return replace(entry, motion=motion, torque=torque)
+
+
+def thinned(entry: Recording, intervals: int) -> Recording:
+    """The recording with its error and its torques thinned out further."""
+    motion, torque = entry.motion[thin(entry.error[:, None], intervals)], thin(entry.torque[:, 1:], intervals)
+    return replace(entry, motion=motion, torque=entry.torque[torque])
+
+
+def affordable(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings; if they are too many or too lively for a page, thinned out further, by the same signals as in
+    :func:`record`."""
+    tcp = [np.column_stack([entry.motion[:, 1:3], entry.error]) for entry in recordings]
+    motions = _thinned([entry.motion for entry in recordings], tcp)
+    torques = _thinned([entry.torque for entry in recordings], [entry.torque[:, 1:] for entry in recordings])
+    both = zip(recordings, motions, torques, strict=True)
+    return [replace(entry, motion=motion, torque=torque) for entry, motion, torque in both]
+
+
+def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """``tables`` with at most ``ROWS`` rows together, thinned out by ``signals``, each (N, signals), if need be."""
+    if sum(map(len, tables)) <= ROWS:
+        return list(tables)
+    # An interval keeps two rows per signal, and a recording its first and last row.
+    intervals = (ROWS // len(tables) - 2) // (2 * signals[0].shape[1])
+    return [table[thin(values, intervals)] for table, values in zip(tables, signals, strict=True)]
 
 
 def save(recordings: Sequence[Recording], folder: Path) -> None:

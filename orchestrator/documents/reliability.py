@@ -7,8 +7,9 @@ from typing import ClassVar
 
 from ..benchmark.reliability import Distribution, Failing, Probability, Quantile, failing, quantile
 from ..codec import Natural
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value
-from ..views.units import NONE, SHOWN, number
+from ..views.plot import Axis, Level, Line, Plot, hue
+from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value
+from ..views.units import SHOWN, number
 from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import RELIABILITY, REPORT
@@ -109,11 +110,13 @@ class Reliability(Document, Comparable, kw_only=True):
 
     def _distribution(self) -> Plot:
         by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
-        found = {"V": (self.cost, self.rules.cost.target)}
-        found |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
-        series = tuple(_exceeding(name, each, target) for name, (each, target) in found.items())
-        axes = Column("value, in times of its target", NONE), Column("share of the draws that exceed it", NONE)
-        levels = (("probability", self.probability),)
+        quantiles = {"V": (self.cost, self.rules.cost.target)}
+        quantiles |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
+        series = tuple(
+            _exceeding(name, values, target, place) for place, (name, (values, target)) in enumerate(quantiles.items())
+        )
+        axes = Axis("value, in times of its target"), Axis("share of the draws that exceed it")
+        levels = (Level(self.probability, "probability"),)
         return Plot("exceedance-plot", "How many draws exceed a value", *axes, series, levels)
 
     def __repr__(self) -> str:
@@ -121,12 +124,13 @@ class Reliability(Document, Comparable, kw_only=True):
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
 
 
-def _exceeding(name: str, each: Quantile, target: float) -> Series:
+def _exceeding(name: str, sample: Quantile, target: float, order: int) -> Line:
     """The share of the draws above values of the sample, of which at most POINTS are shown, evenly chosen."""
-    count = len(each.values)
+    count = len(sample.values)
     places = sorted({round(step * (count - 1) / (POINTS - 1)) for step in range(POINTS)}) if count else []
-    shares = tuple(1.0 - (place + 1) / each.judged for place in places)
-    return Series(name, tuple(each.values[place] / target for place in places), shares)
+    shares = [1.0 - (place + 1) / sample.judged for place in places]
+    x = [sample.values[place] / target for place in places]
+    return Line(name, x, shares, hue(order), symbol="circle")
 
 
 def reliability_reasons(found: Reliability) -> list[Reason]:

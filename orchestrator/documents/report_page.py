@@ -1,18 +1,19 @@
-"""The page ``report.html`` of one run: its tabs. The charts are drawn by the page's scripts."""
+"""The page ``report.html`` of one run: its tabs, with their tables and plots."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping
-from functools import partial
 
-from ..benchmark.scorecard import kind
+from ..benchmark.results import CaseResult
+from ..benchmark.scorecard import kind, outcome
+from ..benchmark.tally import tally
 from ..loop.trajectory import Status
+from ..views.plot import HUES, Axis, Band, Bars, Level, Plot, Scatter, Symbol, Window
 from ..views.table import (
     Beside,
     Cell,
-    Chart,
     Column,
     Commands,
     Facts,
@@ -24,39 +25,55 @@ from ..views.table import (
     Part,
     Table,
     VerdictCell,
-    Widget,
 )
 from ..views.units import MICROMETRE, SECOND, number
-from . import scorecard
+from . import case_plots, scorecard, workspace
 from .commands import recording_command, simulate_command
-from .payload import affordable, report_payload, stability
 from .reasons import reason_notes
-from .recording import SYSTEMS
+from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
 from .results import Results
 from .run import Run, contradictions
 from .wording import remarks
 
-SCRIPTS = ("heat.js", "arm.js", "shares.js", "workspace.js", "case.js", "spread.js", "stability.js", "motion.js")
-
 WITHOUT = Note("This run was made without trajectories.")
+
+
+SPREAD_INTERVALS = 1000
+"""Intervals that the many trajectories of Figures 11 and 12 are thinned out to once more."""
+
+SMALLEST = 1e-8
+"""Limit cycles [m] that are smaller are drawn here."""
+
+SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "ring", "frame")
+"""Of tests, one after the other."""
+
+BESIDE = 0.14
+"""Distance of two tests of a configuration."""
 
 
 def page(run: Run) -> Page:
     """The report of a run."""
-    results, recordings = run.results, affordable(run)
+    results, rules = run.results, run.results.rules
+    recordings = affordable([entry for entry in run.recordings if SYSTEMS not in entry.about.roles])
     shown = {entry.about.id: index for index, entry in reversed(list(enumerate(recordings)))}
     failures = [case for case in results.cases if case.status is not Status.DONE]
+    case: Part = WITHOUT
+    motion: tuple[Part, ...] = (WITHOUT,)
+    if recordings:
+        commands = [recording_command(results.head, entry.about) for entry in recordings]
+        case = case_plots.cases(recordings, rules, commands)
+        motion = case_plots.motion(recordings, rules, workspace.links(results.plant), commands)
     panels = (
         Panel("summary", "Summary", _summary(run, shown)),
-        Panel("workspace", "Workspace", (Widget("workspace.html", {"choices": [("quantity", "Show")]}),)),
-        Panel("case", "Time plots", (Widget("case.html") if recordings else WITHOUT,)),
+        Panel("workspace", "Workspace", workspace.parts(results.plant, rules, {"": results.configurations})),
+        Panel("case", "Time plots", (case,)),
         Panel("spread", "Uncertainty", _spread(run)),
         Panel("stability", "Stability", _stability(results, shown)),
-        Panel("motion", "Motion", (Widget("motion.html") if recordings else WITHOUT,)),
+        Panel("motion", "Motion", motion),
         Panel("failures", f"Not done ({len(failures)})", _failures(results, shown)),
     )
     title = f"{results.controller.file}: V = {number(results.cost)}"
-    return Page(title, scorecard.conditions(results), panels, (*SCRIPTS, "report.js"), partial(report_payload, run))
+    return Page(title, scorecard.conditions(results), panels)
 
 
 def headline(results: Results) -> Headline:
@@ -73,7 +90,7 @@ def headline(results: Results) -> Headline:
 def _summary(run: Run, shown: Mapping[str, int]) -> tuple[Part, ...]:
     results = run.results
     wrong = [Note(f"Results and recordings differ. {line}.") for line in contradictions(run)]
-    left: tuple[Part, ...] = (headline(results), Chart("share-chart", 280, "What V consists of"))
+    left: tuple[Part, ...] = (headline(results), shares(results))
     right: tuple[Part, ...] = (scorecard.requirements(results, shown), *reason_notes(scorecard.reasons(results)))
     return (
         *wrong,
@@ -84,17 +101,107 @@ def _summary(run: Run, shown: Mapping[str, int]) -> tuple[Part, ...]:
     )
 
 
+def shares(results: Results) -> Plot:
+    """What V consists of: the share of every criterion beside its share on target."""
+    scores = results.criteria
+    valued = [(name, score.share) for name, score in scores.items() if score.share is not None]
+    text = "No criterion has a value."
+    if valued:
+        name, share = max(valued, key=lambda entry: entry[1])
+        text = (
+            f"{name}, {scores[name].title.lower()}, has the largest share of V: {number(share)}, "
+            f"{number(share / scores[name].weight)} times its share on target."
+        )
+    values = tuple(score.share for score in scores.values())
+    targets = tuple(score.weight for score in scores.values())
+    series = Bars("on target", targets, "soft"), Bars("this controller", values, labels=tuple(map(number, values)))
+    names = tuple(f"{name} {score.title}" for name, score in scores.items())
+    return Plot(
+        "share-chart", "What V consists of", Axis(), Axis(names=names, inverse=True), series, text=text, height=32
+    )
+
+
+def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plot]:
+    """Figures 11 and 12: many uncertain systems in one pose, due to the force and due to the chirp."""
+    rules = results.rules
+    longest = max(recorded, key=lambda entry: entry.about.time)
+    begin, end = longest.about.window
+    start, pose = longest.about.chirp[0], case_plots.pose_words(longest.about.q_a)
+    forced, chirped = (begin, math.inf), (start, begin)
+    told = case_plots.dispersion
+    force = case_plots.errors(
+        "spread-force",
+        "TCP position error due to the force",
+        case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *forced)),
+        rules,
+        Window("", (begin - 0.2, longest.about.time)),
+        text=f"{len(recorded)} uncertain systems with their disturbances at {pose} (Figure 11): "
+        f"{told(recorded, rules, 'B5', forced, 'the force')}.",
+        bands=(Band(begin, end, "force"),),
+        of=longest,
+    )
+    chirp = case_plots.errors(
+        "spread-chirp",
+        "TCP position error due to the motor torque disturbance",
+        case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *chirped)),
+        rules,
+        Window("", (0.0, begin - 0.5)),
+        text="The same systems under the motor torque disturbance (Figure 12): "
+        f"{told(recorded, rules, 'B7', chirped, 'it')}. Blue: the system assumed to be the worst; orange, where it is "
+        "another one: the worst of all.",
+        of=longest,
+    )
+    return force, chirp
+
+
 def _spread(run: Run) -> tuple[Part, ...]:
-    """Figures 11 and 12."""
     recorded = run.recorded(SYSTEMS)
     if not recorded:
         return (WITHOUT,)
     commands = ((entry.about.id, recording_command(run.results.head, entry.about)) for entry in recorded)
-    return (
-        Chart("spread-force", 340, "TCP position error due to the force"),
-        Chart("spread-chirp", 340, "TCP position error due to the motor torque disturbance"),
-        Commands("repeat one of these cases", tuple(commands)),
+    curves = [thinned(entry, SPREAD_INTERVALS) for entry in recorded]
+    return *spread_plots(curves, run.results), Commands("repeat one of these cases", tuple(commands))
+
+
+def tested(results: Results) -> list[tuple[CaseResult, bool | None]]:
+    """Every case with a requirement, and whether it passed (None: not judged)."""
+    limits = results.rules.stability
+    asked = (case for case in results.cases if results.rules.test(case.test).requirements)
+    return [(case, tally([outcome(case, limits)], 1).passed) for case in asked]
+
+
+def limit_cycles(results: Results) -> Plot:
+    """The limit cycles of all tests with a requirement over the configurations, on a logarithmic scale."""
+    cases, limit = tested(results), results.rules.stability.limit_cycle
+    tests = list(dict.fromkeys(case.test for case, _ in cases))
+    sized = [(case, size) for case, _ in cases if (size := case.measurements.limit_cycle) is not None]
+    indices = [entry.index for entry in results.configurations]
+    highest = max([limit, *(size for _, size in sized)])
+    micro = MICROMETRE.factor
+    x = Axis("Configuration", low=min(indices) - 0.5, high=max(indices) + 0.5)
+    top = 10.0 ** math.ceil(math.log10(1.3 * highest * micro)) / micro
+    y = Axis("Limit cycle", MICROMETRE, SMALLEST, top, logarithmic=True)
+    series = tuple(_cycles(sized, test, place, len(tests)) for place, test in enumerate(tests))
+    failed = sum(passed is False for _, passed in cases)
+    words = number(limit, micro)
+    text = (
+        f"{len(cases)} tests over the configurations: {failed} failed: a lasting limit cycle of {words} µm or more, "
+        "unstable, or ended by the controller."
     )
+    if not_judged := sum(passed is None for _, passed in cases):
+        text += f" {not_judged} not judged: skipped or lost."
+    if unknown := len(cases) - len(sized):
+        text += f" {unknown} have no amplitude and stand in the table only."
+    return Plot("stability-chart", "", x, y, series, (Level(limit, f"{words} µm"),), text=text, height=380)
+
+
+def _cycles(sized: list[tuple[CaseResult, float]], test: str, place: int, count: int) -> Scatter:
+    """The limit cycles of one test, beside those of the others."""
+    shown = [(case, size) for case, size in sized if case.test == test]
+    x = [case.configuration.index + (place - (count - 1) / 2) * BESIDE for case, _ in shown]
+    words = tuple(f"{case.id}: {number(size, MICROMETRE.factor)} µm" for case, size in shown)
+    symbol = SYMBOLS[place % len(SYMBOLS)]
+    return Scatter(test, x, [max(size, SMALLEST) for _, size in shown], HUES[place % 5], symbol, 9.0, words)
 
 
 def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
@@ -111,9 +218,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
         Column("verdict"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for case, passed in sorted(
-        stability(results), key=lambda row: _size(row[0].measurements.limit_cycle), reverse=True
-    ):
+    for case, passed in sorted(tested(results), key=lambda row: _size(row[0].measurements.limit_cycle), reverse=True):
         link = Link(case.id, simulate_command(results.head, case.id), shown.get(case.id))
         words = kind(case, limits) if case.simulated else "failed"
         own = (case.measurements.limit_cycle, case.measurements.limit_cycle_ratio)
@@ -135,7 +240,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
         "motion that dies away is a ring-down, not a limit cycle. A test also fails where the TCP does not come to "
         "rest."
     )
-    return (Chart("stability-chart", 380), Table("Stability tests", columns, tuple(rows), caption=caption))
+    return (limit_cycles(results), Table("Stability tests", columns, tuple(rows), caption=caption))
 
 
 def _size(limit_cycle: float | None) -> float:

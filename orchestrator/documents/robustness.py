@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from ..codec import Natural, NonNegative, plain
+from ..codec import Natural, NonNegative
 from ..search.findings import (
     ConfigurationFound,
     CriterionSearched,
@@ -17,21 +17,26 @@ from ..search.findings import (
     RequirementSearched,
     Step,
 )
-from ..views.table import Beside, Cell, Column, Commands, Facts, Note, Page, Part, Summary, Value
+from ..views.table import Beside, Cell, Choice, Column, Commands, Facts, Note, Page, Panel, Part, Summary, Value
 from ..views.units import NONE, SHOWN, number
-from . import worst_page
+from . import case_plots, worst_page, worst_plots
 from .comparability import same_controller
 from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
-from .payload import links
-from .recording import Recording
+from .recording import MOTION_INTERVALS, Recording, thinned
 from .recording import load as load_recordings
 from .spread import Spread
-from .wording import carry_over, parameter_words, seed_words
+from .wording import carry_over, seed_words
+from .workspace import links
 
 SCORECARDS = (Evaluation.KIND, Spread.KIND)
 """What a search stands beside in a comparison."""
+
+
+WITHOUT = Note("This search was made without trajectories.")
+
+NO_MARGINS = Note("The search has not come to margins and radius.")
 
 
 class Robustness(Document, Comparable, kw_only=True):
@@ -143,10 +148,8 @@ class Robustness(Document, Comparable, kw_only=True):
 
     def page(self, recordings: Sequence[Recording] = ()) -> Page:
         """The report, with the ``recordings`` of the worst cases."""
-        commands = {name: entry.worst_case.command for name, entry in self.criteria.items()}
-        commands |= {name: entry.command for name, entry in self.requirements.items()}
-        packs = worst_page.packs(recordings, commands)
-        shown = {role.split(" ")[0]: number for number, pack in enumerate(packs) for role in pack["roles"]}
+        worst = worst_page.cases(recordings)
+        shown = {role.split(" ")[0]: n for n, (entry, _) in enumerate(worst) for role in entry.about.roles}
         left_out = [name for name in self.rules.criteria if name not in self.criteria]
         target = self.rules.cost.target
         left = (worst_page.headline(self.cost, self.protocol_cost, self.protocol, target, left_out),)
@@ -161,19 +164,50 @@ class Robustness(Document, Comparable, kw_only=True):
             ),
         )
         listed = tuple(worst_page.commands(self.criteria, self.requirements, self.margins))
-        payload = {
-            "criteria": worst_page.specs(self.rules, self.criteria),
-            "effects": [{**plain(each), "words": parameter_words(each.parameter)} for each in self.effects],
-            **{
-                name: plain(getattr(self, name))
-                for name in ("rules", "path", "configurations", "peaks", "margins", "radius")
-            },
-            "links": links(self.head.plant),
-            "recordings": packs,
-        }
-        panels = worst_page.panels(summary, bool(packs), self.margins, self.radius, listed)
+        panels = (Panel("summary", "Summary", summary), *self._panels(worst, listed))
         title = f"Worst case of {self.controller.file}: V = {number(self.cost)}"
-        return Page(title, self._kicker, panels, worst_page.SCRIPTS, lambda: payload)
+        return Page(title, self._kicker, panels)
+
+    def _panels(
+        self, worst: Sequence[tuple[Recording, Recording | None]], listed: tuple[tuple[str, str], ...]
+    ) -> tuple[Panel, ...]:
+        """The tabs behind the summary."""
+        case: Part = WITHOUT
+        motion: tuple[Part, ...] = (WITHOUT,)
+        if worst:
+            entries = [entry for entry, _ in worst]
+            nominal = [None if other is None else thinned(other, MOTION_INTERVALS) for _, other in worst]
+            commands = [self._command(entry) for entry in entries]
+            case = case_plots.cases(entries, self.rules, commands, nominal)
+            motion = case_plots.motion(entries, self.rules, links(self.head.plant), commands)
+        margins = worst_plots.margins(self.rules, self.margins, self.radius) or (NO_MARGINS,)
+        return (
+            Panel("search", "Search", (worst_plots.path_of_search(self.rules, self.criteria, self.path),)),
+            Panel("effects", "Parameters", (self._effects(),)),
+            Panel("case", "Time plots", (case,)),
+            Panel("motion", "Motion", motion),
+            Panel("configurations", "Workspace", (worst_plots.by_configuration(self.rules, self.configurations),)),
+            Panel("margins", "Margins", margins),
+            Panel("commands", "Commands", (Commands("commands that repeat what was found", listed),)),
+        )
+
+    def _command(self, entry: Recording) -> str:
+        """The command that repeats the case that was recorded for a criterion or a requirement."""
+        name = entry.about.roles[0].split(" ")[0]
+        if name in self.criteria:
+            return self.criteria[name].worst_case.command
+        return self.requirements[name].command
+
+    def _effects(self) -> Part:
+        """By criterion, which parameters matter, and where they stand in the worst arm of each pose."""
+        options: list[tuple[str, tuple[Part, ...]]] = []
+        for name in worst_plots.searched(self.criteria, self.path):
+            if any(effect.criterion == name for effect in self.effects):
+                effects = worst_plots.effects(self.rules, name, self.effects)
+                shown: Part = effects if effects.names else Note(effects.text, warning=False)
+                ends = worst_plots.ends(self.rules, name, self.peaks, self.configurations)
+                options.append((f"{name}, {self.rules.criteria[name].title.lower()}", (*ends, shown)))
+        return Choice("effect", "Criterion", tuple(options)) if options else Note("No criterion was searched for.")
 
     @property
     def _kicker(self) -> str:

@@ -10,7 +10,8 @@ from msgspec.structs import asdict
 from ..benchmark.spread import Holding, SeedScore, Statistic, paired, seed_score, summary
 from ..benchmark.tally import reason
 from ..codec import Natural
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Quantity, Series, Summary, Table, Value, VerdictCell
+from ..views.plot import Axis, Level, Line, Plot, Scatter
+from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, VerdictCell
 from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -150,12 +151,12 @@ def _row(of: Statistic, target: float, unit: Unit) -> tuple[Value, ...]:
 def _over_seeds(spread: Spread) -> Plot:
     """V over the seeds, those marked with which a requirement is not met."""
     scores = sorted(spread.seeds, key=lambda score: score.seed)
-    x, y = tuple(float(score.seed) for score in scores), tuple(score.cost for score in scores)
-    marked = tuple(False in score.requirements.values() for score in scores)
-    levels = (("target", spread.rules.cost.target), ("paper's PID", spread.rules.cost.paper))
-    return Plot(
-        "spread-plot", "V over the seeds", Column("seed"), Column("V"), (Series("V", x, y, marked),), levels, FAILS
-    )
+    x, y = [float(score.seed) for score in scores], [score.cost for score in scores]
+    failing = [place for place, score in enumerate(scores) if False in score.requirements.values()]
+    marked = Scatter(FAILS, [x[place] for place in failing], [y[place] for place in failing], "bad", "diamond", 14.0)
+    series = (Line("V", x, y, symbol="circle"), *((marked,) if failing else ()))
+    levels = Level(spread.rules.cost.target, "target"), Level(spread.rules.cost.paper, "paper's PID")
+    return Plot("spread-plot", "V over the seeds", Axis("seed"), Axis("V"), series, levels)
 
 
 def _held(spread: Spread) -> Table:

@@ -10,7 +10,8 @@ from ..codec import Finite
 from ..errors import InputError
 from ..search.candidates import Trial
 from ..views.csv import csv_text
-from ..views.table import Cell, Column, Facts, Note, Part, Plot, Series, Summary, Table, Value, VerdictCell
+from ..views.plot import Axis, Heat, Layer, Level, Line, Plot, Scatter
+from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value, VerdictCell
 from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
 
 CSV, SVG = "sweep.csv", "sweep.svg"
 """What shows a sweep beside its report."""
+
+
+FAILS = "A1-A3 fail"
+
+DECADE = 10.0
+"""Ratio of the last to the first value from which on a scale is logarithmic."""
 
 
 class Sweep(Document, Comparable, kw_only=True):
@@ -87,9 +94,9 @@ class Sweep(Document, Comparable, kw_only=True):
         if len(self.varied) > 2:
             message = f"{len(self.varied)} parameters vary ({', '.join(self.varied)}): a picture shows one or two."
             raise InputError(message, "no-picture")
-        from .sweep_figure import draw  # Matplotlib takes as long to load as the rest of a command
+        from ..views import drawing  # Matplotlib takes as long to load as the rest of a command
 
-        return draw(self.varied, self.values, self.trials, self.rules.cost.target, figure)
+        return drawing.figure(self._line() if len(self.varied) == 1 else self._map(), into=figure)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -112,8 +119,7 @@ class Sweep(Document, Comparable, kw_only=True):
         """The combinations, and the best of them."""
         parts: list[Part] = [Facts("This sweep", tuple(head_facts(self.head))), self.table()]
         parts.append(Note(f"Best: {smallest_words(self)}.", warning=self.best is None))
-        if len(self.varied) == 1:
-            parts.append(self._over(self.varied[0]))
+        parts += [self._line()] if len(self.varied) == 1 else [self._map()] if len(self.varied) == 2 else []
         kicker = f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {len(self.trials)} combinations"
         return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
 
@@ -132,16 +138,44 @@ class Sweep(Document, Comparable, kw_only=True):
         failing = frozenset(place for place, trial in enumerate(self.trials) if not trial.holds)
         return Table("Every combination", columns, rows, outside=failing)
 
-    def _over(self, name: str) -> Plot:
-        """V over the values of one parameter."""
+    def _line(self) -> Plot:
+        """V over the values of one parameter; where one has no V, a line."""
+        (name,) = self.varied
         order = sorted(self.trials, key=lambda trial: trial.values[name])
-        x, y = (tuple(trial.values[name] for trial in order), tuple(trial.cost for trial in order))
-        series = Series("V", x, y, tuple(not trial.holds for trial in order))
-        levels = (("target", self.rules.cost.target),)
-        return Plot("sweep-plot", f"V over {name}", Column(name), Column("V"), (series,), levels, "A1-A3 fail")
+        x, y = [trial.values[name] for trial in order], [trial.cost for trial in order]
+        failing = [place for place, trial in enumerate(order) if not trial.holds]
+        series: list[Line | Scatter] = [Line("V", x, y, symbol="circle")]
+        if failing:
+            points = [x[place] for place in failing], [y[place] for place in failing]
+            series.append(Scatter(FAILS, *points, "bad", "cross", 10.0))
+        without = (value for value, V in zip(x, y, strict=True) if V is None)
+        target = self.rules.cost.target
+        levels = Level(target, f"target: {target:g}"), *(
+            Level(value, "no V", upright=True, colour="bad", dash="dotted") for value in without
+        )  # fmt: skip
+        axis = Axis(name, logarithmic=0.0 < x[0] * DECADE <= x[-1])
+        return Plot("sweep-plot", f"V over {name}", axis, Axis("V"), tuple(series), levels)
+
+    def _map(self) -> Heat:
+        """V over the values of two parameters, the first one upwards."""
+        up, right = self.varied
+        rows, columns = sorted(self.values[up], reverse=True), sorted(self.values[right])
+        trials = {(trial.values[up], trial.values[right]): trial for trial in self.trials}
+        places = [(row, column) for row in rows for column in columns]
+        costs = tuple(trials[place].cost for place in places)
+        failing = frozenset(number for number, place in enumerate(places) if not trials[place].holds)
+        layer = Layer(f"V (× where {FAILS})", costs, "V", target=self.rules.cost.target, marked=failing)
+        x, y = Axis(right, names=tuple(map(_short, columns))), Axis(up, names=tuple(map(_short, rows)))
+        cells = tuple(f"{up} = {row:g}, {right} = {column:g}" for row, column in places)
+        text = f"over {right} to the right and {up} upwards; × where {FAILS}."
+        return Heat("sweep-map", f"V over {right} and {up}", x, y, (layer,), cells, text)
 
     def __repr__(self) -> str:
         return f"Sweep({self.controller.file}, {len(self.trials)} combinations: {smallest_words(self)})"
+
+
+def _short(value: float) -> str:
+    return f"{value:g}"
 
 
 def smallest_words(found: Sweep) -> str:

@@ -14,6 +14,8 @@ from ..loop.disturbances import ChirpSignal, PulseSignal
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Trajectory
 from ..views.csv import csv_text
+from ..views.plot import Axis, Line, Plot, Window, hue
+from ..views.units import MILLIMETRE, SECOND, TORQUE
 from .files import streamed, write_bytes, write_text
 
 # Imports inside functions: Matplotlib and SciPy are loaded by those who need them.
@@ -87,22 +89,19 @@ def write_mat(table: Table, file: Path) -> None:
 
 def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Figure | None = None) -> Figure:
     """TCP error [mm] and motor torques [Nm] over time, drawn into ``figure`` or a new one."""
-    from .picture import Picture
+    from ..views import drawing  # Matplotlib takes as long to load as the rest of a command
 
-    figure = figure or Picture(figsize=(8, 6), layout="constrained")
-    error, torque = figure.subplots(2, 1, sharex=True)
     t = trajectory.time
-    error.plot(t, trajectory.tcp_error * 1e3, linewidth=0.8)
-    error.set(ylabel="TCP position error [mm]")
-    error.set_title(title, parse_math=False)
-    for i in range(2):
-        torque.step(t[:-1], trajectory.torque[:, i], where="post", linewidth=0.8, label=f"axis {i + 1}")
-    torque.set(xlabel="Time [s]", ylabel="Motor torque [Nm]")  # a formula would take longer to typeset than all else
-    torque.legend(loc="upper right")  # to find the best place among so many points takes longer than to draw them
-    for axes in (error, torque):
-        axes.grid(alpha=0.3)
-        axes.set_xlim(t[0], t[-1] if len(t) > 1 else float(scenario.duration))
-    return figure
+    window = Window("", (float(t[0]), float(t[-1] if len(t) > 1 else scenario.duration)))
+    error = Line("", t, trajectory.tcp_error)
+    # A formula in a label would take longer to typeset than all else.
+    torques = tuple(Line(f"axis {i + 1}", t[:-1], trajectory.torque[:, i], hue(i), step=True) for i in range(2))
+    time = Axis("Time", SECOND)
+    plots = (
+        Plot("error", title, time, Axis("TCP position error", MILLIMETRE), (error,), window=window, group="time"),
+        Plot("torque", "", time, Axis("Motor torque", TORQUE), torques, window=window, group="time"),
+    )
+    return drawing.figure([[plot] for plot in plots], (8, 6), figure, titles=True, font=10.0)
 
 
 def write_plot(figure: Figure, file: Path) -> None:

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from ..benchmark.spread import Statistic
-from ..codec import Finite, Natural, NonNegative, Struct, plain
+from ..codec import Finite, Natural, NonNegative, Struct
 from ..search.candidates import Range, Trial
 from ..views.table import (
     Beside,
     Cell,
-    Chart,
+    Choice,
     Column,
     Commands,
     Facts,
@@ -24,9 +24,9 @@ from ..views.table import (
     Table,
     Value,
     VerdictCell,
-    Widget,
 )
 from ..views.units import number
+from . import tuning_plots
 from .document import Comparable, Completeness, Document, Rank, Row
 from .facts import head_facts
 from .files import REPORT, TUNING
@@ -161,25 +161,40 @@ class Tuning(Document, Comparable, kw_only=True):
             _parameters(self),
             Facts("This search", tuple(_facts(self))),
         )
-        slice_of = Widget("choice.html", {"id": "slice-of", "text": "Parameter"})
         panels = (
             Panel("summary", "Summary", summary),
-            Panel("history", "History", (Chart("history-chart", 480, "The objective, trial by trial"),)),
-            Panel(
-                "parameters",
-                "Parameters",
-                (
-                    Chart("importance-chart", 400, "Which parameters matter"),
-                    slice_of,
-                    Chart("slice-chart", 400, "Where the good candidates lie"),
-                ),
-            ),
-            Panel("trade", "V and stability", (Chart("trade-chart", 520, "What a lower V costs in stability"),)),
+            Panel("history", "History", (self._history,)),
+            Panel("parameters", "Parameters", self._by_parameter),
+            Panel("trade", "V and stability", (self._trade,)),
             Panel("judged", "Judged candidates", (_judged(self), _added(self))),
         )
-        payload = {name: plain(getattr(self, name)) for name in ("trials", "judged", "importance", "vary", "objective")}
-        payload |= {"target": self.rules.cost.target, "best": None if best is None else best.trial.number}
-        return Page(f"Tuning of {self.controller.file}", self._kicker, panels, ("tune.js",), lambda: payload)
+        return Page(f"Tuning of {self.controller.file}", self._kicker, panels)
+
+    @property
+    def _best_trial(self) -> Trial | None:
+        return None if self.best is None else self.best.trial
+
+    @property
+    def _history(self) -> Part:
+        added = {each.after: len(each.commands) for each in self.judged if each.commands}
+        return tuning_plots.history(self.trials, self._best_trial, self.rules.cost.target, self.objective, added)
+
+    @property
+    def _by_parameter(self) -> tuple[Part, ...]:
+        """Which parameters matter, and where the good candidates lie."""
+        none = Note(
+            "Of one parameter, or of candidates that all came to the same, there is no importance.", warning=False
+        )
+        slices = (
+            (name, (tuning_plots.by_parameter(name, place, own, self.trials, self._best_trial),))
+            for place, (name, own) in enumerate(self.vary.items())
+        )
+        return tuning_plots.importance(self.importance) or none, Choice("slice", "Parameter", tuple(slices))
+
+    @property
+    def _trade(self) -> Part:
+        plot = tuning_plots.trade(self.trials, self._best_trial, self.rules.cost.target)
+        return plot or Note("No candidate has both a cost and a limit cycle's amplitude.", warning=False)
 
     @property
     def _kicker(self) -> str:

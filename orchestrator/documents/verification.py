@@ -21,15 +21,14 @@ from ..benchmark.certificate import (
 from ..benchmark.draws import Entropy
 from ..codec import Natural, plain
 from ..loop.trajectory import Status
+from ..views.plot import Axis, Level, Line, Plot, hue
 from ..views.table import (
     VERDICTS,
     Cell,
     Column,
     Facts,
     Part,
-    Plot,
     Quantity,
-    Series,
     Summary,
     Table,
     Value,
@@ -156,9 +155,9 @@ class Verification(Document, Comparable, kw_only=True):
             known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
             parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, known))
         tried: dict[str, Verification | Reference] = {self.controller.file: self, **self.references}
-        series = tuple(_over_draws(name, each.draws) for name, each in tried.items())
-        levels = (("target", self.rules.cost.target),)
-        parts.append(Plot("draws-plot", "V over the draws", Column("draw"), Column("V"), series, levels))
+        series = tuple(_over_draws(name, each.draws, order) for order, (name, each) in enumerate(tried.items()))
+        levels = (Level(self.rules.cost.target, "target"),)
+        parts.append(Plot("draws-plot", "V over the draws", Axis("draw"), Axis("V"), series, levels))
         listed = (*self.cases, *(self.strict.cases if self.strict else ()))
         failed = [
             (in_draw(case.id, case.seed), case.status, case.message)
@@ -261,9 +260,10 @@ def _own(found: Verification, score: Verification | Score, protocol: str, where:
             yield Reason(reason_text(name, entry.passed, place, entry.reason), advice=advice)
 
 
-def _over_draws(name: str, draws: Sequence[Draw]) -> Series:
+def _over_draws(name: str, draws: Sequence[Draw], order: int) -> Line:
     """V in each draw."""
-    return Series(name, tuple(map(float, range(1, len(draws) + 1))), tuple(draw.cost for draw in draws))
+    x, y = [float(place) for place in range(1, len(draws) + 1)], [draw.cost for draw in draws]
+    return Line(name, x, y, hue(order), symbol="circle")
 
 
 def _table(title: str, found: Score | Verification, others: Mapping[str, Score]) -> Table:

@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 from ..benchmark.results import Rules
-from ..codec import plain
 from ..loop.trajectory import Status
 from ..search.findings import CriterionSearched, Margin, Radius, RequirementSearched
 from ..views.table import (
     Cell,
-    Chart,
     Column,
-    Commands,
     Headline,
     Link,
-    Note,
-    Panel,
-    Part,
     Quantity,
     Table,
     Value,
     VerdictCell,
-    Widget,
 )
 from ..views.units import MILLISECOND, NONE, SHOWN, number
 from .facts import head_facts
 from .head import Head
-from .payload import criteria, packed, packed_error
-from .recording import BESIDE, MOTION_INTERVALS, Recording
+from .recording import BESIDE, Recording
 from .wording import REQUIREMENTS
-
-SCRIPTS = ("arm.js", "case.js", "heat.js", "motion.js", "worst.js")
 
 NO_PROOF = (
     "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still "
@@ -170,48 +159,8 @@ def commands(
         yield ", ".join(names), command
 
 
-def specs(rules: Rules, found: Mapping[str, CriterionSearched]) -> list[dict[str, Any]]:
-    """The criteria for the charts."""
-    known = {name: spec for name, spec in rules.criteria.items() if name in found}
-    return [{**spec, **plain(found[spec["name"]])} for spec in criteria(known)]
-
-
-def packs(recordings: Sequence[Recording], repeating: Mapping[str, str]) -> list[dict[str, Any]]:
-    """The recordings of the worst cases, each with that of the nominal arm beside it."""
+def cases(recordings: Sequence[Recording]) -> list[tuple[Recording, Recording | None]]:
+    """The recordings of the worst cases, each with that of the nominal arm in the same pose and test."""
     beside = {role: entry for entry in recordings for role in entry.about.roles if role.startswith(BESIDE)}
-    found = []
-    for entry in recordings:
-        if set(entry.about.roles) & set(beside):
-            continue
-        role = entry.about.roles[0]
-        nominal = beside.get(f"{BESIDE} {role}")
-        own = None if nominal is None else packed_error(nominal, MOTION_INTERVALS)
-        found.append({**packed(entry, repeating[role.split(" ")[0]]), "beside": own})
-    return found
-
-
-def panels(
-    summary: tuple[Part, ...],
-    recorded: bool,
-    margins: Mapping[str, Margin],
-    radius: Radius | None,
-    listed: tuple[tuple[str, str], ...],
-) -> tuple[Panel, ...]:
-    """The tabs of the page."""
-    choice = Widget("choice.html", {"id": "effect-of", "text": "Criterion"})
-    ends = Widget("place.html", {"id": "ends"})
-    none = Note("This search was made without trajectories.")
-    case, motion = (Widget(f"{name}.html") if recorded else none for name in ("case", "motion"))
-    known: Part = Note("The search has not come to margins and radius.")
-    if margins or radius:
-        known = Chart("margins-chart", 520, "Margins and radius")
-    return (
-        Panel("summary", "Summary", summary),
-        Panel("search", "Search", (Chart("path-of-search", 420, "The path of the search"),)),
-        Panel("effects", "Parameters", (choice, ends, Chart("effects-chart", 640, "Which parameters matter"))),
-        Panel("case", "Time plots", (case,)),
-        Panel("motion", "Motion", (motion,)),
-        Panel("configurations", "Workspace", (Chart("configurations-chart", 640, "V_k over the workspace"),)),
-        Panel("margins", "Margins", (known,)),
-        Panel("commands", "Commands", (Commands("commands that repeat what was found", listed),)),
-    )
+    worst = (entry for entry in recordings if not set(entry.about.roles) & set(beside))
+    return [(entry, beside.get(f"{BESIDE} {entry.about.roles[0]}")) for entry in worst]

@@ -10,23 +10,32 @@ import base64
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..text import printable
-from .table import Beside, Headline, Page, Plot, Summary, Table, shown
-from .units import heading, number
+from .echarts import Pool, plot_data
+from .plot import Heat, MovingArm, Plot, PosedArm
+from .table import Headline, Page, Summary, Table, shown
+from .units import MILLIMETRE, number
 
 FILES = resources.files(__package__) / "templates"
 
 LIBRARY = "echarts.common.min.js"
 
-FIRST, LAST = ("page.js", "charts.js"), ("plot.js", "start.js")
-"""Scripts of every page, before and after its own."""
+SCRIPTS: Mapping[str, tuple[type, ...]] = {
+    "page.js": (object,),
+    "plot.js": (object,),
+    "heat.js": (Heat,),
+    "arm.js": (PosedArm, MovingArm),
+    "motion.js": (MovingArm,),
+}
+"""The scripts of a page, in their order: those of the parts that it has."""
 
 MOST = 20
 """Rows of a table that a notebook shows; the others are counted."""
@@ -37,18 +46,90 @@ SCALE_END = 1.15
 
 def page_html(page: Page) -> str:
     """The page as one HTML file, which needs no network."""
-    program = "\n".join(_text(name) for name in (*FIRST, *page.scripts, *LAST))
+    parts = page.parts
+    names = (name for name, kinds in SCRIPTS.items() if any(isinstance(part, kinds) for part in parts))
+    program = "\n".join(map(_text, names))
     library = _text(LIBRARY)
-    plots = [_plot(part) for panel in page.panels for part in _flat(panel.parts) if isinstance(part, Plot)]
     return _filled(
         "page.html",
         page=page,
         style=Markup(_text("style.css")),
         library=Markup(library),
         program=Markup(program),
-        data=Markup(script_json({**page.payload(), "plots": plots})),
+        data=Markup(script_json(page_data(page))),
         policy=_policy(library, program),
     )
+
+
+def page_data(page: Page) -> dict[str, Any]:
+    """What the scripts of a page are given: what they draw, by its id, and the columns and texts that it is made of."""
+    pool, parts = Pool(), page.parts
+    return {
+        "plots": {part.id: plot_data(part, pool) for part in parts if isinstance(part, Plot)},
+        "heats": {part.id: _heat_data(part) for part in parts if isinstance(part, Heat)},
+        "arms": {part.id: _arm_data(part) for part in parts if isinstance(part, PosedArm)},
+        "motions": {part.id: _motion_data(part, pool) for part in parts if isinstance(part, MovingArm)},
+        "columns": list(pool.columns),
+        "texts": list(pool.texts),
+    }
+
+
+def _heat_data(heat: Heat) -> dict[str, Any]:
+    """A map: its rows from above, and its layers."""
+    return {
+        "title": heat.title,
+        "text": heat.text,
+        "corner": f"{heat.y.title} \\ {heat.x.title}",
+        "columns": heat.x.names,
+        "rows": heat.y.names,
+        "cells": heat.cells,
+        "layers": [
+            {
+                "name": layer.name,
+                "symbol": layer.symbol or layer.name,
+                "of": layer.of,
+                "target": layer.target,
+                "values": layer.values,
+                "marked": sorted(layer.marked),
+            }
+            for layer in heat.layers
+        ],
+        "smaller": heat.smaller,
+        "limits": heat.limits,
+        "aroundZero": heat.around_zero or bool(heat.smaller),
+    }
+
+
+def _arm_data(arm: PosedArm) -> dict[str, Any]:
+    """The arm beside a map."""
+    return {"links": arm.links, "heat": arm.heat, "poses": arm.poses}
+
+
+def _motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
+    """The arm in motion: offsets of the tool in millimetres."""
+    return {
+        "choice": motion.choice,
+        "links": motion.links,
+        "circles": [[colour, radius] for colour, radius in motion.circles],
+        "circleWords": " and ".join(number(radius, 1e3) for _, radius in motion.circles) + " mm",
+        "moved": [
+            {
+                "name": moved.name,
+                "rest": moved.rest,
+                "motion": _columns(moved.motion, (1.0, *[MILLIMETRE.factor] * 2, 1.0, 1.0), pool),
+                "torque": _columns(moved.torque, (1.0, 1.0, 1.0), pool),
+                "end": moved.end,
+                "force": moved.force if any(moved.force) else None,
+                "window": moved.window,
+                "places": moved.places,
+            }
+            for moved in motion.moved
+        ],
+    }
+
+
+def _columns(table: np.ndarray, factors: Iterable[float], pool: Pool) -> list[int]:
+    return [pool.column(factor * column) for factor, column in zip(factors, table.T, strict=True)]
 
 
 def fragment(summary: Summary, image: bytes = b"") -> str:
@@ -84,7 +165,6 @@ def _environment() -> Environment:
     made.filters["number"] = number
     made.globals |= {"kind": lambda part: type(part).__name__, "shown": shown, "marked": _marked, "placed": _placed}
     made.globals["MOST"] = MOST
-    made.globals["widget"] = lambda part: Markup(_filled(part.template, **part.values))
     return made
 
 
@@ -103,37 +183,6 @@ def _placed(part: Headline) -> dict[str, Any]:
     return {
         "place": None if part.value is None else 100 * part.value / end,
         "marks": [{"name": name, "value": f"{mark:.4g}", "place": 100 * mark / end} for name, mark in part.marks],
-    }
-
-
-def _flat(parts: Any) -> list[Any]:
-    """Parts, those beside each other one by one."""
-    found: list[Any] = []
-    for part in parts:
-        found += [each for column in part.columns for each in _flat(column)] if isinstance(part, Beside) else [part]
-    return found
-
-
-def _plot(plot: Plot) -> Mapping[str, Any]:
-    """What the script that draws plots is given: values in the units they are shown in."""
-    right, up = plot.x.unit.factor, plot.y.unit.factor
-    return {
-        "id": plot.id,
-        "title": plot.title,
-        "x": heading(plot.x.name, plot.x.unit),
-        "y": heading(plot.y.name, plot.y.unit),
-        "levels": [[name, value * up] for name, value in plot.levels],
-        "marked": plot.marked,
-        "logarithmic": plot.logarithmic,
-        "series": [
-            {
-                "name": each.name,
-                "x": [value * right for value in each.x],
-                "y": [None if value is None else value * up for value in each.y],
-                "marked": list(each.marked or [False] * len(each.x)),
-            }
-            for each in plot.series
-        ],
     }
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
+from .plot import Heat, MovingArm, Plot, PosedArm
 from .units import NONE, Unit, heading, number
 
 VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not judged"}
@@ -33,7 +34,7 @@ class VerdictCell(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A text with the ``command`` that repeats what it names, and the number of its recording on a page."""
+    """A text with the ``command`` that repeats what it names, and its number among the recordings of a page."""
 
     text: str
     command: str = ""
@@ -190,54 +191,37 @@ class Headline:
 
 
 @dataclass(frozen=True)
-class Chart:
-    """The place of a chart that a script of the page draws, by its id; its height in pixels."""
-
-    id: str
-    height: int
-    title: str = ""
-
-
-@dataclass(frozen=True)
-class Widget:
-    """A piece of a page made of a template of its own, with what it shows."""
-
-    template: str
-    values: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Series:
-    """Points of a plot, joined by a line; ``marked`` are those that stand out."""
-
-    name: str
-    x: tuple[float, ...]
-    y: tuple[float | None, ...]
-    marked: tuple[bool, ...] = ()
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A plot of one quantity over another, with named horizontal levels; numbers in SI units."""
-
-    id: str
-    title: str
-    x: Column
-    y: Column
-    series: tuple[Series, ...]
-    levels: tuple[tuple[str, float], ...] = ()
-    marked: str = ""
-    logarithmic: bool = False
-
-
-@dataclass(frozen=True)
 class Beside:
-    """Parts of a page in columns beside each other, where there is room."""
+    """Parts of a page in columns beside each other, where there is room: the first one narrower, or all ``equal``."""
 
     columns: tuple[tuple[Part, ...], ...]
+    equal: bool = False
 
 
-Part = Table | Note | Commands | Facts | Headline | Chart | Widget | Plot | Beside
+@dataclass(frozen=True)
+class Choice:
+    """Parts of a page of which those of one option are shown: the ``chosen`` one at first. Choices of the same ``id``
+    are made together, and one without a ``label`` follows the others."""
+
+    id: str
+    label: str
+    options: tuple[tuple[str, tuple[Part, ...]], ...]
+    chosen: int = 0
+
+
+Part = Table | Note | Commands | Facts | Headline | Plot | Heat | PosedArm | MovingArm | Beside | Choice
+
+
+def flat(parts: Iterable[Part]) -> Iterator[Part]:
+    """Parts, those within others one by one."""
+    for part in parts:
+        match part:
+            case Beside():
+                yield from flat(inner for column in part.columns for inner in column)
+            case Choice():
+                yield from flat(inner for _, option in part.options for inner in option)
+            case _:
+                yield part
 
 
 @dataclass(frozen=True)
@@ -266,10 +250,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class Page:
-    """A page of tabs, with the names of the scripts that draw its charts and the data that these are given."""
+    """A page of tabs."""
 
     title: str
     kicker: str
     panels: tuple[Panel, ...]
-    scripts: tuple[str, ...] = ()
-    payload: Callable[[], Mapping[str, Any]] = dict
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """All parts, those within others one by one."""
+        return tuple(part for panel in self.panels for part in flat(panel.parts))

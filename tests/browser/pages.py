@@ -148,6 +148,21 @@ def chart(name: str) -> str:
     return f"echarts.getInstanceByDom(document.getElementById('{name}'))"
 
 
+def shown(page, ending: str) -> str:
+    """The id of the chart in sight whose id has this ending."""
+    return page.locator(f'.chart[id$="-{ending}"]:visible').get_attribute("id")
+
+
+def zoom(page, name: str, x: list[float], top: float | None = None) -> None:
+    """Show a part of a chart."""
+    page.evaluate(f"zoomTo({chart(name)}, {json.dumps({'x': x, 'y': [None, top]})})")
+
+
+def legend(page, name: str) -> list[str]:
+    """The names in the legend of a chart."""
+    return [entry["name"] for entry in option(page, name)["legend"][0]["data"]]
+
+
 def option(page, name: str) -> dict:
     """What ECharts was given to draw."""
     return json.loads(page.evaluate(f"JSON.stringify({chart(name)}.getOption())"))  # as text, which is faster

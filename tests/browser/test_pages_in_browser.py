@@ -10,14 +10,17 @@ from browser.pages import (
     chart,
     comparison,
     empty_report,
+    legend,
     option,
     report,
     show,
+    shown,
     simulations,
     sweep,
     text,
     tuning,
     worst_case,
+    zoom,
 )
 from orchestrator.documents.commands import simulate_command
 
@@ -65,10 +68,9 @@ def test_runs_are_told_apart_in_the_figures_of_the_comparison(open_page):
     """By their labels where names are cut, and by colour and dashes."""
     page = open_page(comparison())
     show(page, "overlay")
-    page.locator("#which").select_option("B5")
-    names = page.evaluate("runs.map((run) => run.label)")
-    assert [name.split(" ")[0] for name in names] == [*(f"{rank}." for rank in range(1, 8)), "(8)"]
-    lines = option(page, "overlay-chart")["series"][:7]
+    page.locator("#pick-which").select_option("0")
+    assert [name.split(" ")[0] for name in legend(page, "overlay-B5-error")] == [f"{rank}." for rank in range(1, 8)]
+    lines = option(page, "overlay-B5-error")["series"][:7]
     assert len({(line["itemStyle"]["color"], line["lineStyle"]["type"]) for line in lines}) == 7
     peaks = [max(error for _, error in line["data"]) for line in lines]
     assert peaks == sorted(set(peaks))
@@ -102,38 +104,53 @@ def dashes(page, name: str, level: float) -> int:
 def test_targets_are_in_sight_wherever_one_looks(open_page, size, scheme):
     page = open_page(report(), size, scheme)
     show(page, "case")
-    page.locator("#case .pick").select_option("0")
-    assert dashes(page, "error-chart", 7) > 5, "the worst B5 as it is shown first"
-    assert dashes(page, "error-chart", 6.3) < 5, "what is counted are no lines of the chart"
+    page.locator("#pick-case").select_option("0")
+    error, path = shown(page, "error"), shown(page, "path")
+    assert dashes(page, error, 7) > 5, "the worst B5 as it is shown first"
+    assert dashes(page, error, 6.3) < 5, "what is counted are no lines of the chart"
     for section, target in {"Chirp": 0.5, "Force": 7, "Settling": 0.1, "Last": 0.1, "Whole": 7}.items():
-        page.locator("#windows").get_by_role("button", name=section).click()
-        assert dashes(page, "error-chart", target) > 4, section
-    page.evaluate(f"zoomTo({chart('error-chart')}, 11, 12)")
-    assert dashes(page, "error-chart", 7) > 5, "both ends outside"
-    grid, place = option(page, "path-chart")["grid"][0], page.locator("#path-chart")
+        page.locator("#case button:visible", has_text=section).click()
+        assert dashes(page, error, target) > 4, section
+    zoom(page, error, [11, 12])
+    assert dashes(page, error, 7) > 5, "both ends outside"
+    grid, place = option(page, path)["grid"][0], page.locator(f"#{path}")
     height = place.evaluate("(place) => place.clientHeight")
     assert grid["width"] == grid["height"] > height - grid["top"] - 70, "the path fills its card"
     show(page, "spread")
     assert dashes(page, "spread-force", 7) > 5
     assert dashes(page, "spread-chirp", 0.5) > 5
-    page.evaluate(f"zoomTo({chart('spread-force')}, 13, 14.5, 0.5)")
+    zoom(page, "spread-force", [13, 14.5], 0.5)
     assert dashes(page, "spread-force", 0.1) > 4, "a second of the settled band"
     page = open_page(comparison(), size, scheme)
     show(page, "overlay")
-    for criterion, target in (("B5", 7), ("B6", 0.1), ("B7", 0.5)):
-        page.locator("#which").select_option(criterion)
-        assert f"worst case of {criterion}" in text(page, "#overlay-chart-text")
-        assert dashes(page, "overlay-chart", target) > 5, criterion
+    for index, (criterion, target) in enumerate((("B5", 7), ("B6", 0.1), ("B7", 0.5))):
+        page.locator("#pick-which").select_option(str(index))
+        assert f"worst case of {criterion}" in text(page, f"#overlay-{criterion}-error-text")
+        assert dashes(page, f"overlay-{criterion}-error", target) > 5, criterion
+
+
+def test_the_path_of_the_tcp_is_a_circle_that_buttons_enlarge(open_page):
+    page = open_page(report())
+    show(page, "case")
+    page.locator("#pick-case").select_option("0")
+    path, ends = shown(page, "path"), {}
+    for name in ("Settled TCP", "Largest error"):
+        page.locator("#case button:visible", has_text=name).click()
+        corners = page.evaluate(f"[[-1, -1], [1, 1]].map((end) => {chart(path)}.convertToPixel('grid', end))")
+        (left, bottom), (right, top) = corners
+        assert right - left == pytest.approx(bottom - top, rel=0.01)
+        ends[name] = right - left
+    assert ends["Settled TCP"] > 10 * ends["Largest error"]
 
 
 def test_lines_are_not_broken_where_they_leave_the_chart(open_page):
     """A view that ends below the peak still holds every sample in its times."""
     page = open_page(report())
     show(page, "case")
-    counts = []
-    for top in ("undefined", "0.5"):
-        page.evaluate(f"zoomTo({chart('error-chart')}, 10, 11, {top})")
-        counts.append(page.evaluate(f"{chart('error-chart')}.getModel().getSeriesByIndex(0).getData().count()"))
+    error, counts = shown(page, "error"), []
+    for top in (None, 0.5):
+        zoom(page, error, [10, 11], top)
+        counts.append(page.evaluate(f"{chart(error)}.getModel().getSeriesByIndex(0).getData().count()"))
     assert counts[0] == counts[1] > 50
 
 
@@ -143,28 +160,28 @@ def test_a_click_on_a_criterion_shows_its_worst_case(open_page):
         show(page, "summary")
         page.locator("#summary tr", has=page.locator(f"th:text-is('{criterion}')")).locator("button.link").click()
         assert page.locator("#case").is_visible()
-        assert f"worst {criterion}" in text(page, "#case-text")
+        assert f"worst {criterion}" in text(page, "#case .reason:visible")
 
 
 def test_both_charts_of_a_case_show_the_section_chosen(open_page):
     page = open_page(report())
     show(page, "case")
-    for section, shown in {"Chirp": (0.5, 8.5), "Force": (9.8, 12.0), "Whole": (0.0, 26.0)}.items():
-        page.locator("#windows").get_by_role("button", name=section).click()
-        for name in ("error-chart", "torque-chart"):
-            zoom = option(page, name)["dataZoom"][0]
-            assert (zoom["startValue"], zoom["endValue"]) == pytest.approx(shown, abs=0.02), (section, name)
+    for section, times in {"Chirp": (0.5, 8.5), "Force": (9.8, 12.0), "Whole": (0.0, 26.0)}.items():
+        page.locator("#case button:visible", has_text=section).click()
+        for name in ("error", "torque"):
+            part = option(page, shown(page, name))["dataZoom"][0]
+            assert (part["startValue"], part["endValue"]) == pytest.approx(times, abs=0.02), (section, name)
 
 
 def test_the_map_is_walked_by_keyboard_and_poses_the_arm(open_page):
     page = open_page(report())
     show(page, "workspace")
-    page.locator("#quantity").select_option("B7")
+    page.locator("#heat-layer").select_option(index=7)
     page.locator("#heat button[tabindex='0']").focus()
     told = set()
     for key in ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowUp"):
         page.keyboard.press(key)
-        told.add((text(page, "#arm-text"), page.locator("#arm path").last.get_attribute("d")))
+        told.add((text(page, "#heat-cell"), page.locator("#arm path").last.get_attribute("d")))
     assert len({pose for _, pose in told}) == len(told) >= 2
 
 
@@ -218,9 +235,9 @@ def test_commands_are_copied_and_told(open_page):
     show(page, "case")
     for index, id in enumerate((pages.CHIRPED, pages.WORST)):
         page.locator("#pick-case").select_option(str(1 - index))
-        assert text(page, "#case .command code") == simulate_command(RESULTS.head, id)
-    page.locator("#case .copy").click()
-    assert text(page, "#case .copy") == "copied"
+        assert text(page, "#case .command:visible code") == simulate_command(RESULTS.head, id)
+    page.locator("#case .copy:visible").click()
+    assert text(page, "#case .copy:visible") == "copied"
     page.evaluate("document.body.append(Object.assign(document.createElement('textarea'), { id: 'pasted' }))")
     page.locator("#pasted").focus()
     page.keyboard.press("Control+V")

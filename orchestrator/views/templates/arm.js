@@ -1,14 +1,15 @@
 // The arm in the x,z plane, z upwards: a drawing in metres.
 
 /** Elbow and TCP [m] at the link angles, eq. (9). */
-function joints(q_a1, q_a2, [l_1, l_2] = data.links) {
+function joints([l_1, l_2], [q_a1, q_a2]) {
   const elbow = [l_1 * Math.sin(q_a1), l_1 * Math.cos(q_a1)];
   const q_12 = q_a1 + q_a2;
   return { elbow, tcp: [elbow[0] + l_2 * Math.cos(q_12), elbow[1] - l_2 * Math.sin(q_12)] };
 }
 
-/** An empty stage that holds the arm in every pose; `label` says what it shows. */
-function stage(label, reach = 1.08 * (data.links[0] + data.links[1])) {
+/** An empty stage that holds an arm with these links in every pose; `label` says what it shows. */
+function stage(links, label) {
+  const reach = 1.08 * (links[0] + links[1]);
   const box = [-reach, -reach, 2 * reach, 2 * reach];
   const svg = drawn("svg", { viewBox: box.join(" "), role: "img", "aria-label": label });
   const flipped = drawn("g", { transform: "scale(1,-1)" });
@@ -32,12 +33,12 @@ function stage(label, reach = 1.08 * (data.links[0] + data.links[1])) {
 }
 
 /** A drawing of the arm; `pose` moves it. */
-function armDrawing(stroke, width = 0.07, opacity = 1) {
+function armDrawing(lengths, stroke, width = 0.07, opacity = 1) {
   const links = drawn("path", { fill: "none", stroke, "stroke-width": width, "stroke-linecap": "round", "stroke-linejoin": "round" });
   const points = [1, 1, 0.8].map((size) => drawn("circle", { r: size * width, fill: colour("card"), stroke, "stroke-width": 0.4 * width }));
   const group = drawn("g", { opacity }, links, ...points);
-  const pose = (q_a1, q_a2) => {
-    const { elbow, tcp } = joints(q_a1, q_a2);
+  const pose = (angles) => {
+    const { elbow, tcp } = joints(lengths, angles);
     links.setAttribute("d", `M0,0L${elbow}L${tcp}`);
     [[0, 0], elbow, tcp].forEach(([x, y], index) => {
       points[index].setAttribute("cx", x);
@@ -47,3 +48,30 @@ function armDrawing(stroke, width = 0.07, opacity = 1) {
   };
   return { group, pose };
 }
+
+const standing = new Map();
+
+/** The arm beside a map, in the pose of the cell that is pointed at; dots are the TCP of all, in the map's colours. */
+function drawArm(place) {
+  const { links, heat, poses } = data.arms[place.id];
+  const { svg, world } = stage(links, "The arm in the pose of the chosen cell; dots: the TCP in the poses of all");
+  const arm = armDrawing(links, colour("accent"));
+  const group = drawn("g");
+  world.append(group, arm.group);
+  place.replaceChildren(svg);
+  const map = $(`#${heat}`);
+  if (standing.has(place)) map.removeEventListener("pointed", standing.get(place));
+  standing.set(place, ({ detail: { cell, hues } }) => {
+    group.replaceChildren(...poses.flatMap((angles, index) => {
+      if (!angles) return [];
+      const [cx, cy] = joints(links, angles).tcp;
+      const fill = hues[index] ? `rgb(${hues[index]})` : "none";
+      return [drawn("circle", { cx, cy, r: 0.06, fill, stroke: colour("ink"), "stroke-width": 0.012 })];
+    }));
+    arm.pose(poses[cell]);
+  });
+  map.addEventListener("pointed", standing.get(place));
+  drawHeat(map);
+}
+
+painters.set(".arm:not(#stage)", drawArm);

@@ -20,55 +20,59 @@ function roundNumber(value) {
   return power * [5, 2, 1].find((digit) => digit * power <= value * 1.0001);
 }
 
-function drawMotion() {
-  if (!recordings.length) return;
+/** Row and value of the largest entry. */
+const largestOf = (values) => values.reduce((best, value, row) => (value > best[1] ? [row, value] : best), [0, 0]);
+
+function drawMotion(place) {
+  const [motion] = Object.values(data.motions);
   if (player) player.stop();
-  player = motionPlayer(recordings[current]);
+  player = motionPlayer(place, motion, motion.moved[chosen[motion.choice]]);
 }
 
-function motionPlayer(recording) {
-  const found = signals(recording);
-  const [q_a1, q_a2] = recording.q_a;
-  const home = joints(q_a1, q_a2).tcp;
-  const { svg, world } = stage("The arm in motion; the figures stand below");
-  const circles = [["limit", criterion("B5").target], ["three", data.rules.settling_error]].map(([hue, radius]) =>
-    [radius, drawn("circle", { cx: home[0], cy: home[1], fill: "none", stroke: colour(hue), "stroke-width": 0.015, "stroke-dasharray": "0.05 0.04" })]);
-  const resting = armDrawing(colour("soft"), 0.04, 0.45);
-  const moving = armDrawing(colour("accent"));
+function motionPlayer(stand, { links, circles: radii, circleWords }, moved) {
+  const [[t, x, z, dq_1, dq_2], torque] = [moved.motion, moved.torque].map((columns) => columns.map(column));
+  const bent = (factor, changes) => moved.rest.map((angle, axis) => angle + factor * changes[axis]);
+  const home = joints(links, moved.rest).tcp;
+  const { svg, world } = stage(links, "The arm in motion; the figures stand below");
+  const circles = radii.map(([name, radius]) =>
+    [radius, drawn("circle", { cx: home[0], cy: home[1], fill: "none", stroke: colour(name), "stroke-width": 0.015, "stroke-dasharray": "0.05 0.04" })]);
+  const resting = armDrawing(links, colour("soft"), 0.04, 0.45);
+  const moving = armDrawing(links, colour("accent"));
   const trace = drawn("path", { fill: "none", stroke: colour("two"), "stroke-width": 0.012 });
   const arrow = drawn("path", { fill: "none", stroke: colour("limit"), "stroke-width": 0.04, "stroke-linecap": "round" });
   world.append(...circles.map((entry) => entry[1]), resting.group, moving.group, trace, arrow);
-  resting.pose(q_a1, q_a2);
-  $("#stage").replaceChildren(svg);
+  resting.pose(moved.rest);
+  stand.replaceChildren(svg);
 
-  const [largest, at] = peak(found, 0, Infinity);
+  const [row, largest] = largestOf(x.map((value, index) => Math.hypot(value, z[index])));
   const scrub = $("#scrub");
   const magnify = $("#magnify");
-  scrub.max = String(recording.time);
-  scrub.value = String(at ?? 0);
+  scrub.max = String(moved.end);
+  scrub.value = String(t[row] ?? 0);
   magnify.value = String(Math.log10(roundNumber(Math.min(1000, Math.max(1, 450 / Math.max(largest, 1e-3))))));
   let playing = null;
 
   const place = () => {
     const time = Number(scrub.value);
     const factor = Number((10 ** Number(magnify.value)).toPrecision(2));
-    const [x, z, dq_1, dq_2] = interpolated(found.t, [found.x, found.z, found.dq_1, found.dq_2], time);
-    const torques = found.torque.length && found.torque[0].length ? interpolated(found.torque[0], found.torque.slice(1), time) : [null, null];
-    const tcp = moving.pose(q_a1 + factor * dq_1, q_a2 + factor * dq_2);
+    const [right, up, ...changes] = interpolated(t, [x, z, dq_1, dq_2], time);
+    const error = Math.hypot(right, up);
+    const torques = torque[0].length ? interpolated(torque[0], torque.slice(1), time) : [null, null];
+    const tcp = moving.pose(bent(factor, changes));
     circles.forEach(([radius, drawing]) => drawing.setAttribute("r", radius * factor));
     const path = [];
-    for (let row = 0; row < found.t.length && found.t[row] <= time; row += 1) {
-      if (found.t[row] > time - 1) path.push(joints(q_a1 + factor * found.dq_1[row], q_a2 + factor * found.dq_2[row]).tcp.map((value) => value.toFixed(4)));
+    for (let at = 0; at < t.length && t[at] <= time; at += 1) {
+      if (t[at] > time - 1) path.push(joints(links, bent(factor, [dq_1[at], dq_2[at]])).tcp.map((value) => value.toFixed(4)));
     }
     trace.setAttribute("d", path.length > 1 ? `M${path.join("L")}` : "");
-    const force = pulsed(recording) && time >= recording.window[0] && time < recording.window[1];
-    arrow.setAttribute("d", force ? forceArrow(tcp, recording.force) : "");
+    const force = moved.force && time >= moved.window[0] && time < moved.window[1];
+    arrow.setAttribute("d", force ? forceArrow(tcp, moved.force) : "");
     $("#magnify-text").textContent = `${factor} ×`;
-    scrub.setAttribute("aria-valuetext", `${time.toFixed(2)} seconds, error ${figures(Math.hypot(x, z))} millimetres`);
+    scrub.setAttribute("aria-valuetext", `${time.toFixed(2)} seconds, error ${figures(error)} millimetres`);
     $("#motion-text").textContent =
-      `${recording.id}. t = ${time.toFixed(3)} s, TCP error ${Math.hypot(x, z).toFixed(3)} mm, ` +
+      `${moved.name}. t = ${time.toFixed(3)} s, TCP error ${error.toFixed(3)} mm, ` +
       `u_m1 ${figures(torques[0])} Nm, u_m2 ${figures(torques[1])} Nm, force ${force ? "on" : "off"}. ` +
-      `Link angles' changes are magnified ${factor} ×, the circles (${figures(criterion("B5").target * 1e3)} and ${figures(data.rules.settling_error * 1e3)} mm) with them.`;
+      `Link angles' changes are magnified ${factor} ×, the circles (${circleWords}) with them.`;
   };
   const stop = () => {
     cancelAnimationFrame(playing);
@@ -77,21 +81,21 @@ function motionPlayer(recording) {
   };
   const play = () => {
     let before = null;
-    if (Number(scrub.value) >= recording.time) scrub.value = "0";
+    if (Number(scrub.value) >= moved.end) scrub.value = "0";
     const frame = (now) => {
-      if (shownPanel() !== "motion") return stop();
+      if (!stand.offsetParent) return stop();
       const elapsed = before === null ? 0 : (now - before) / 1000;
       before = now;
-      scrub.value = String(Math.min(recording.time, Number(scrub.value) + elapsed * Number($("#speed").value)));
+      scrub.value = String(Math.min(moved.end, Number(scrub.value) + elapsed * Number($("#speed").value)));
       place();
-      if (Number(scrub.value) >= recording.time) return stop();
+      if (Number(scrub.value) >= moved.end) return stop();
       playing = requestAnimationFrame(frame);
     };
     $("#play").textContent = "❚❚ Pause";
     playing = requestAnimationFrame(frame);
   };
-  $("#jumps").replaceChildren(...windows(recording).map(([name, from]) =>
-    element("button", { type: "button", onclick: () => ((scrub.value = String(from)), place()) }, name.replace("Whole", "Start").replace(/ \(.*/, ""))));
+  $("#jumps").replaceChildren(...moved.places.map(([name, from]) =>
+    element("button", { type: "button", onclick: () => ((scrub.value = String(from)), place()) }, name)));
   $("#play").onclick = () => (playing === null ? play() : stop());
   scrub.oninput = place;
   magnify.oninput = place;
@@ -106,3 +110,5 @@ function forceArrow([x, z], [F_x, F_z]) {
   const at = (along, across) => `${x + along * e_x - across * e_z},${z + along * e_z + across * e_x}`;
   return `M${at(-0.55, 0)}L${at(-0.08, 0)}M${at(-0.2, 0.09)}L${at(-0.08, 0)}L${at(-0.2, -0.09)}`;
 }
+
+painters.set("#stage", drawMotion);

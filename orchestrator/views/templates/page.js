@@ -4,9 +4,12 @@
 const $ = (selector, root = document) => root.querySelector(selector);
 const data = JSON.parse($("#data").textContent);
 
-/** A column packed by Python: base64 of little-endian single-precision numbers. */
-function unpack(text) {
-  return new Float32Array(Uint8Array.from(atob(text), (character) => character.charCodeAt(0)).buffer);
+const unpacked = [];
+
+/** A column by its number, unpacked once: Python packs it as base64 of little-endian single-precision numbers. */
+function column(number) {
+  unpacked[number] ||= new Float32Array(Uint8Array.from(atob(data.columns[number]), (character) => character.charCodeAt(0)).buffer);
+  return unpacked[number];
 }
 
 /** An element with attributes and children; text is never taken for markup. */
@@ -22,22 +25,6 @@ function filled(made, attributes = {}, ...children) {
   }
   made.append(...children);
   return made;
-}
-
-/** The select `id`, filled once with pairs of value and text; `draw` is called when another one is chosen. */
-function options(id, entries, draw, chosen = 0) {
-  const select = $(`#${id}`);
-  if (select.options.length) return select;
-  select.append(...entries.map(([value, text]) => element("option", { value }, text)));
-  select.selectedIndex = chosen;
-  select.addEventListener("change", draw);
-  return select;
-}
-
-/** The command that repeats the case `id`, with a button that copies it. */
-function commandLine(id, command) {
-  const label = `copy the command that repeats ${id}`;
-  return element("p", { class: "command" }, element("code", {}, command), " ", element("button", { type: "button", class: "copy", "data-copy": command, "aria-label": label }, "copy"));
 }
 
 document.addEventListener("click", ({ target }) => {
@@ -56,31 +43,59 @@ document.addEventListener("click", ({ target }) => {
 
 document.addEventListener("input", ({ target }) => {
   if (!target.matches(".filter")) return;
-  const wanted = target.value.toLowerCase().split(/\s+/);
-  for (const row of target.closest(".card").querySelectorAll("tbody tr")) row.hidden = !wanted.every((word) => row.textContent.toLowerCase().includes(word));
+  const words = target.value.toLowerCase().split(/\s+/);
+  for (const row of target.closest(".card").querySelectorAll("tbody tr")) row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word));
 });
 
-/** A number with three figures, four from 100 on; a dash for none. */
-function figures(value) {
+/** A number with so many figures, all before the point from 100 on; a dash for none. */
+function figures(value, count = 3) {
   if (value === null || value === undefined) return "-";
-  return Math.abs(value) < 100 ? String(Number(value.toPrecision(3))) : value.toFixed(1);
+  return Math.abs(value) < 100 ? String(Number(value.toPrecision(count))) : value.toFixed(1);
 }
 
-const degrees = (angle) => `${Math.round((angle * 180) / Math.PI)}°`;
-
-/** The colour a CSS variable stands for now. */
+/** The colour that a CSS variable stands for now. */
 function colour(name) {
   const probe = $("#theme");
   probe.style.color = `var(--${name})`;
-  const found = getComputedStyle(probe).color;
+  const value = getComputedStyle(probe).color;
   probe.style.color = "";
-  return found;
+  return value;
 }
 
-const views = new Map();
+/** What draws the elements of a selector whenever they come into sight, or light and dark change. */
+const painters = new Map();
 
-/** Let `draw` be called whenever the panel `id` is shown or light and dark change. */
-const view = (id, draw) => views.set(id, draw);
+/** Draw what is in sight. */
+function draw() {
+  for (const [selector, paint] of painters) {
+    for (const place of document.querySelectorAll(selector)) if (place.offsetParent) paint(place);
+  }
+}
+
+const chosen = {};
+
+/** Choose an option of all choices that are made together. */
+function choose(choice, number) {
+  chosen[choice] = number;
+  for (const select of document.querySelectorAll(`select[data-choice="${choice}"]`)) select.value = String(number);
+  document.querySelectorAll(`.option[data-choice="${choice}"]`).forEach((option, index) => option.toggleAttribute("data-hidden", index !== number));
+}
+
+document.addEventListener("change", ({ target }) => {
+  if (!target.matches("select[data-choice]")) return;
+  choose(target.dataset.choice, Number(target.value));
+  draw();
+});
+
+document.addEventListener("click", ({ target }) => {
+  const button = target.closest("[data-option]");
+  if (!button) return;
+  const { choice, option } = button.dataset;
+  choose(choice, Number(option));
+  show($(`.option[data-choice="${choice}"]`).closest('[role="tabpanel"]').id);
+  window.scrollTo(0, 0);
+  $(`select[data-choice="${choice}"]`).focus();
+});
 
 /** Show the panel `id`; its name becomes part of the address, so that a link can point at it. */
 function show(id) {
@@ -96,10 +111,8 @@ function openPanel(id) {
     tab.tabIndex = chosen ? 0 : -1;
     if (chosen) tab.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
-  if (views.has(id)) views.get(id)();
+  draw();
 }
-
-const shownPanel = () => $('[role="tabpanel"].shown').id;
 
 function startPage() {
   const tabs = [...document.querySelectorAll('[role="tab"]')];
@@ -116,15 +129,17 @@ function startPage() {
     });
   });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const redraw = () => views.has(shownPanel()) && views.get(shownPanel())();
-  dark.addEventListener("change", redraw);
+  dark.addEventListener("change", draw);
   $("#theme").addEventListener("click", () => {
     const root = document.documentElement;
     const now = root.dataset.theme || (dark.matches ? "dark" : "light");
     root.dataset.theme = now === "dark" ? "light" : "dark";
-    redraw();
+    draw();
   });
   document.documentElement.classList.add("scripted");
-  const wanted = location.hash.slice(1);
-  openPanel(tabs.some((tab) => tab.getAttribute("aria-controls") === wanted) ? wanted : tabs[0].getAttribute("aria-controls"));
+  for (const select of document.querySelectorAll("select[data-choice]")) choose(select.dataset.choice, chosen[select.dataset.choice] ?? Number(select.value));
+  const panels = tabs.map((tab) => tab.getAttribute("aria-controls"));
+  openPanel(panels.find((id) => id === location.hash.slice(1)) || panels[0]);
 }
+
+document.addEventListener("DOMContentLoaded", startPage);
