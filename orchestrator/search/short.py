@@ -17,7 +17,7 @@ LEAD = Fraction(1, 2)
 PEAK = Fraction(2, 5)
 """Time [s] after the force in which the error is largest, B5."""
 
-REST = Fraction(10)
+REST = Fraction(8)
 """Time [s] after the force in which a limit cycle shows itself."""
 
 MOMENT = Fraction(1, 100)

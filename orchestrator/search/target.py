@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..benchmark.protocol import Protocol, Stability
 from ..benchmark.results import Judgement
@@ -65,20 +66,29 @@ def severity(target: Target, result: Judgement, limits: Stability) -> float:
     return (figures.recovery or 0.0) + (figures.limit_cycle_ratio or 0.0)
 
 
-def unrest(result: Judgement, limits: Stability) -> float:
+class Scores(NamedTuple):
     """How far the end of a short simulation of a stability test is from rest; only comparisons are meant.
 
-    The size of the motion in decades from a hundredth of a limit cycle on, weighted by its ratio to the window before
-    as far as that exceeds the ratio of a motion that decays without a controller: a large ring of the arm on locked
-    motors is further from a failure than a small motion that lasts.
+    ``vibration`` is the residual vibration in decades. ``unrest`` is the size of the motion at the end in decades from
+    a hundredth of a limit cycle on, weighted by its ratio to the window before as far as that exceeds the ratio of a
+    motion that decays without a controller: a large ring of the arm on locked motors is further from a failure than a
+    small motion that lasts.
     """
+
+    vibration: float = -math.inf
+    unrest: float = -math.inf
+
+
+def scores_of(result: Judgement, limits: Stability) -> Scores:
+    """How far a short simulation ends from rest."""
     figures = result.measurements
     if not result.simulated:
-        return -math.inf
-    if figures.limit_cycle is None:
-        return FAILED
+        return Scores()
+    if figures.limit_cycle is None or figures.residual_vibration is None:
+        return Scores(FAILED, FAILED)
     size = min(max(0.5 * math.log10(max(figures.limit_cycle, 1e-9) / limits.limit_cycle) + 1.0, 0.0), 1.15)
-    return size * (min(max(figures.limit_cycle_ratio or 0.0, PASSIVE), LASTING) - PASSIVE)
+    lasting = min(max(figures.limit_cycle_ratio or 0.0, PASSIVE), LASTING) - PASSIVE
+    return Scores(math.log10(max(figures.residual_vibration, 1e-9)), size * lasting)
 
 
 def suspect(result: Judgement, limits: Stability) -> bool:
