@@ -25,6 +25,13 @@ PASSIVE, LASTING = 0.5, 1.05
 beyond which a larger one adds nothing."""
 
 
+NICHES = {"B6": 3}
+"""Number of the figures of :func:`niches` of a criterion."""
+
+SMALL_PEAK = 1e-3
+"""Error [m] after the force below which a smaller one is not looked for."""
+
+
 @dataclass(frozen=True)
 class Target:
     """A criterion by its name, or a stability test, whose ``criterion`` is empty; both are measured in ``test``."""
@@ -41,6 +48,20 @@ def targets(protocol: Protocol) -> tuple[Target, ...]:
     tests = ((name, next((test.name for test in disturbed if name in test.criteria), "")) for name in by_weight)
     criteria = [Target(name, test, name) for name, test in tests if test][:HEAVIEST]
     return (*criteria, *(Target(test.name, test.name) for test in disturbed if test.axis and not test.repeats))
+
+
+def niches(target: Target, result: Judgement) -> tuple[float, ...]:
+    """Other figures of a simulation by which the best are kept beside the worst, so that what is on its way to a larger
+    value is not lost to what has one already; only comparisons are meant.
+
+    A controller that reacts to a large error leaves a small one alone: the arm rings on its gears then, and settles
+    later than any that the controller notices. So for B6 those stay that ring long below its limit, and those that
+    settle late after a small error.
+    """
+    figures = result.measurements
+    if target.criterion not in NICHES or not result.simulated or figures.B6 is None:
+        return ()
+    return figures.B6, figures.recovery or 0.0, figures.B6 / max(figures.B5 or 0.0, SMALL_PEAK)
 
 
 def fails(result: Judgement, limits: Stability) -> bool:
