@@ -46,7 +46,7 @@ THROUGH_JOINT = 0.07
 INSIDE = 0.2
 """Share of the children whose parameters move inside their ranges."""
 
-NICHE = 0.5
+NICHE = 0.75
 """Share of the children that come from any niche; the others come from the criterion's own elite."""
 
 NEAR = 30.0

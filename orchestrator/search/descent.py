@@ -31,7 +31,7 @@ from .target import Scores, Target, fails, scores_of, suspect
 CONTENDERS = 2
 """Members of each named system, and of those that were searched, that a descent begins with."""
 
-CHILDREN, DRAWN, PARENTS, REPEATED = 12, 4, 6, 2
+CHILDREN, DRAWN, PARENTS, REPEATED = 12, 4, 10, 2
 """Children in a generation, members drawn from the whole box beside them, the best that children come from, and those
 that are repeated over the whole case."""
 
@@ -45,10 +45,10 @@ RISE = 0.01
 DISPROVED = 1.0
 """What a member that is near a failure in a short simulation, and does not fail in the whole case, is put back by."""
 
-TURNED, INSIDE = 0.3, 0.6
+TURNED, INSIDE = 0.4, 0.7
 """Shares of the children with signs turned, and with parameters moved inside their ranges; the others keep theirs."""
 
-MOVED, PUSHED, ANYWHERE, SWEPT, HEARD = 0.4, 0.3, 0.1, 0.1, 0.15
+MOVED, PUSHED, ANYWHERE, SWEPT, HEARD = 0.25, 0.25, 0.1, 0.1, 0.15
 """Shares of the children that get another pose, direction of the force (near or any), sweep, and noise."""
 
 
