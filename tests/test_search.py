@@ -292,6 +292,16 @@ def test_a_short_simulation_shows_what_it_is_for(name, duration, force):
     assert case.scenario.pulse.force == case_of(replace(member, short=None), STRICT, NOMINAL).scenario.pulse.force
 
 
+def test_a_brisk_simulation_has_the_whole_disturbance_in_a_third_of_the_time():
+    view = brisk(STRICT, B6, 3.0)
+    member = replace(spelled(Member((0.0, -90.0), B6.test, system="sticky"), STRICT, B6.test), short=view)
+    case, whole = (case_of(each, STRICT, NOMINAL) for each in (member, replace(member, short=None)))
+    assert case.end == 5.0 and {"B5", "B6", "B7"} <= expected(STRICT, case)
+    assert case.scenario.pulse.force == whole.scenario.pulse.force
+    assert case.scenario.chirp.stop < case.scenario.pulse.start
+    assert case.scenario.pulse.stop - case.scenario.pulse.start == 0.5
+
+
 def test_what_is_not_shorter_is_no_short_simulation():
     assert short(STRICT, B6, 100.0) is None and short(STRICT, Target("B3", B6.test, "B3"), 4.0) is None
 

@@ -206,30 +206,36 @@ def _anywhere(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member
 
 
 def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
-    assert peak.q_a is not None
-    own = climb.elites.members(peak)
+    criterion = peak.target.criterion
     if stream.uniform() < NICHE:
         peak = _niche(climb, peak, stream)
-        own = climb.elites.members(peak)
-    kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("own", 1.0)))
-    if kind == "exchanged" or not own:
-        other = climb.elites.members(_neighbour(climb, peak, stream))[0]
-        turning = int(stream.randint(3))
-        found = moves.at_pose(other, peak.q_a) if turning == 2 else moves.at_pose_by_joint(other, peak.q_a, turning)
-        if replace(found, short=None) not in {replace(member, short=None) for member in own}:
-            return found
+    elite = climb.elites.members(peak)
+    kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
+    if kind == "exchanged" or not elite:
+        child = _exchanged(climb, peak, stream)
+        if replace(child, short=None) not in {replace(member, short=None) for member in elite}:
+            return child
     else:
-        found = own[min(int(stream.exponential(1.2)), len(own) - 1)]
+        child = elite[min(int(stream.exponential(1.2)), len(elite) - 1)]
         if kind == "crossed":
-            found = moves.crossed(found, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
-    found = moves.inside(found, stream) if stream.uniform() < INSIDE else moves.turned(found, stream)
+            child = moves.crossed(child, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
+    child = moves.inside(child, stream) if stream.uniform() < INSIDE else moves.turned(child, stream)
     push, sweep, noise = stream.uniform(size=3)
-    if push < PUSHED and peak.target.criterion != "B7":  # which is measured before the force
+    if push < PUSHED and criterion != "B7":  # which is measured before the force
         pushed = moves.with_force_through_joint if push < THROUGH_JOINT else moves.with_other_force_direction
-        found = pushed(found, stream)
-    if sweep < SWEPT and peak.target.criterion != "B5":  # which is searched for without a chirp
-        found = moves.with_other_sweep(found, climb.protocol)
-    return moves.with_other_noise(found, stream) if noise < HEARD else found
+        child = pushed(child, stream)
+    if sweep < SWEPT and criterion != "B5":  # which is searched for without a chirp
+        child = moves.with_other_sweep(child, climb.protocol)
+    return moves.with_other_noise(child, stream) if noise < HEARD else child
+
+
+def _exchanged(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
+    """The best of another pose, under a force that is turned with the first axis or with the line from a joint."""
+    assert peak.q_a is not None
+    best, turned_with = climb.elites.members(_neighbour(climb, peak, stream))[0], int(stream.randint(3))
+    if turned_with == 2:
+        return moves.at_pose(best, peak.q_a)
+    return moves.at_pose_by_joint(best, peak.q_a, turned_with)
 
 
 def _niche(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:

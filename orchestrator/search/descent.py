@@ -1,10 +1,10 @@
-"""Stability at the level that fails: the smallest change of one axis at which any member of the uncertainty fails.
+"""Margins by descent: the smallest change of one axis at which any member of the uncertainty fails.
 
-Members are searched for at a gain or delay just below the smallest that is known to fail, since the worst member at a
-small change is not that at a large one. They may lie inside their ranges, at any pose of the workspace, under a force
-from any direction, with either sweep and any noise. What a short simulation shows to be near a failure is repeated
-over the whole case; where that fails, the level goes down. A failure is not monotone in the level: what is found is
-the smallest level found to fail.
+A population is searched just below the smallest gain or delay that is known to fail, and kept when the level goes down.
+Small steps matter: a cycle that begins all at once shows itself only near its level, and what is far below has no rank.
+Members may lie inside their ranges, at any pose of the workspace, under a force from any direction, with either sweep
+and any noise. What a short simulation shows to be near a failure is repeated over the whole case; where that fails, the
+level goes down. A failure is not monotone in the level: what is found is the smallest level found to fail.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -107,10 +108,10 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
             return best
         results = dict(zip(afforded, (yield from hunt.history.results(afforded)), strict=True))
         fresh = {member: results[case] for member, case in shown.items() if case in results}
-        before = Scores(*map(max, zip(*scores.values(), strict=True))) if scores else Scores()
+        before = _largest(scores)
         scores |= {member: scores_of(result, limits) for member, result in fresh.items()}
-        after = Scores(*map(max, zip(*scores.values(), strict=True)))
-        calm = 0 if after.vibration > before.vibration + RISE or after.unrest > before.unrest + RISE else calm + 1
+        rises = any(now > then + RISE for now, then in zip(_largest(scores), before, strict=True))
+        calm = 0 if rises else calm + 1
         suspects = [member for member, result in fresh.items() if suspect(result, limits)]
         suspects = sorted(suspects, key=lambda member: -scores[member].unrest)[:REPEATED]
         verdicts = yield from fail([at(member, scale[level]) for member in suspects])
@@ -119,9 +120,20 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
                 best = level, at(member, scale[level])
             else:
                 scores[member] = Scores(*(score - DISPROVED for score in scores[member]))
-        by_each = (sorted(scores, key=lambda member, by=by: -scores[member][by]) for by in range(2))  # type: ignore
-        parents = list(dict.fromkeys(member for pair in zip(*by_each) for member in pair))[:PARENTS]
+        parents = _parents(scores)
     return best
+
+
+def _largest(scores: Mapping[Member, Scores]) -> Scores:
+    """The largest of each score."""
+    return Scores(*map(max, zip(*scores.values(), strict=True))) if scores else Scores()
+
+
+def _parents(scores: Mapping[Member, Scores]) -> list[Member]:
+    """The best by each score in turn: neither kind of a failure crowds out the other."""
+    by_vibration = sorted(scores, key=lambda member: -scores[member].vibration)
+    by_unrest = sorted(scores, key=lambda member: -scores[member].unrest)
+    return list(dict.fromkeys(chain.from_iterable(zip(by_vibration, by_unrest, strict=True))))[:PARENTS]
 
 
 def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
