@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
@@ -31,6 +33,12 @@ OSCILLATION = (
 
 AT_THE_END = frozenset({"rest_error", *OSCILLATION})
 """The figures of the end of what was simulated; the others are those of the case's own time."""
+
+
+VIBRATION_BEGIN, VIBRATION_END, VIBRATION_WINDOWS = 1.0, 8.0, 8
+"""Times after the force [s] between which the residual vibration is measured, and the number of windows: a power of
+two, whose geometric mean takes square roots alone. Their results are the same on every platform; those of a logarithm
+are not."""
 
 
 class Measured(NamedTuple):
@@ -88,6 +96,7 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     if case.test.requirements:
         names.add("rest_error")
         names |= {"recovery"} if pushed else set()
+        names |= {"residual_vibration"} if pushed and scenario.pulse.stop + VIBRATION_END <= end else set()
         names |= set(OSCILLATION) if 2.0 * limits.limit_cycle_window <= end else set()
     return frozenset(names)
 
@@ -109,10 +118,23 @@ def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measured:
     for name, settled, last in (("B6", "settled", read.settling), ("recovery", "recovered", read.recovery)):
         values[name] = 0.0 if last < 0 else float(time[last]) - release
         values[settled] = last < case.scenario.samples
+    if "residual_vibration" in names:
+        values["residual_vibration"] = residual_vibration(time, trajectory.X, release)
     if windows.size:
         figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
         values.update(zip(OSCILLATION, figures, strict=True))
     return Measured(Measurements(**{name: values[name] for name in names}), read.amplitudes.T.tolist())
+
+
+def residual_vibration(time: np.ndarray, X: np.ndarray, release: float) -> float:
+    """The geometric mean [m] of half the peak-to-peak of the TCP's larger coordinate in the windows after the force has
+    ended at ``release`` [s]; ``X`` has the shape (samples, 2)."""
+    edges = np.linspace(release + VIBRATION_BEGIN, release + VIBRATION_END, VIBRATION_WINDOWS + 1)
+    places = np.searchsorted(time, edges)
+    means = [0.5 * float(np.ptp(X[begin:end], axis=0).max()) for begin, end in itertools.pairwise(places.tolist())]
+    while len(means) > 1:
+        means = [math.sqrt(first * second) for first, second in zip(means[::2], means[1::2], strict=True)]
+    return means[0]
 
 
 def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:

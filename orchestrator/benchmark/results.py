@@ -25,7 +25,8 @@ class Measurements(Struct, omit_defaults=True):
     any two successive windows, and ``limit_cycle_frequency`` the strongest frequency [Hz]. Where the case was simulated
     beyond its own end to judge it, these are figures of the later end, and ``limit_cycle_at_end`` is the larger
     amplitude at the case's own [m]. ``recovery`` is the time from the end of the force until the TCP error stays small
-    [s]. ``settled`` is False if B6 ran to the end of the case.
+    [s]. ``settled`` is False if B6 ran to the end of the case. ``residual_vibration`` is the geometric mean of the
+    TCP's amplitudes in successive windows after the force [m].
     """
 
     B1: NonNegative | None = None
@@ -44,6 +45,7 @@ class Measurements(Struct, omit_defaults=True):
     limit_cycle_at_end: NonNegative | None = None
     rest_error: NonNegative | None = None
     recovery: NonNegative | None = None
+    residual_vibration: NonNegative | None = None
 
     @property
     def names(self) -> frozenset[str]:

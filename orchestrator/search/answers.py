@@ -18,8 +18,8 @@ from .target import Target, fails, severity
 SETTLING = 10.0
 """Time after the force [s] that a settling time is waited for where a parameter is changed."""
 
-LEVEL = 0.15
-"""Share of what is left that the search for a failure of the requirements at their own level takes."""
+LEVEL = 0.05
+"""Share of what is left that the search for a failure in the loop as it is takes."""
 
 SEEDS = range(1, 9)
 """Base seeds of the noise that a failure is tried with."""
@@ -99,11 +99,9 @@ def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
     )
 
 
-def requirements(hunt: Hunt, seed: int) -> Asking[dict[str, RequirementSearched]]:
-    """The requirements, each with the worst case found by a search at its own level; where it fails it is tried with
-    other noise."""
-    if hunt.complete:  # else time is over
-        yield from _search_levels(hunt, seed)
+def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
+    """The requirements, each with the worst case found; where it fails it is tried with other noise. What the search
+    for a margin has found counts: A1 and A2 ask for all smaller changes of gain and delay, too."""
     protocol = hunt.protocol
     found = {}
     hunt.allot(CONFIRMED)
@@ -124,19 +122,14 @@ def requirements(hunt: Hunt, seed: int) -> Asking[dict[str, RequirementSearched]
     return found
 
 
-def _search_levels(hunt: Hunt, seed: int) -> Asking[None]:
-    """Search for members that fail in the tests of the requirements, as the protocol has them."""
-    disturbed = [target for target in hunt.wanted if target.criterion][:1]
-    left = [*(Target(each.test, each.test) for each in disturbed), *(t for t in hunt.wanted if not t.criterion)]
+def disturbed(hunt: Hunt, seed: int) -> Asking[None]:
+    """Search for members that do not come to rest in the loop as it is."""
     hunt.allot(LEVEL)
-    end, begin = hunt.limit, hunt.history.spent
-    for number, target in enumerate(left):
-        hunt.limit = begin + (end - begin) * (number + 1) / len(left)
-        as_it_is = Levels(target.name, target, (None,), lambda member, _: member)
-        if members := contenders(hunt, target):
-            yield from descend(hunt, as_it_is, members, seed)
+    test = next((target.test for target in hunt.wanted if target.criterion), None)
+    if test is not None and (members := contenders(hunt, Target(test, test))):
+        yield from descend(hunt, Levels(test, Target(test, test), (None,), lambda member, _: member), members, seed)
     hunt.cut = False  # a longer search may always find one
-    yield from hunt.note("requirements")
+    yield from hunt.note("rest")
 
 
 def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementSearched]:

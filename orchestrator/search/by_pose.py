@@ -11,21 +11,22 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections import deque
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
+from ..benchmark.variation import Variation
 from ..loop.random_streams import stable_stream
 from . import moves
 from .elites import Elites, Peak
 from .history import Asking, History
 from .member import Member, Pair, cost
-from .short import short
-from .target import Target, severity
+from .short import brisk, short
+from .target import NICHES, Target, niches, severity
 
 CHILDREN = 4
 """Members per peak and generation."""
@@ -39,6 +40,15 @@ PUSHED, SWEPT, HEARD = 0.35, 0.1, 0.05
 TURNED = 0.5
 """Share of the children at other poses than the configurations' that have signs turned, too."""
 
+THROUGH_JOINT = 0.07
+"""Share of the children that get a force through a joint."""
+
+INSIDE = 0.2
+"""Share of the children whose parameters move inside their ranges."""
+
+NICHE = 0.75
+"""Share of the children that come from any niche; the others come from the criterion's own elite."""
+
 NEAR = 30.0
 """Difference of q_a2 [degrees] at which another pose is chosen half as often."""
 
@@ -47,6 +57,12 @@ MEMORY = 3
 
 HOPE = 0.02
 """Gain in V that a generation has at the least by this: no criterion is given up."""
+
+LATE_SHARE = 0.5
+"""Share of what a start spends that a criterion with niches gets at the least: it rises late, and then by much."""
+
+REPEATED = 2
+"""Children at each pose that are repeated after a brisk simulation."""
 
 CONFIRMED = 1
 """Members of each peak that are repeated over the whole case at the end of a leg."""
@@ -74,6 +90,7 @@ class Climb:
         self.streams = {
             target: stable_stream((self.seed, self.start, zlib.crc32(target.name.encode()))) for target in self.wanted
         }
+        self.spent = dict.fromkeys(self.wanted, 0.0)
         self.lately: dict[Target, deque[tuple[float, float]]] = {target: deque(maxlen=MEMORY) for target in self.wanted}
 
     @property
@@ -83,24 +100,48 @@ class Climb:
 
 
 def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
-    """Try ``members`` for a criterion, each at its pose, as far as the start's share lasts; gives the results."""
+    """Try ``members`` for a criterion, each at its pose, as far as the start's share lasts; gives the results.
+
+    Where the criterion has niches, brisk simulations fill them, and the best of each pose are repeated if they come
+    near its elite.
+    """
+    if target.criterion not in NICHES:
+        return (yield from _try(climb, target, [_seen(climb, target, member) for member in members]))
+    views = [_seen(climb, target, member, brisk) for member in members]
+    results = yield from _try(climb, target, views)
+    ranked = sorted(
+        zip(views, results, strict=False), key=lambda pair: -severity(target, pair[1], climb.protocol.stability)
+    )
+    taken, promising = Counter[Peak](), []
+    for member, result in ranked:
+        peak = _peak(climb, target, member)
+        taken[peak] += 1
+        if taken[peak] <= REPEATED and severity(target, result, climb.protocol.stability) > climb.elites.largest(peak):
+            promising.append(_seen(climb, target, member))
+    yield from _try(climb, target, promising)
+    return results
+
+
+def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
     tried, spent = list[Member](), climb.history.spent
-    for member in (_seen(climb, target, member) for member in members):
+    for member in members:
         spent += 0.0 if member in climb.history.found else cost(member, climb.protocol)
         if spent <= climb.limit:
             tried.append(member)
     results = yield from climb.history.results(tried)
     for member, result in zip(tried, results, strict=True):
-        value = severity(target, result, climb.protocol.stability)
-        climb.elites.take(_peak(climb, target, member), value, member)
+        peak, value = _peak(climb, target, member), severity(target, result, climb.protocol.stability)
+        exact = member.short is None or member.short.t_1 is None or target.criterion not in NICHES
+        for niche, figure in enumerate((value if exact else -math.inf, *niches(target, result))):
+            climb.elites.take(peak._replace(niche=niche), figure, member)
     return results
 
 
-def _seen(climb: Climb, target: Target, member: Member) -> Member:
+def _seen(climb: Climb, target: Target, member: Member, view: Callable[..., Variation | None] = short) -> Member:
     """The member in as short a simulation as shows the target: B6 is waited for by what is known at the pose."""
     known = climb.elites.largest(_peak(climb, target, member))
     settling = math.ceil(min(max(SETTLING, SLOWER * known), LONGEST))
-    return replace(member, short=short(climb.protocol, target, settling))
+    return replace(member, short=view(climb.protocol, target, settling))
 
 
 def _peak(climb: Climb, target: Target, member: Member) -> Peak:
@@ -112,19 +153,28 @@ def rise(climb: Climb, limit: float) -> Asking[None]:
     while True:
         target = max(climb.wanted, key=lambda each: _promise(climb, each))
         before, spent = climb.elites.mean(target, climb.poses), climb.history.spent
-        children = [_seen(climb, target, member) for member in generation(climb, target)]
-        price = sum(cost(member, climb.protocol) for member in children if member not in climb.history.found)
-        if not children or spent + price > limit:
+        children = generation(climb, target)
+        if not children or spent + _price(climb, target, children) > limit:
             return
         yield from begin(climb, target, children)
+        price = climb.history.spent - spent
         gain = climb.weights[target] * (climb.elites.mean(target, climb.poses) - before)
+        climb.spent[target] += price
         climb.lately[target].append((gain if math.isfinite(gain) else 0.0, max(price, 1e-9)))
+
+
+def _price(climb: Climb, target: Target, children: Sequence[Member]) -> float:
+    """Whole cases that a generation takes, without what is repeated of it."""
+    view = brisk if target.criterion in NICHES else short
+    views = [_seen(climb, target, member, view) for member in children]
+    return sum(cost(member, climb.protocol) for member in views if member not in climb.history.found)
 
 
 def _promise(climb: Climb, target: Target) -> float:
     """Rise of V to be expected of the next generation, per whole case that it costs."""
     lately = climb.lately[target]
-    if not lately:
+    late = target.criterion in NICHES and climb.spent[target] < LATE_SHARE * sum(climb.spent.values())
+    if late or not lately:
         return math.inf
     return (HOPE + sum(gain for gain, _ in lately)) / sum(price for _, price in lately)
 
@@ -156,35 +206,54 @@ def _anywhere(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member
 
 
 def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
-    assert peak.q_a is not None
-    own = climb.elites.members(peak)
-    kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("own", 1.0)))
-    if kind == "exchanged" or not own:
-        found = moves.at_pose(climb.elites.members(_neighbour(climb, peak, stream))[0], peak.q_a)
-        if replace(found, short=None) not in {replace(member, short=None) for member in own}:
-            return found
+    criterion = peak.target.criterion
+    if stream.uniform() < NICHE:
+        peak = _niche(climb, peak, stream)
+    elite = climb.elites.members(peak)
+    kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
+    if kind == "exchanged" or not elite:
+        child = _exchanged(climb, peak, stream)
+        if replace(child, short=None) not in {replace(member, short=None) for member in elite}:
+            return child
     else:
-        found = own[min(int(stream.exponential(1.2)), len(own) - 1)]
+        child = elite[min(int(stream.exponential(1.2)), len(elite) - 1)]
         if kind == "crossed":
-            found = moves.crossed(found, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
-    found = moves.turned(found, stream)
+            child = moves.crossed(child, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
+    child = moves.inside(child, stream) if stream.uniform() < INSIDE else moves.turned(child, stream)
     push, sweep, noise = stream.uniform(size=3)
-    if push < PUSHED and peak.target.criterion != "B7":  # which is measured before the force
-        found = moves.with_other_force_direction(found, stream)
-    if sweep < SWEPT and peak.target.criterion != "B5":  # which is searched for without a chirp
-        found = moves.with_other_sweep(found, climb.protocol)
-    return moves.with_other_noise(found, stream) if noise < HEARD else found
+    if push < PUSHED and criterion != "B7":  # which is measured before the force
+        pushed = moves.with_force_through_joint if push < THROUGH_JOINT else moves.with_other_force_direction
+        child = pushed(child, stream)
+    if sweep < SWEPT and criterion != "B5":  # which is searched for without a chirp
+        child = moves.with_other_sweep(child, climb.protocol)
+    return moves.with_other_noise(child, stream) if noise < HEARD else child
+
+
+def _exchanged(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
+    """The best of another pose, under a force that is turned with the first axis or with the line from a joint."""
+    assert peak.q_a is not None
+    best, turned_with = climb.elites.members(_neighbour(climb, peak, stream))[0], int(stream.randint(3))
+    if turned_with == 2:
+        return moves.at_pose(best, peak.q_a)
+    return moves.at_pose_by_joint(best, peak.q_a, turned_with)
+
+
+def _niche(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:
+    """One of the peak's niches that has members."""
+    peaks = (peak._replace(niche=niche) for niche in range(1 + NICHES.get(peak.target.criterion, 0)))
+    choices = [peak for peak in peaks if climb.elites.members(peak)] or [peak]
+    return choices[int(stream.randint(len(choices)))]
 
 
 def _neighbour(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:
     """A peak at another pose of which something is known; this one if there is none."""
     assert peak.q_a is not None
-    poses = [q_a for q_a in climb.poses if q_a != peak.q_a and climb.elites.members(Peak(peak.target, q_a))]
+    poses = [q_a for q_a in climb.poses if q_a != peak.q_a and climb.elites.members(peak._replace(q_a=q_a))]
     if not poses:
         return peak
     weights = np.array([1.0 / (1.0 + abs(q_a[1] - peak.q_a[1]) / NEAR) for q_a in poses])
     place = int(np.searchsorted(np.cumsum(weights / weights.sum()), stream.uniform()).clip(0, len(poses) - 1))
-    return Peak(peak.target, poses[place])
+    return peak._replace(q_a=poses[place])
 
 
 def best(climb: Climb) -> list[Member]:

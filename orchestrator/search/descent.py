@@ -1,10 +1,10 @@
-"""Stability at the level that fails: the smallest change of one axis at which any member of the uncertainty fails.
+"""Margins by descent: the smallest change of one axis at which any member of the uncertainty fails.
 
-Members are searched for at a gain or delay just below the smallest that is known to fail, since the worst member at a
-small change is not that at a large one. They may lie inside their ranges, at any pose of the workspace, under a force
-from any direction, with either sweep and any noise. What a short simulation shows to be near a failure is repeated
-over the whole case; where that fails, the level goes down. A failure is not monotone in the level: what is found is
-the smallest level found to fail.
+A population is searched just below the smallest gain or delay that is known to fail, and kept when the level goes down.
+Small steps matter: a cycle that begins all at once shows itself only near its level, and what is far below has no rank.
+Members may lie inside their ranges, at any pose of the workspace, under a force from any direction, with either sweep
+and any noise. What a short simulation shows to be near a failure is repeated over the whole case; where that fails, the
+level goes down. A failure is not monotone in the level: what is found is the smallest level found to fail.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,17 +27,18 @@ from .hunt import Hunt
 from .member import Member, spelled
 from .race import race
 from .short import short
-from .target import Target, fails, suspect, unrest
+from .target import Scores, Target, fails, scores_of, suspect
 
 CONTENDERS = 2
 """Members of each named system, and of those that were searched, that a descent begins with."""
 
-CHILDREN, DRAWN, PARENTS, REPEATED = 12, 4, 6, 2
+CHILDREN, DRAWN, PARENTS, REPEATED = 12, 4, 10, 2
 """Children in a generation, members drawn from the whole box beside them, the best that children come from, and those
 that are repeated over the whole case."""
 
-PATIENCE = 4
-"""Generations without a rise after which a level is given up for a higher one."""
+STEP, PATIENCE = 0.06, 4
+"""Share of the smallest level that fails by which the next one is lower, and generations without a rise after which
+that is halved."""
 
 RISE = 0.01
 """What the nearest to a failure has to rise by for its level to be kept."""
@@ -44,10 +46,10 @@ RISE = 0.01
 DISPROVED = 1.0
 """What a member that is near a failure in a short simulation, and does not fail in the whole case, is put back by."""
 
-TURNED, INSIDE = 0.3, 0.6
+TURNED, INSIDE = 0.4, 0.7
 """Shares of the children with signs turned, and with parameters moved inside their ranges; the others keep theirs."""
 
-MOVED, PUSHED, ANYWHERE, SWEPT, HEARD = 0.4, 0.3, 0.1, 0.1, 0.15
+MOVED, PUSHED, ANYWHERE, SWEPT, HEARD = 0.25, 0.25, 0.1, 0.1, 0.15
 """Shares of the children that get another pose, direction of the force (near or any), sweep, and noise."""
 
 
@@ -78,8 +80,8 @@ def contenders(hunt: Hunt, target: Target) -> list[Member]:
 def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) -> Asking[tuple[int, Member] | None]:
     """The smallest step found to fail and the member that fails there, within the stage's share; None if none does.
 
-    Begins with a race of the ``members``. Then the level is halfway between the smallest that fails and the largest
-    that was given up, since what fails at a small change is often far from what fails at a large one.
+    Begins with a race of the ``members``. Then the level goes down in small steps, with the population that was near a
+    failure above it: a cycle that begins all at once announces itself by longer vibrations only near its level.
     """
     scale, at, protocol = levels.scale, levels.at, hunt.protocol
     limits, view = protocol.stability, short(protocol, levels.target, 0.0)
@@ -90,16 +92,14 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
 
     best = yield from race(members, scale, at, fail)
     parents = [_plain(spelled(member, protocol, levels.target.test)) for member in members]
-    low, level, tries, known = -1, -1, 0, dict[Member, float]()
+    level, step, calm, scores = -1, STEP, 0, dict[Member, Scores]()
     while (high := len(scale) if best is None else best[0]) > 0:
-        if tries == PATIENCE and level < high - 1:
-            low = level
-        wanted = max(high - 1 if high - low <= 1 else (low + high) // 2, 0)
-        if level != wanted:  # how near the best so far are to a failure at another level is not known
-            level, tries, known = wanted, 0, {}
-        tries += 1
-        # the parents themselves first, then their children
-        tried = [parent for parent in parents if parent not in known] or [
+        if calm == PATIENCE:
+            step, calm = (0.5 * step if step * high >= 1.0 else 0.0), 0
+        lower = max(high - 1 - int(step * high), 0)
+        if level != lower:  # how near the best so far are to a failure at another level is not known
+            level, calm, scores = lower, 0, {}
+        tried = [parent for parent in parents if parent not in scores] or [
             *(_child(parents, protocol, stream) for _ in range(CHILDREN)),
             *(_drawn(parents[0], protocol, stream) for _ in range(DRAWN)),
         ]
@@ -107,20 +107,33 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
         if not (afforded := hunt.afford(list(shown.values()))):
             return best
         results = dict(zip(afforded, (yield from hunt.history.results(afforded)), strict=True))
-        fresh = {member: results[own] for member, own in shown.items() if own in results}
-        before = max(known.values(), default=-math.inf)
-        known |= {member: unrest(result, limits) for member, result in fresh.items()}
-        if max(known.values()) > before + RISE:
-            tries = 0
+        fresh = {member: results[case] for member, case in shown.items() if case in results}
+        before = _largest(scores)
+        scores |= {member: scores_of(result, limits) for member, result in fresh.items()}
+        rises = any(now > then + RISE for now, then in zip(_largest(scores), before, strict=True))
+        calm = 0 if rises else calm + 1
         suspects = [member for member, result in fresh.items() if suspect(result, limits)]
-        suspects = sorted(suspects, key=lambda member: -known[member])[:REPEATED]
-        parents = sorted(known, key=lambda member: -known[member])[:PARENTS]
-        for member in suspects:
-            known[member] -= DISPROVED  # unless it fails, in which case the level changes
-        if lower := (yield from race(suspects, scale[: level + 1], at, fail)):
-            best, low, level = lower, -1, -1
-            parents = [_plain(lower[1]), *parents]
+        suspects = sorted(suspects, key=lambda member: -scores[member].unrest)[:REPEATED]
+        verdicts = yield from fail([at(member, scale[level]) for member in suspects])
+        for member, fails_there in zip(suspects, verdicts, strict=True):
+            if fails_there:
+                best = level, at(member, scale[level])
+            else:
+                scores[member] = Scores(*(score - DISPROVED for score in scores[member]))
+        parents = _parents(scores)
     return best
+
+
+def _largest(scores: Mapping[Member, Scores]) -> Scores:
+    """The largest of each score."""
+    return Scores(*map(max, zip(*scores.values(), strict=True))) if scores else Scores()
+
+
+def _parents(scores: Mapping[Member, Scores]) -> list[Member]:
+    """The best by each score in turn: neither kind of a failure crowds out the other."""
+    by_vibration = sorted(scores, key=lambda member: -scores[member].vibration)
+    by_unrest = sorted(scores, key=lambda member: -scores[member].unrest)
+    return list(dict.fromkeys(chain.from_iterable(zip(by_vibration, by_unrest, strict=True))))[:PARENTS]
 
 
 def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:

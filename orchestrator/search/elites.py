@@ -16,10 +16,12 @@ ELITE = 6
 
 class Peak(NamedTuple):
     """The largest value of a criterion at one pose: each maximum of eq. (14) is searched for separately; or, without
-    a pose, at the poses of the workspace that are no configuration."""
+    a pose, at the poses of the workspace that are no configuration. ``niche`` is the figure that its elite is chosen
+    by: the criterion itself, or one of :func:`.niches`."""
 
     target: Target
     q_a: Pair | None = None
+    niche: int = 0
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from ..benchmark.results import Kind
 from ..codec import Finite, Natural, NonNegative, Struct
 from ..loop.trajectory import Status
 
-BUDGET = 3000
+BUDGET = 5000
 """Simulated time of a search by default, in whole cases: some minutes with a compiled controller."""
 
 
@@ -52,7 +52,7 @@ CriterionFound, RequirementFound = CriterionSearched, RequirementSearched
 
 
 class Margin(Struct):
-    """The smallest change of one axis found to make the loop fail, of two digits: a factor of the loop gain, or a delay
+    """The smallest change of one axis found to make the loop fail: a factor of the loop gain, or a delay
     [s] beside the benchmark's; None if none was found up to ``limit``. It fails with ``seeds_failed`` of
     ``seeds_tried`` other realizations of the noise."""
 

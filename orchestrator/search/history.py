@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from .findings import Step
-from .member import Member, cost
+from .member import Member, cost, possible
 from .target import Target, severity
 
 T = TypeVar("T")
@@ -49,7 +49,7 @@ class History:
         for member, result in self.found.items():
             test = self.protocol.test(member.test)
             own = target.criterion in test.criteria if target.criterion else target.test in (test.name, test.repeats)
-            if own and member.possible:
+            if own and possible(member, self.protocol):
                 yield severity(target, result, self.protocol.stability), member
 
     def ranked(self, target: Target) -> list[Member]:

@@ -17,6 +17,7 @@ from ..benchmark.scorecard import score
 from .findings import Step
 from .history import Asking, History
 from .member import Member, Pair, cost
+from .member import possible as asked_for
 from .target import Target
 
 CONFIRMED = 0.25
@@ -97,5 +98,5 @@ def card(hunt: Hunt, members: Sequence[Member]) -> Scorecard:
 
 
 def possible(hunt: Hunt) -> list[Member]:
-    """The members that count: within Table 1, as whole cases, in a loop as the protocol has it."""
-    return [member for member in hunt.history.found if member.possible]
+    """The members that count: within Table 1, as whole cases, in a loop that their test asks for."""
+    return [member for member in hunt.history.found if asked_for(member, hunt.protocol)]

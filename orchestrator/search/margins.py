@@ -16,12 +16,12 @@ from .member import Member
 from .radius import COST, STABILITY, whole
 from .target import Target
 
-GAINS_UP = (*(round(0.1 * step, 1) for step in range(11, 100)), *map(float, range(10, 21)))
+GAINS_UP = (*(round(0.05 * step, 2) for step in range(21, 200)), *(0.5 * step for step in range(20, 41)))
 GAINS_DOWN = (
     *(round(0.01 * step, 2) for step in range(95, 9, -5)),
     *(round(0.01 * step, 2) for step in range(9, 4, -1)),
 )
-DELAYS = tuple(Fraction(step, 10000) for step in range(1, 101))
+DELAYS = tuple(Fraction(step, 40000) for step in range(1, 401))
 """Steps of loop gain, up to 20 and down to 0.05, and of the delay [s], up to 10 ms."""
 
 SHARES = {"gain": 2, "gain down": 1, "delay": 2}

@@ -56,16 +56,22 @@ class Member:
     short: Variation | None = None
 
     @property
-    def possible(self) -> bool:
-        """Whether it lies within Table 1, in a loop and over a time as the protocol has it."""
-        as_in_protocol = self.gain is None and self.delay is None and self.short is None
-        return as_in_protocol and all(abs(value) <= 1.0 for _, value in self.deviations)
-
-    @property
     def variation(self) -> Variation:
         """What it changes in its test."""
         short = self.short or Variation()
         return replace(short, phi_F=self.phi_F, chirp_frequencies=self.sweep, gain=self.gain, delay=self.delay)
+
+
+def possible(member: Member, protocol: Protocol) -> bool:
+    """Whether it lies within Table 1 and is simulated as a whole case, in a loop that its test asks for: A1 asks for
+    all gains from 1 to the test's, A2 for all delays from that of the loop on."""
+    test, T_d = protocol.test(member.test), protocol.loop.delay
+    for axis in (1, 2):
+        gain, delay = (test.gain, test.delay) if test.axis == axis else (1.0, Fraction(0))
+        value, late = (member.gain or (gain, gain))[axis - 1], (member.delay or (T_d + delay, T_d + delay))[axis - 1]
+        if not min(1.0, gain) <= value <= max(1.0, gain) or not 0 <= late - T_d <= delay:
+            return False
+    return member.short is None and all(abs(value) <= 1.0 for _, value in member.deviations)
 
 
 def names(protocol: Protocol) -> tuple[str, ...]:

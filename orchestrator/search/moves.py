@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
 from ..benchmark.protocol import Protocol
 from .member import Member, Pair, names, symbol_of
 
@@ -76,6 +78,12 @@ def at_pose(member: Member, q_a: Pair) -> Member:
     return replace(member, q_a=q_a, phi_F=_direction(math.degrees(member.phi_F) + q_a[0] - member.q_a[0]))
 
 
+def at_pose_by_joint(member: Member, q_a: Pair, joint: int) -> Member:
+    """The member at another pose, with the force's direction turned with the line from a joint, 0 or 1, to the TCP."""
+    turn = through_joints(q_a)[joint] - through_joints(member.q_a)[joint]
+    return replace(member, q_a=q_a, phi_F=_direction(math.degrees((member.phi_F or 0.0) + turn)))
+
+
 def with_other_force_direction(member: Member, stream: np.random.RandomState) -> Member:
     """The force from another direction, near its own."""
     step = FORCE_STEP * stream.standard_normal() * stream.uniform()
@@ -85,6 +93,22 @@ def with_other_force_direction(member: Member, stream: np.random.RandomState) ->
 def with_any_force_direction(member: Member, stream: np.random.RandomState) -> Member:
     """The force from any direction."""
     return replace(member, phi_F=_direction(stream.uniform(0.0, 360.0)))
+
+
+def with_force_through_joint(member: Member, stream: np.random.RandomState) -> Member:
+    """The force along the line from a joint to the TCP, either way."""
+    directions = through_joints(member.q_a)
+    turn = math.pi * int(stream.randint(2))
+    return replace(member, phi_F=_direction(math.degrees(directions[int(stream.randint(2))] + turn)))
+
+
+def through_joints(q_a: Pair) -> tuple[float, float]:
+    """Directions [rad] along the lines from the joints to the TCP: such a force turns that joint's motor the least."""
+    q_a1, q_a2 = map(math.radians, q_a)
+    x, z = math.cos(q_a1 + q_a2), -math.sin(q_a1 + q_a2)  # from the second joint, in lengths of its link
+    ratio = NOMINAL["l[1]"] / NOMINAL["l[2]"]
+    first = math.degrees(math.atan2(ratio * math.cos(q_a1) + z, ratio * math.sin(q_a1) + x))
+    return _direction(first), _direction(math.degrees(math.atan2(z, x)))
 
 
 def _direction(degrees: float) -> float:

@@ -17,11 +17,25 @@ LEAD = Fraction(1, 2)
 PEAK = Fraction(2, 5)
 """Time [s] after the force in which the error is largest, B5."""
 
-REST = Fraction(10)
+REST = Fraction(8)
 """Time [s] after the force in which a limit cycle shows itself."""
 
 MOMENT = Fraction(1, 100)
 """Time [s] by which a simulation goes on beyond the chirp's criterion, B7."""
+
+
+CHIRP, PAUSE = (Fraction(1, 10), Fraction(1)), Fraction(1, 2)
+"""Beginning and end [s] of a brisk chirp, and time between it and the force."""
+
+
+def brisk(protocol: Protocol, _: Target, settling: float) -> Variation:
+    """B6 after a chirp of a second: in a third of the time, it shows most of what a controller with a memory does, but
+    not all."""
+    rules = protocol.disturbance
+    length = Fraction(rules.t_2 - rules.t_1).limit_denominator(1000)
+    (t_3, t_4), t_1 = CHIRP, CHIRP[1] + PAUSE
+    until = t_1 + length + Fraction(round(10.0 * settling), 10)
+    return Variation(duration=until, t_3=float(t_3), t_4=float(t_4), t_1=float(t_1), t_2=float(t_1 + length))
 
 
 def short(protocol: Protocol, target: Target, settling: float) -> Variation | None:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from . import by_pose
+from . import by_pose, moves
 from .by_pose import Climb
 from .history import Asking
 from .hunt import Hunt, card
@@ -71,7 +71,17 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
                 taken[member.q_a] += 1
                 if taken[member.q_a] <= STARTERS:
                     starters.append(spelled(member, hunt.protocol, target.test))
+        if target.criterion == "B6":
+            starters += _along_links(hunt, target)
         yield from by_pose.begin(climb, target, starters)
+
+
+def _along_links(hunt: Hunt, target: Target) -> list[Member]:
+    """Each arm of the list in ``target``'s test at each configuration, under forces through its joints."""
+    arms = {(member.q_a, member.system): spelled(member, hunt.protocol, target.test) for member in hunt.listed}
+    return [
+        replace(member, phi_F=direction) for member in arms.values() for direction in moves.through_joints(member.q_a)
+    ]
 
 
 def _explore(climb: Climb, target: Target) -> Asking[None]:

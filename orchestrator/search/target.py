@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..benchmark.protocol import Protocol, Stability
 from ..benchmark.results import Judgement
@@ -24,6 +25,13 @@ PASSIVE, LASTING = 0.5, 1.05
 beyond which a larger one adds nothing."""
 
 
+NICHES = {"B6": 3}
+"""Number of the figures of :func:`niches` of a criterion."""
+
+SMALL_PEAK = 1e-3
+"""Error [m] after the force below which a smaller one is not looked for."""
+
+
 @dataclass(frozen=True)
 class Target:
     """A criterion by its name, or a stability test, whose ``criterion`` is empty; both are measured in ``test``."""
@@ -40,6 +48,20 @@ def targets(protocol: Protocol) -> tuple[Target, ...]:
     tests = ((name, next((test.name for test in disturbed if name in test.criteria), "")) for name in by_weight)
     criteria = [Target(name, test, name) for name, test in tests if test][:HEAVIEST]
     return (*criteria, *(Target(test.name, test.name) for test in disturbed if test.axis and not test.repeats))
+
+
+def niches(target: Target, result: Judgement) -> tuple[float, ...]:
+    """Other figures of a simulation by which the best are kept beside the worst, so that what is on its way to a larger
+    value is not lost to what has one already; only comparisons are meant.
+
+    A controller that reacts to a large error leaves a small one alone: the arm rings on its gears then, and settles
+    later than any that the controller notices. So for B6 those stay that ring long below its limit, and those that
+    settle late after a small error.
+    """
+    figures = result.measurements
+    if target.criterion not in NICHES or not result.simulated or figures.B6 is None:
+        return ()
+    return figures.B6, figures.recovery or 0.0, figures.B6 / max(figures.B5 or 0.0, SMALL_PEAK)
 
 
 def fails(result: Judgement, limits: Stability) -> bool:
@@ -65,20 +87,29 @@ def severity(target: Target, result: Judgement, limits: Stability) -> float:
     return (figures.recovery or 0.0) + (figures.limit_cycle_ratio or 0.0)
 
 
-def unrest(result: Judgement, limits: Stability) -> float:
+class Scores(NamedTuple):
     """How far the end of a short simulation of a stability test is from rest; only comparisons are meant.
 
-    The size of the motion in decades from a hundredth of a limit cycle on, weighted by its ratio to the window before
-    as far as that exceeds the ratio of a motion that decays without a controller: a large ring of the arm on locked
-    motors is further from a failure than a small motion that lasts.
+    ``vibration`` is the residual vibration in decades. ``unrest`` is the size of the motion at the end in decades from
+    a hundredth of a limit cycle on, weighted by its ratio to the window before as far as that exceeds the ratio of a
+    motion that decays without a controller: a large ring of the arm on locked motors is further from a failure than a
+    small motion that lasts.
     """
+
+    vibration: float = -math.inf
+    unrest: float = -math.inf
+
+
+def scores_of(result: Judgement, limits: Stability) -> Scores:
+    """How far a short simulation ends from rest."""
     figures = result.measurements
     if not result.simulated:
-        return -math.inf
-    if figures.limit_cycle is None:
-        return FAILED
+        return Scores()
+    if figures.limit_cycle is None or figures.residual_vibration is None:
+        return Scores(FAILED, FAILED)
     size = min(max(0.5 * math.log10(max(figures.limit_cycle, 1e-9) / limits.limit_cycle) + 1.0, 0.0), 1.15)
-    return size * (min(max(figures.limit_cycle_ratio or 0.0, PASSIVE), LASTING) - PASSIVE)
+    lasting = min(max(figures.limit_cycle_ratio or 0.0, PASSIVE), LASTING) - PASSIVE
+    return Scores(math.log10(max(figures.residual_vibration, 1e-9)), size * lasting)
 
 
 def suspect(result: Judgement, limits: Stability) -> bool:

@@ -160,14 +160,16 @@ def worst_case(
 
 def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     """The fields of the answer that the stages fill. Criteria and costs are read off before margins and radius, whose
-    members are not searched for them."""
+    members are not searched for them; the requirements after the margins, which they follow from."""
     yield from search(hunt, seed)
-    fields: dict[str, Any] = {"requirements": (yield from answers.requirements(hunt, seed))}
-    fields["effects"] = yield from answers.effects(hunt)
+    if hunt.complete:  # else time is over
+        yield from answers.disturbed(hunt, seed)
+    fields: dict[str, Any] = {"effects": (yield from answers.effects(hunt))}
     fields["criteria"], fields["configurations"] = answers.criteria(hunt), answers.configurations(hunt)
     fields["peaks"] = answers.peaks(hunt)
     fields["cost"], fields["protocol_cost"] = answers.costs(hunt)
     fields["margins"] = (yield from margins_of(hunt, seed)) if hunt.complete else {}
+    fields["requirements"] = yield from answers.requirements(hunt)
     fields["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
     return fields
 
