@@ -114,7 +114,7 @@ def figure(
         for axes, one in zip(grid.flat, (one for row in rows for one in row), strict=True):
             draw(axes, one)
             if titles:
-                axes.set_title(one.title, fontsize=font, parse_math=False)
+                axes.set_title(printable(one.title), fontsize=font, parse_math=False)
             if not common and not titles:
                 _legend_above(axes)
             elif not common:
