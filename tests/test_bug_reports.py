@@ -138,6 +138,13 @@ def test_an_fmu_that_ends_at_its_stop_time_does_its_last_step(samples, quick_pla
     assert trajectory.ending.status == "done", trajectory.ending.message
 
 
+def test_an_fmu_that_waits_for_event_mode_is_no_frozen_controller(quick_plant_file, tmp_path):
+    """The master says that it does not use event mode; the flag in fmi3DoStep is then an error, not a silent wait."""
+    file = Specimen("waits for event mode", version="3.0").write(tmp_path / "controller.fmu")
+    (trajectory,) = simulate_all(quick_plant_file, file, [quiet(Fraction(10, 4000))])
+    assert trajectory.ending.status == "error" and "waits for event mode" in trajectory.ending.message
+
+
 def test_a_reset_follows_an_initialization_with_values(benchmark, tmp_path):
     """The check of it must not try the start values of inputs, which an FMU may refuse."""
     file = Specimen("divides by an input").write(tmp_path / "controller.fmu")

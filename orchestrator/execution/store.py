@@ -85,7 +85,11 @@ def opened(folder: Path | None) -> Iterator[Store]:
             connection.execute("PRAGMA synchronous = FULL")  # a committed row survives a power cut
             connection.execute(SCHEMA)
         except sqlite3.Error as problem:
-            message = f"The results in {place} cannot be opened: {problem}. Move the file away to begin anew."
+            # SQLite reports a full disk, a file size limit or a lost network drive as an operational error, and a
+            # file that is damaged or no database as another one: only then does it help to move the file away.
+            lacks_room = isinstance(problem, sqlite3.OperationalError)
+            remedy = "Make room or repair the folder" if lacks_room else "Move the file away to begin anew"
+            message = f"The results in {place} cannot be opened: {problem}. {remedy}."
             raise EnvironmentFault(message, "store") from problem
         yield Store(connection, str(place))
 

@@ -89,7 +89,11 @@ FLAGS = (
         "recommendedIntermediateInputSmoothness", "3", "harmless", "Inputs are held over a step, like those of a drive."
     ),
     Capability(
-        "hasEventMode", "3", "harmless", "The master does not use event mode. The FMU handles its events in its steps."
+        "hasEventMode",
+        "3",
+        "harmless",
+        "The master does not use event mode, and says so: the FMU handles its events in its steps. One that waits for "
+        "event mode all the same ends the case.",
     ),
     Capability("canHandleEvents", "1", "harmless", "The master sends no events."),
     Capability("canSignalEvents", "1", "harmless", "A step that ends before its time ends the simulation."),

@@ -27,6 +27,9 @@ TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
 """What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
 the step, or goes on asking for another event iteration. No status an FMU can return is as large."""
 
+EVENT_MODE = 2**32 + 4
+"""The same of an FMU (FMI 3) that waits for event mode, though it was told that the master does not use it."""
+
 LOST = 2**32 + 3
 """What stepping reports of a slave in another process that is gone, or sends what is no answer."""
 
@@ -227,6 +230,10 @@ def _do_step_3(port: Port, time: float, step: float) -> int:
         return status
     if flags[1]:
         return TERMINATED
+    # Told that event mode is not used, an FMU handles its events itself. One that waits for them all the same would be
+    # evaluated as a controller that never computes: with its start torques it had B1 of 0.002 N.m.
+    if flags[0]:
+        return EVENT_MODE
     # Either says so: the flag, or a lastSuccessfulTime before the end. The tolerance is for the FMU's time arithmetic.
     if flags[2] or port.info[1] < time + step * (1.0 - 1e-6):
         return EARLY_RETURN

@@ -30,6 +30,7 @@ STATUS_WORDS = ("ok", "warning", "discard", "error", "fatal", "pending")
 STEPPING_WORDS = {
     port.TERMINATED: "ended the simulation",
     port.EARLY_RETURN: "stopped before the end of the step",
+    port.EVENT_MODE: "waits for event mode, which it was told that the master does not use",
     port.ENDLESS_EVENTS: "asks for event iterations without end",
 }
 

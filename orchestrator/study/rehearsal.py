@@ -139,8 +139,10 @@ def _run(pairing: Pairing, tasks: Sequence[work.ScenarioTask | work.AnswerTask])
 
 
 def _first_limit(pairing: Pairing) -> float:
-    """Time limit [s] where compiled code may be missing; a user who raises the limit has a slow controller."""
-    return max(pairings.FIRST_START_TIME, 0.5 * pairing.timeout)
+    """Time limit [s] where compiled code may be missing. A user who raises the limit has a slow controller; one who
+    lowers it does not want to wait for a minute where a start or an end hangs."""
+    shortest = max(pairings.START_TIME, 2.0 * pairing.timeout)
+    return max(min(pairings.FIRST_START_TIME, shortest), 0.5 * pairing.timeout)
 
 
 def computing_time(case: Case, pairing: Pairing) -> ComputingTime | None:

@@ -433,6 +433,10 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
 {
     *event = *end = *early = fmi3False;
     *last = t + h;
+    if (is(instance, "waits for event mode")) {
+        *event = fmi3True;
+        return fmi3OK;
+    }
     return (fmi3Status)fmi2DoStep(instance, t, h, no_state);
 }
 

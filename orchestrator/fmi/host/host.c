@@ -17,7 +17,7 @@
 enum { END, EXCHANGE, LOAD, FIND, CALL, CONNECT };
 enum { SET, STEP, GET };
 
-static const double TERMINATED = 4294967296.0, EARLY_RETURN = 4294967297.0, CHANGED = 8589934592.0;
+static const double TERMINATED = 4294967296.0, EARLY_RETURN = 4294967297.0, EVENT_MODE = 4294967300.0, CHANGED = 8589934592.0;
 /* Statuses beyond those of FMI, as in orchestrator/fmi/port.py. */
 
 enum { MOST_ARGUMENTS = 14, ARITHMETIC = 0xE040 };
@@ -205,6 +205,7 @@ static double do_step(double time, double step)
     const uint32_t status = (uint32_t)((DoStep3)at)(instance, time, step, 1, &event, &terminate, &early, &last);
     if (status > 1) return status;
     if (terminate) return TERMINATED;
+    if (event) return EVENT_MODE;
     return early || last < time + step * (1.0 - 1e-6) ? EARLY_RETURN : status;
 }
 
