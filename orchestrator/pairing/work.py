@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,11 @@ if TYPE_CHECKING:  # it loads the compiler, which only workers need
     from ..loop.controller import Steady
 
 
-class CaseTask(Struct, frozen=True):
+BEGINNING = Fraction(2)
+"""Simulated time [s] at the beginning of a case that is repeated: as long as the shortest case of the protocols."""
+
+
+class CaseTask(Struct, frozen=True, tag=True):
     """Simulate a case and judge it by a protocol."""
 
     protocol: Protocol
@@ -131,12 +136,39 @@ def digest_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
     return pack(Digested(found.judgement, digest(found.trajectory)))
 
 
+def begin_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
+    """A :class:`CaseTask`; gives a :class:`Digested` of its beginning. Of a :class:`ScenarioTask`, which repeats a
+    beginning, it gives the digest alone."""
+    wanted = unpack(task, CaseTask | ScenarioTask)  # type: ignore[arg-type]  # a union of types
+    if isinstance(wanted, ScenarioTask):
+        return pack(digest_of_beginning(_simulate(plant, controller, wanted.scenario, wanted.setup), wanted.scenario))
+    found = _judged(plant, controller, wanted)
+    return pack(Digested(found.judgement, digest_of_beginning(found.trajectory, wanted.case.scenario)))
+
+
 def digest(found: Trajectory) -> bytes:
     """SHA-256 of a simulation's status, and of what its controller measured and commanded."""
-    signals = hashlib.sha256(found.ending.status.value.encode())
-    for signal in (found.measured, found.command):
-        signals.update(signal.tobytes())
-    return signals.digest()
+    return _digest(found.ending.status.value, found.measured, found.command)
+
+
+def digest_of_beginning(found: Trajectory, scenario: Scenario) -> bytes:
+    """The same of what it measured and commanded in the :data:`BEGINNING`, however it went on."""
+    samples = beginning(scenario).samples
+    return _digest("", found.measured[:samples], found.command[:samples])
+
+
+def _digest(text: str, *signals: np.ndarray) -> bytes:
+    found = hashlib.sha256(text.encode())
+    for signal in signals:
+        found.update(signal.tobytes())
+    return found.digest()
+
+
+def beginning(scenario: Scenario) -> Scenario:
+    """The :data:`BEGINNING` of ``scenario``. The FMUs are told the stop time of the whole one: by another one they
+    could tell the two apart."""
+    stop = max(scenario.samples * scenario.sample_time, scenario.stop_time)
+    return replace(scenario, duration=min(scenario.duration, BEGINNING), stop_time=stop)
 
 
 def record_case(plant: Slave, controller: Slave, task: bytes) -> bytes:
@@ -239,6 +271,14 @@ def digested(protocol: Protocol, case: Case, value: bytes) -> Digested:
     """What a worker sent for a :class:`CaseTask` with a digest, checked."""
     found = unpack(value, Digested)
     _check(protocol, case, found.judgement)
+    return found
+
+
+def begun(value: bytes) -> bytes:
+    """The digest that a worker sent for the beginning of a case, checked."""
+    found = unpack(value, bytes)
+    if len(found) != hashlib.sha256().digest_size:
+        raise Malformed("a digest of another size")
     return found
 
 
