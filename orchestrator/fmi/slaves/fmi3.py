@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from typing import Any
 
@@ -45,8 +46,10 @@ class Fmi3(Slave):
     def get(self, variables: Sequence[Variable]) -> list[float]:
         found: list[float] = []
         for variable in variables:
-            getter = self._fmu.getFloat32 if variable.type == "Float32" else self._fmu.getFloat64
-            found.extend(self._do(getter, [variable.reference], variable.size))
+            if variable.type == "Float32":
+                found += self._got(self.calls["get"].replace("64", "32"), ctypes.c_float, [variable])
+            else:
+                found += self._got(self.calls["get"], ctypes.c_double, [variable])
         return found
 
 
