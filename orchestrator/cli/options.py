@@ -212,7 +212,7 @@ def controller(options: argparse.Namespace) -> Controller:
     plain = Controller(options.controller, sample_time=options.sample_time, library=options.library)
     parameters: dict[str, Scalar] = {}
     for file in options.mapping_files:
-        parameters.update(read_mapped_parameters(file))
+        parameters.update(read_mapped_parameters(file, plain.archive))
     for file in options.parameter_files:
         parameters.update(read_parameters(file, plain.archive))
     mapping = {name: value for file in options.mapping_files for name, value in read_mapping(file).items()}
