@@ -11,7 +11,7 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import fields
 from decimal import Decimal
 from fractions import Fraction
@@ -49,7 +49,7 @@ def plain(value: Any) -> Any:
 def real(name: str, value: Any) -> float:
     """A number, which may be infinite, as a limit that there is not; but not NaN."""
     number = plain(value)
-    if not isinstance(number, NUMBERS):
+    if isinstance(number, bool) or not isinstance(number, NUMBERS):  # a switch that was mistaken for a probability
         raise _refusal(name, "a number", value)
     try:
         converted = float(number)
@@ -114,7 +114,10 @@ def times(name: str, value: Any) -> tuple[Fraction, Fraction]:
 
 
 def _two(name: str, value: Any, what: str) -> tuple[Any, Any]:
-    """The two elements of a sequence or an array, as they are."""
+    """The two elements of a sequence or an array, as they are: not of a set, which has no order, nor the names of a
+    mapping, nor the digits of a text."""
+    if isinstance(value, str | bytes | Mapping | Set):
+        raise _refusal(name, what, value)
     try:
         first, second = value
     except (TypeError, ValueError):
@@ -172,10 +175,6 @@ def _mapping(enter: Enter) -> Callable[[str, Any], dict[str, Any]]:
     return each
 
 
-def _as_it_is(name: str, value: Any) -> Any:
-    return value
-
-
 def _ranges(name: str, value: Any) -> Any:
     """A range as such, or its two ends and perhaps its scale."""
     plain_value = plain(value)
@@ -192,6 +191,8 @@ def _value(name: str, value: Any) -> Any:
     if isinstance(plain_value, Fraction | Decimal):
         return float(plain_value)
     if isinstance(plain_value, list | tuple):
+        if any(isinstance(item, list | tuple) for item in plain_value):  # a matrix was flattened, or a traceback
+            raise _refusal(name, "a value or a list of values, without lists in it", value)
         return [_value(name, item) for item in plain_value]
     if not isinstance(plain_value, bool | int | float | str):
         raise _refusal(name, "a value for a variable", value)
@@ -206,6 +207,31 @@ def _file_or_other(name: str, value: Any) -> Any:
     """A path as such; anything else, of which the function has types of its own, as it is."""
     plain_value = plain(value)
     return path(name, plain_value) if isinstance(plain_value, str | os.PathLike) else value
+
+
+def _object(kind: str) -> Enter:
+    """The rule for one of the :data:`OBJECTS`. Their types lie above this room: they are known by name."""
+    own = kind.partition("[")[0]
+
+    def check(name: str, value: Any) -> Any:
+        if own.startswith("On"):
+            if not callable(value):
+                raise _refusal(name, "a function", value, "bad-object")
+        elif own != "Any" and own not in (each.__name__ for each in type(value).__mro__):
+            article = "an" if own[0] in "AEIO" else "a"
+            raise _refusal(name, f"{article} {own}", value, "bad-object")
+        return value
+
+    return check
+
+
+def _or_text(kind: str) -> Enter:
+    return lambda name, value: text(name, value) if isinstance(plain(value), str) else _object(kind)(name, value)
+
+
+def results(name: str, value: Any) -> tuple[Any, ...]:
+    """Results that can be compared."""
+    return _sequence(_object("Comparable"))(name, value)
 
 
 RULES: dict[str, Enter] = {
@@ -231,7 +257,7 @@ RULES: dict[str, Enter] = {
     "Mapping[str, Range | tuple[float, float] | tuple[float, float, str]]": _mapping(_ranges),
     "Given": _file_or_other,
     "Given | object": _file_or_other,
-    "Case | str": _file_or_other,
+    "Case | str": _or_text("Case"),
     "Distribution": text,
     "Friction": text,
     "Order": text,
@@ -263,7 +289,8 @@ def rule(annotation: str) -> Enter:
     """The rule of an annotation; a :class:`TypeError` if there is none."""
     kind = annotation.removesuffix(" | None")
     if kind in OBJECTS:
-        return _as_it_is
+        found = _object(kind)
+        return found if kind == annotation else functools.partial(_optional, found)
     if kind not in RULES:
         # At the definition, so that no public function is without a rule when it is called.
         raise TypeError(f"there is no rule for parameters of the type {annotation}")
@@ -277,7 +304,11 @@ def _optional(enter: Enter, name: str, value: Any) -> Any:
 def border(function: Callable[..., Any]) -> Callable[..., inspect.BoundArguments]:
     """What makes the arguments of ``function`` plain, and binds them to its parameters."""
     signature = inspect.signature(function)
-    rules = {name: rule(parameter.annotation) for name, parameter in signature.parameters.items() if name != "self"}
+    rules = {
+        name: rule(parameter.annotation)
+        for name, parameter in signature.parameters.items()
+        if name not in ("self", "cls")
+    }
 
     def bound(*arguments: Any, **named: Any) -> inspect.BoundArguments:
         bound_arguments = signature.bind(*arguments, **named)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
+from support.refusals import refusal
 
 import orchestrator
 from build_fmus import find_compiler
@@ -209,3 +210,14 @@ def test_what_cannot_be_used_is_an_input_error(use, what: str, pid: Controller) 
     with pytest.raises(InputError) as refused:
         use(pid)
     assert refused.value.what == what
+
+
+def test_a_report_overwrites_nothing_but_reports(tmp_path):
+    """Benchmark.report("plain.fmu") left a page in the place of the controller."""
+    bench, fmu, own, page = Benchmark("quick"), tmp_path / "plain.fmu", tmp_path / "own.html", tmp_path / "page.html"
+    fmu.write_bytes(b"PK")
+    own.write_text("<!DOCTYPE html><html>mine</html>")
+    assert [refusal(bench.report, file).what for file in (fmu, own, tmp_path / "report")] == ["no-report-file"] * 3
+    assert fmu.read_bytes() == b"PK" and "mine" in own.read_text()
+    assert bench.report(page) == page == bench.report(page)
+    assert refusal(bench.export_ssp, None, "c00.compliant.noise", fmu).what == "bad-file-name"

@@ -207,6 +207,15 @@ def test_a_bad_archive_is_refused_with_the_reason(name, good, room):
     assert not list(room.glob("cache/fmus/incomplete-*"))
 
 
+def test_the_reason_stands_before_a_page_of_warnings(good, room):
+    """Five lines of what the compiler had said were shown, and the error was behind them."""
+    require("compiler")
+    file = room / "bad.fmu"
+    source = b"#warning one\n" * 10 + b"#error the reason\n"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": source})(good))
+    assert "error: the reason" in str(refusal(open_archive, file)).splitlines()[1].replace("#error", "error:")
+
+
 def outside_of_the_cache(room: Path) -> dict[str, bytes]:
     """Names and hashes of all files beside the cache."""
     return {

@@ -39,6 +39,9 @@ CONTROLLER = replace(
             variable("K_p[1]", "parameter", "N.m/rad"),
             variable("alpha", "parameter", "deg"),
             variable("n", "parameter"),
+            variable("long", "parameter", size=2),
+            variable("axis[1]", "parameter"),
+            variable("axis[2]", "parameter"),
             variable("odd", "parameter", "furlong"),
             variable("T", "parameter", "degC"),
         ],
@@ -80,8 +83,20 @@ def test_mappings(file):
     assert refused(read_mapping, path) == ("bad-mapping", "q_m[2]"), "a transformation is not dropped silently"
 
 
-SSV_TWICE = '<x><Parameter name="K"><Real value="1"/></Parameter><Parameter name="K"><Real value="2"/></Parameter></x>'
-SSM_TWICE = '<x><MappingEntry source="a" target="q_m"/><MappingEntry source="b" target="q_m"/></x>'
+def ssv(inside, head='xmlns="http://ssp-standard.org/SSP1/SystemStructureParameterValues"', root="ParameterSet"):
+    """A parameter set with these parameters."""
+    return f"<{root} {head}><Parameters>{inside}</Parameters></{root}>"
+
+
+def ssm(inside):
+    """A mapping with these entries."""
+    head = 'xmlns="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"'
+    return f"<ParameterMapping {head}>{inside}</ParameterMapping>"
+
+
+SSV_TWICE = ssv('<Parameter name="K"><Real value="1"/></Parameter><Parameter name="K"><Real value="2"/></Parameter>')
+SSM_TWICE = ssm('<MappingEntry source="a" target="q_m"/><MappingEntry source="b" target="q_m"/>')
+ONE = '<Parameter name="K"><Real value="1"/></Parameter>'
 
 WRONG_FILES = [
     (read_mapping, "names.toml", '"q_m[1]" = "In1"\n', "bad-mapping"),
@@ -100,6 +115,31 @@ WRONG_FILES = [
     (read_parameters, "gains.toml", "[parameters\n", "bad-file"),
     (read_parameters, "gains.ssv", SSV_TWICE, "bad-parameters"),
     (read_mapping, "names.ssm", SSM_TWICE, "bad-mapping"),
+    (read_parameters, "gains.toml", "[parameters]\nK_p = [45, 15]\n'K_p[1]' = 9\n", "repeated"),
+    (read_parameters, "gains.toml", "[parameter]\nn = 9\n[parameters]\nn = 1\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "n = 9\n[parameters]\nn = 1\n", "bad-parameters"),
+    (read_parameters, "gains.toml", "[parameters]\nlong = [1]\n", "array-parameter"),
+    (read_parameters, "gains.toml", "[parameters]\naxis = [1]\n", "array-parameter"),
+    (read_mapping, "names.toml", "[map]\nq_m = 'In'\n[parmeters]\nn = 1\n", "bad-mapping"),
+    (read_parameters, "gains.ssv", ssv(ONE, 'xmlns="urn:another"'), "bad-parameters"),
+    (read_parameters, "gains.ssv", ssv(ONE, root="SystemStructureDescription"), "bad-parameters"),
+    (
+        read_parameters,
+        "gains.ssv",
+        ssv('<Parameter name="K"><Real value="1"/><Real value="2"/></Parameter>'),
+        "bad-parameters",
+    ),
+    (read_parameters, "gains.ssv", ssv(f"<Parameters>{ONE}</Parameters>"), "bad-parameters"),
+    (read_parameters, "gains.ssv", ssv(f"{ONE}<Parametre/>"), "bad-file"),
+    (read_parameters, "gains.ssv", ssv(ONE.replace('"1"', '"1_0"')), "not-a-number"),
+    (read_parameters, "gains.ssv", ssv(ONE.replace('"1"', '"\u0661"')), "not-a-number"),
+    (
+        read_mapping,
+        "names.ssm",
+        ssm('<MappingEntry source="a" target="q_m" suppressUnitConversion="true"/>'),
+        "bad-mapping",
+    ),
+    (read_mapping, "names.ssm", ssm('<MappingEntry source="a" target="q_m" factor="2"/>'), "bad-mapping"),
     (read_parameters, "gains.ssv", "no XML", "bad-file"),
     (read_parameters, "gains.ssv", "<ParameterMapping/>", "bad-parameters"),
     *((read, f"absent.{suffix}", None, "no-file") for read in (read_mapping, read_parameters) for suffix in SUFFIXES),
@@ -117,8 +157,10 @@ def test_toml_parameters(file):
     expected = {"K_p[1]": 45, "K_p[2]": 15.5, "T_f": 0.01, "K_d[2]": -1, "n": "3", "on": True}
     assert read_parameters(path) == expected
     mapped = file("both.toml", f'[map]\nq_m = "In"\n{path.read_text()}')
-    assert controller_files.read_mapped_parameters(mapped) == expected and read_mapping(mapped) == {"q_m": "In"}
-    assert controller_files.read_mapped_parameters(file("names.toml", '[map]\nq_m = "In"\n')) == {}
+    assert controller_files.read_mapped_parameters(mapped, CONTROLLER) == expected and read_mapping(mapped) == {
+        "q_m": "In"
+    }
+    assert controller_files.read_mapped_parameters(file("names.toml", '[map]\nq_m = "In"\n'), CONTROLLER) == {}
 
 
 @pytest.mark.parametrize(("major", "real", "integer"), [(1, "Real", "Integer"), (2, "Float64", "Int32")])
@@ -192,8 +234,28 @@ def test_units_in_an_ssv_that_do_not_fit_are_refused(file, name, unit, what):
     assert refusal(read_parameters, file("gains.ssv", with_unit("K_q[1]", unit))).what == "no-parameter"
 
 
+@pytest.mark.parametrize(
+    ("definition", "what"),
+    [
+        ('<ssc:Unit name="rad"><ssc:BaseUnit rad="1" factor="2"/></ssc:Unit>', "bad-unit"),
+        ('<ssc:Unit name="half"><ssc:BaseUnit rad="0.5"/></ssc:Unit>', "bad-unit"),
+        ('<ssc:Unit name="mN.m/rad"/>', "bad-unit"),
+    ],
+)
+def test_units_that_an_ssv_defines_against_their_names_are_refused(file, definition, what):
+    unit = re.search('name="(.*?)"', definition)[1]
+    text = with_unit("alpha", unit).replace("</ssv:Units>", f"{definition}</ssv:Units>")
+    assert refused(read_parameters, file("gains.ssv", text)) == (what, unit)
+
+
+def test_what_another_tool_has_noted_in_a_parameter_set_is_no_parameter(file):
+    noted = f'<Annotations><Annotation><x:y xmlns:x="urn:x">{ONE.replace("K", "n")}</x:y></Annotation></Annotations>'
+    text = ssv(ONE).replace("<Parameters>", f"{noted}<Parameters>")
+    assert read_parameters(file("gains.ssv", text)) == {"K": 1.0}
+
+
 def test_entities_are_not_expanded(file, tmp_path):
     secret = file("secret.txt", "45")
     document = f'<!DOCTYPE a [<!ENTITY s SYSTEM "{secret.as_uri()}">]>'
-    path = file("names.ssm", f'{document}<a><MappingEntry target="q_m">&s;</MappingEntry></a>')
+    path = file("names.ssm", document + ssm('<MappingEntry target="q_m">&s;</MappingEntry>'))
     assert "45" not in str(read_mapping(path))

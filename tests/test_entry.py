@@ -1,5 +1,6 @@
 """What enters the Python interface is made plain at its border: NumPy's spellings are those of Python."""
 
+import functools
 import inspect
 from decimal import Decimal
 from fractions import Fraction
@@ -191,9 +192,16 @@ def test_numpy_spells_the_same_as_python(name, data):
     assert shape(received(TAKING[name], plain)) == shape(received(TAKING[name], spelled))
 
 
+@functools.cache
+def standing_in(kind):
+    """A function, or an object whose type has the name of one of the package's."""
+    return print if kind.startswith("On") else type(kind.partition("[")[0], (), {})()
+
+
 def received(function, arguments):
     """What a function gets for arguments, by its parameters."""
-    others = dict.fromkeys(hints(function).keys() - parameters(function).keys() - {"options"}) | arguments
+    others = {name: standing_in(kind) for name, kind in hints(function).items() if kind in entry.OBJECTS - {"Any"}}
+    others |= arguments
     return entry.border(function.__wrapped__)(None, **others).arguments
 
 
@@ -209,7 +217,7 @@ def shape(value):
 
 
 FIELDS = {
-    Benchmark: ("seed", "workers", "timeout", "memory_limit", "sandbox", "wait"),
+    Benchmark: ("seed", "workers", "timeout", "sandbox", "wait"),
     Variation: tuple(
         each for each in inspect.signature(Variation).parameters if each not in ("angle_bits", "torque_bits", "dropout")
     ),
@@ -256,6 +264,12 @@ REFUSED = {
     "not a number": lambda: Benchmark("quick").robustness(minutes=float("nan")),
     "half a seed": lambda: Benchmark("quick", seed=np.float64(0.5)),
     "a pose of one angle": lambda: Benchmark("quick").case_at(np.array([0.5])),
+    "a switch as a probability": lambda: Variation(dropout=True),
+    "a switch as a mass": lambda: Benchmark("quick", plant_parameters={"m[1]": True}),
+    "a switch of NumPy as a force": lambda: Variation(force=np.True_),
+    "a pose in a set": lambda: Benchmark("quick").case_at({0.1, 0.2}),
+    "a gain by name": lambda: Variation(gain={1: 2.0, 2: 1.0}),
+    "delays as digits": lambda: Variation(delay="12"),
     "a pose of three angles": lambda: Benchmark("quick").case_at((0.1, 0.2, 0.3)),
     "a pose that is a number": lambda: Benchmark("quick").case_at(0.5),
     "an infinite pose": lambda: Benchmark("quick").case_at((np.inf, 0.0)),
@@ -269,9 +283,22 @@ REFUSED = {
     "a range that is a number": lambda: Benchmark("quick").tune(vary={"K_p[1]": 20.0}),
     "a range of another scale": lambda: Benchmark("quick").tune(vary={"K_p[1]": (20.0, 80.0, "linear")}),
     "a range of one number": lambda: Benchmark("quick").tune(vary={"K_p[1]": (20.0,)}),
+    "a matrix as a value": lambda: Controller(parameters={"K_p": np.array([[45.0, 15.0]])}),
+    "a number as a case": lambda: Benchmark("quick").simulate(case=3),
+    "a mapping as a variation": lambda: Benchmark("quick").case_at((0.1, 0.2), variation={"gain": 1}),
+    "a path as a certificate": lambda: Benchmark("quick").repeat("x.json"),
+    "a number as a function": lambda: Benchmark("quick").evaluate(on_result=3),
+    "a text to compare": lambda: orchestrator.compare("abc"),
+    "numbers to compare": lambda: orchestrator.compare([1]),
+    "nothing to compare": lambda: orchestrator.compare(None),
+    "nothing to load": lambda: orchestrator.Evaluation.load(None),
+    "no certificate to load": lambda: orchestrator.Verification.load(3),
+    "no simulation to load": lambda: orchestrator.Simulation.load(None),
     "a date": lambda: Variation(force=np.datetime64("2026-01-01")),
     "a probability of 0": lambda: Benchmark("quick").reliability(probability=0),
     "a confidence of 1": lambda: Benchmark("quick").reliability(confidence=np.float32(1.0)),
+    "a byte of memory": lambda: Benchmark("quick", memory_limit=1),
+    "no workers": lambda: Benchmark("quick", workers=0),
     "no draws": lambda: Benchmark("quick").verify(count=0),
     "no start": lambda: Benchmark("quick").robustness(restarts=0),
 }
@@ -282,6 +309,46 @@ def test_what_is_none_is_refused_in_one_sentence(what, monkeypatch):
     monkeypatch.setattr("orchestrator.study.engine.can_fence", lambda: False)
     message = str(refusal(REFUSED[what], kind=InputError))
     assert message.endswith(".") and "\n" not in message and len(message) < 200
+
+
+def test_a_limit_that_no_process_keeps_and_no_workers_are_told_by_their_names():
+    assert refusal(Benchmark, memory_limit=1).where == "memory_limit"
+    problem = refusal(Benchmark, workers=0)
+    assert problem.where == "workers" and "seed" not in str(problem)
+    assert Benchmark(memory_limit=300e6).memory_limit == 300e6
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"noise_power": -1e-12},  # the square root of it was a ValueError
+        {"torque_limit": (35.0, -20.0)},
+        {"delay": ("-0.001", "0")},
+        {"sensor_delay": (0, -1)},
+        {"jitter": "-1e-4"},
+        {"chirp_frequencies": (-1.0, 5.0)},
+        *({name: -0.5} for name in ("t_1", "t_2", "t_3", "t_4")),
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_what_cannot_be_negative_is_refused_by_its_name(change):
+    problem = refusal(Variation, **change)
+    assert (problem.what, problem.where) == ("bad-number", next(iter(change)))
+    assert Variation(gain=(-1.0, 1.0), force=-5.0, chirp_amplitude=(-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "near"),
+    [
+        ("reliability", {"probabilty": 0.1}, "probability"),
+        ("verify", {"strickt": True}, "strict"),
+        ("evaluate", {"onli": ""}, "only"),
+    ],
+)
+def test_an_option_that_there_is_not_is_told_with_the_method_and_the_nearest(method, given, near):
+    problem = refusal(getattr(Benchmark("quick"), method), **given)
+    assert (problem.what, problem.where) == ("no-option", method) and near in problem.nearest
+    assert f"Benchmark.{method} has no option" in str(problem)
 
 
 def test_a_parameter_without_a_rule_fails_when_its_function_is_defined():

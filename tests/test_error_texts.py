@@ -27,7 +27,7 @@ from orchestrator.cli.guard import REMEDIES, remedy
 from orchestrator.fmi import controller_files
 from orchestrator.fmi.archive import Archive, open_archive
 from orchestrator.fmi.connectors import bind_controller
-from orchestrator.fmi.lookup import find_outputs, find_values
+from orchestrator.fmi.lookup import elements, find_outputs, find_values
 from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.fmi.units import conversion
 from orchestrator.loop import plan, sampling, setup
@@ -123,6 +123,7 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         not_loaded(folder, True),
         not_loaded(folder, False),
         lambda: find_values(NAMED, {"n": 1.5}, WHERE),
+        lambda: elements({"K": [1.0, 2.0], "K[1]": 3.0}, NAMED, WHERE),
         lambda: find_values(NAMED, {"K[1]": "much"}, WHERE),
         lambda: find_values(NAMED, {"y": 1.0}, WHERE),
         lambda: sampling.controller_sample_time(archive(fixed="0.0005"), T_S, T_S),

@@ -11,7 +11,7 @@ from support.refusals import refusal
 
 from orchestrator.conformance.static import binding_findings
 from orchestrator.fmi.connectors import bind_controller
-from orchestrator.fmi.lookup import find_outputs, find_values
+from orchestrator.fmi.lookup import elements, find_outputs, find_values
 from orchestrator.fmi.variables import variables
 from orchestrator.loop.sampling import SampleTime, controller_sample_time
 from orchestrator.loop.setup import Setup, sample_time_parameter
@@ -162,3 +162,19 @@ def test_other_times_than_multiples_and_fractions_are_refused(text):
 def test_a_step_size_that_is_not_a_number_is_refused(text):
     error = refusal(controller_sample_time, archive(fixed=text), T_S)
     assert (error.what, error.value) == ("bad-sample-time", text)
+
+
+@pytest.mark.parametrize(
+    ("values", "what"),
+    [
+        ({"K": [45.0, 15.0], "K[1]": 9.0}, "repeated"),
+        ({"K[1]": 9.0, "K": [45.0, 15.0]}, "repeated"),
+        ({"K": []}, "bad-parameters"),
+        ({"K": [45.0]}, "array-parameter"),
+    ],
+)
+def test_no_value_of_a_list_is_lost_or_missing(values, what):
+    """One of two values for an element counted, without a word."""
+    known = description([variable("K", "parameter", size=2)])
+    assert refusal(elements, values, known, "gains").what == what
+    assert elements({"K": [45.0, 15.0, 1.0]}, known) == {"K[1]": 45.0, "K[2]": 15.0, "K[3]": 1.0}

@@ -8,7 +8,9 @@ import pytest
 from hostile.fmus import NONE, Fault, hostile_fmu
 from support.closed_loops import PAPER, T_S, case, quiet, simulate_all
 from support.refusals import refusal
+from support.static_states import static_state_fmu
 
+from orchestrator import Benchmark, Controller
 from orchestrator.errors import FmuError
 from orchestrator.loop.scenario import Drive, Noise, Sensor
 from orchestrator.loop.trajectory import Status
@@ -160,3 +162,12 @@ def test_a_simulation_of_a_million_samples_needs_no_more_stack(probe_plant_file,
     """Compiled code that takes stack in each sample ends a process after some hundred thousand."""
     (found,) = simulate_all(probe_plant_file, feedthrough_file, [quiet("250", {})])
     assert found.ending.status is Status.DONE and found.time.size == 1_000_001
+
+
+@pytest.mark.needs("linux", "compiler")
+def test_a_torque_that_is_not_written_is_not_that_of_the_sample_before(tmp_path):
+    """An FMU that reports success, and writes nothing, had an answer of before, or zeros."""
+    file = static_state_fmu(tmp_path, "NOT_WRITTEN")
+    found = Benchmark("quick").simulate(Controller(file), "c00.compliant.noise")
+    assert (found.result.status, found.result.time) == (Status.ERROR, pytest.approx(0.025, abs=3e-4))
+    assert "not a number" in found.result.message

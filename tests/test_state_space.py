@@ -16,7 +16,7 @@ from support.refusals import refusal
 from support.stub_fmus import strict_compiler
 from support.tools import PRESENT, require
 
-from controller_fmu import controller_from_state_space, errors
+from controller_fmu import controller_from_mlp, controller_from_state_space, errors
 from controller_fmu.export import systems
 
 RANDOM = np.random.default_rng(7)
@@ -222,3 +222,17 @@ def test_a_controller_that_is_unstable_by_itself_may_be_insisted_on(tmp_path):
     refused = call("new", "statespace", "gains.mat", "--out", "mine.fmu", folder=tmp_path)
     assert refused.code == 2 and "unstable" in refused.err and "--unstable" in refused.err
     assert call("new", "statespace", "gains.mat", "--out", "mine.fmu", "--unstable", folder=tmp_path).code == 0
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        ({"A": [[1.0, 2.0], [3.0]]}, errors.ShapeError),
+        ({"T_s": "a"}, errors.SampleTimeError),
+        ({"out": None}, errors.TargetError),
+    ],
+)
+def test_what_is_no_system_sample_time_or_path_is_one_sentence(given, kind, tmp_path):
+    usual = {"A": np.zeros((2, 2)), "B": np.eye(2), "C": np.eye(2), "T_s": T_S, "out": tmp_path / "x.fmu"}
+    assert "\n" not in str(refusal(controller_from_state_space, **{**usual, **given}, kind=kind))
+    assert refusal(controller_from_mlp, None, out=tmp_path / "x.fmu", kind=errors.NetworkError).where

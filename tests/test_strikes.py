@@ -1,20 +1,23 @@
 """A broken controller is told in seconds: after failures of one kind, or after its first sample."""
 
 import functools
+import itertools
 from dataclasses import replace
 
 import pytest
 from hostile.fmus import Fault
-from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, answered, bench, run, short_cases
+from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, answered, bench, noise_cases, run, short_cases
 
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import Judgement
+from orchestrator.codec import unpack
 from orchestrator.execution import cluster, pool, store, supervision
 from orchestrator.execution.job import MANY_LOGGED, Died, Done
 from orchestrator.execution.messages import ErrorRecord, Failed
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.pairing import judge_job
+from orchestrator.pairing.work import CaseTask
 from orchestrator.study import rehearsal
 
 pytestmark = [
@@ -23,7 +26,7 @@ pytestmark = [
 ]
 
 CRASHED, TIMEOUT, ERROR, DONE = Status.CRASHED, Status.TIMEOUT, Status.ERROR, Status.DONE
-LOST, SKIPPED = Status.LOST, Status.SKIPPED
+LOST, SKIPPED, UNSTABLE = Status.LOST, Status.SKIPPED, Status.UNSTABLE
 
 
 def never(jobs):
@@ -71,6 +74,38 @@ def test_two_timeouts_are_enough(harmless):
     assert runs[3].result.message == "skipped after 2 failures of one kind (timeout: the limit of waiting)"
     others = (Done(n, Judgement(status=DONE, time=float(STRUCK)), 1.0) for n in range(1, 4))
     assert statuses(ran(harmless, hangs[0], *others)) == [TIMEOUT, DONE, DONE, DONE]
+
+
+def failing(jobs, order):
+    """The outcomes of all cases of ``jobs``, all but the first one of each failing, the jobs in this ``order``."""
+    for number in order:
+        for index in range(len(jobs[number].tasks)):
+            judgement = Judgement(
+                status=ERROR if index else UNSTABLE, time=0.1, message="doStep failed" if index else ""
+            )
+            yield number, Done(index, judgement, 1.0)
+
+
+def test_what_is_skipped_follows_from_the_order_of_the_cases(harmless):
+    """Failures counted as they arrived gave exit codes 3, 1, 3 and 1 in four runs of one FMU."""
+    cases, found = noise_cases()[:24], []
+    for order in itertools.permutations(range(3)):
+        runs = answered(harmless, cases, lambda jobs, order=order: failing(jobs, order))
+        found.append([(run.result.status, run.result.message) for run in runs])
+    assert all(each == found[0] for each in found)
+    assert [status for status, _ in found[0]] == [UNSTABLE] + [ERROR] * 3 + [SKIPPED] * 20
+
+
+def test_what_is_finished_behind_the_last_failure_is_stored(harmless):
+    cases = noise_cases()[:24]
+    with store.opened(None) as known:
+        found = answered(harmless, cases, lambda jobs: failing(jobs, (2, 1, 0)), known=known)
+        again = answered(harmless, cases, never, known=known)
+        assert statuses(again) == statuses(found) == [UNSTABLE] + [ERROR] * 3 + [SKIPPED] * 20
+        waiting = []
+        answered(harmless, cases, lambda jobs: failing(waiting.extend(jobs) or jobs, (0, 1, 2)), True, known=known)
+    wanted = [unpack(task, CaseTask).case.id for job in waiting for task in job.tasks]
+    assert cases[9].id not in wanted and cases[18].id not in wanted  # which had come to their end
 
 
 def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
@@ -143,7 +178,8 @@ def test_the_rehearsal_gives_those_more_time_whose_cases_have_more(harmless, mon
 
 def test_keep_going_runs_all_and_what_failed_again(faulty, tmp_path):
     controller, benchmark = Controller(faulty(Fault("abort", "step", 0.0))), Benchmark("quick", workers=2)
-    for keep_going, rest in ((False, SKIPPED), (True, CRASHED), (True, CRASHED), (False, CRASHED)):
+    # What a document says does not depend on what an earlier run has stored.
+    for keep_going, rest in ((False, SKIPPED), (True, CRASHED), (True, CRASHED), (False, SKIPPED)):
         options = {"only": "c00.*", "folder": tmp_path, "recordings": False, "keep_going": keep_going}
         first, *others = [case.status for case in benchmark.evaluate(controller, **options).cases]
         assert first is CRASHED and set(others) == {rest}

@@ -273,9 +273,10 @@ def test_a_controller_that_must_be_enabled_is_named_and_enabled(switched, tmp_pa
     assert not [one for one in findings if one.severity.value in ("warning", "error")], list(findings)
     (tmp_path / "use.toml").write_text('[map]\n[parameters]\nenable = true\nlabel = "go"\nmode = 1\n')
     (tmp_path / "use.ssv").write_text(
-        '<ssv:ParameterSet xmlns:ssv="x"><ssv:Parameter name="enable"><ssv:Boolean value="true"/></ssv:Parameter>'
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues">'
+        '<ssv:Parameters><ssv:Parameter name="enable"><ssv:Boolean value="true"/></ssv:Parameter>'
         '<ssv:Parameter name="label"><ssv:String value="go"/></ssv:Parameter>'
-        '<ssv:Parameter name="mode"><ssv:Integer value="1"/></ssv:Parameter></ssv:ParameterSet>'
+        '<ssv:Parameter name="mode"><ssv:Integer value="1"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>'
     )
     ways = [
         Controller(switched, used),

@@ -16,6 +16,13 @@ LIBRARY_SUFFIXES = (".so", ".dylib", ".dll")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip archive can hold
 
 
+def target_of(out: object) -> Path:
+    """The file to write; raises :class:`TargetError` for what is no path."""
+    if not isinstance(out, str | os.PathLike):
+        raise TargetError(f"the FMU to write is a path, not {out!r}", value=str(out))
+    return Path(out)
+
+
 def check_target(target: Path) -> None:
     """Raise :class:`TargetError` unless a file ``target`` could be written; no folder is ever created for it."""
     if not target.parent.is_dir():

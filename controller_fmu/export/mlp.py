@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from controller_fmu.errors import NetworkError, located
+from controller_fmu.export.archive import target_of
 from controller_fmu.export.c_fmu import c_fmu
 from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.starters.policy.manipulator_observation import SIZE
@@ -48,7 +50,10 @@ def controller_from_mlp(weights: Mapping[str, Any] | str | Path, *, out: str | P
     BuildError
         Whatever else is wrong with ``out`` or the compiler.
     """
-    with located(Path(out if isinstance(weights, Mapping) else weights)):
+    target = target_of(out)
+    if not isinstance(weights, Mapping | str | os.PathLike):
+        raise NetworkError(f"the weights are a mapping or the path of a file, not {weights!r:.60}", str(target))
+    with located(target if isinstance(weights, Mapping) else Path(weights)):
         stored = weights if isinstance(weights, Mapping) else _contents(Path(weights))
         layers, activation = _layers(stored), str(stored.get("activation", ""))
         if activation not in ACTIVATIONS:
@@ -61,7 +66,7 @@ def controller_from_mlp(weights: Mapping[str, Any] | str | Path, *, out: str | P
         folder = Path(name)
         (folder / "modelDescription.xml").write_bytes(to_bytes(root))
         (folder / "weights.h").write_text(_header(layers, activation), encoding="utf-8")
-        return c_fmu([MODEL, folder / "weights.h"], folder / "modelDescription.xml", Path(out))
+        return c_fmu([MODEL, folder / "weights.h"], folder / "modelDescription.xml", target)
 
 
 def _contents(file: Path) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from controller_fmu.errors import ScheduleError, ShapeError, located
-from controller_fmu.export.archive import check_target
+from controller_fmu.export.archive import check_target, target_of
 from controller_fmu.export.c_fmu import c_fmu
 from controller_fmu.export.description import parse, to_bytes
 from controller_fmu.export.systems import contents, real, stacked
@@ -93,7 +93,7 @@ def controller_from_state_space(
     BuildError
         Whatever else is wrong with ``out`` or the compiler.
     """
-    target, system = Path(out), A
+    target, system = target_of(out), A
     check_target(target)
     if isinstance(A, str | Path):
         system = contents(Path(A))

@@ -74,6 +74,7 @@ def stacked(
         UnstableError: a controller has a pole outside the unit circle, and may not be ``unstable``.
     """
     parts: list[tuple[Any, Any, Any, Any, float | None]]
+    T_s = _number(T_s)
     if B is not None:
         parts = [(system, B, C, D, 0.0 if method else T_s)]
     elif isinstance(system, Mapping):
@@ -103,7 +104,7 @@ def stacked(
 
 
 def _number(value: Any) -> float | None:
-    """The sample time in a file [s]; None if there is none."""
+    """A sample time that is given [s]; None if there is none."""
     try:
         return None if value is None else float(np.squeeze(value))
     except (TypeError, ValueError):
@@ -156,9 +157,9 @@ def _checked(A: Any, B: Any, C: Any, D: Any) -> list[np.ndarray]:
 
 def real(name: str, value: Any) -> np.ndarray:
     """``value`` as an array of real numbers."""
-    if np.iscomplexobj(value):
-        raise ShapeError(f"{name} is complex", value=name)
     try:
+        if np.iscomplexobj(value):  # which raises where the rows are of different lengths
+            raise ShapeError(f"{name} is complex", value=name)
         return np.array(value, dtype=float)
     except (TypeError, ValueError) as problem:
         raise ShapeError(f"{name} is not made of numbers: {problem}", value=name) from None

@@ -174,9 +174,10 @@ class Benchmark(Testbed, Displayable):
         **options: Any,
     ) -> Evaluation:
         """:meth:`run` the protocol once; the options are those of an :class:`.EvaluationStudy`."""
+        from ..study.declaration import made
         from ..study.evaluate import EvaluationStudy
 
-        return self.run(EvaluationStudy(**options), controller, folder=folder, on_result=on_result)
+        return self.run(made(EvaluationStudy, "evaluate", **options), controller, folder=folder, on_result=on_result)
 
     @entered
     def spread(
@@ -194,10 +195,11 @@ class Benchmark(Testbed, Displayable):
         The options are those of :meth:`evaluate`. Each seed is evaluated in its own folder ``seed-N`` in ``folder``;
         ``on_seed(seed, evaluation)`` is called after each.
         """
+        from ..study.declaration import made
         from ..study.evaluate import EvaluationStudy, SpreadStudy
         from ..study.requests import SeedDone
 
-        study = SpreadStudy(seeds, EvaluationStudy(**options))
+        study = SpreadStudy(seeds, made(EvaluationStudy, "spread", **options))
         return self.run(study, controller, folder=folder, on_result=on_result, on_event=_told(SeedDone, on_seed))
 
     @entered
@@ -213,10 +215,11 @@ class Benchmark(Testbed, Displayable):
 
         ``on_progress(stage, simulations, spent, cost, worst)`` is called after each stage and round.
         """
+        from ..study.declaration import made
         from ..study.requests import StageDone
         from ..study.worst_case import RobustnessStudy
 
-        study = RobustnessStudy(**options)
+        study = made(RobustnessStudy, "robustness", **options)
         return self.run(study, controller, folder=folder, on_event=_told(StageDone, on_progress))
 
     @entered
@@ -229,9 +232,12 @@ class Benchmark(Testbed, Displayable):
         **options: Any,
     ) -> Reliability:
         """:meth:`run` a sample of independent draws; the options are those of a :class:`.ReliabilityStudy`."""
+        from ..study.declaration import made
         from ..study.reliability import ReliabilityStudy
 
-        return self.run(ReliabilityStudy(**options), controller, folder=folder, on_result=on_result)
+        return self.run(
+            made(ReliabilityStudy, "reliability", **options), controller, folder=folder, on_result=on_result
+        )
 
     @entered
     def tune(
@@ -249,10 +255,11 @@ class Benchmark(Testbed, Displayable):
         ``on_trial(trial, done, total)`` is called for each candidate. Beside the document, parameters (``best.toml``),
         Optuna's study, and the evaluations of the best candidate are saved in ``folder``.
         """
+        from ..study.declaration import made
         from ..study.requests import TrialDone
         from ..study.tune import TuningStudy
 
-        study = TuningStudy(vary or {}, **options)
+        study = made(TuningStudy, "tune", vary or {}, **options)
         return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
 
     @entered
@@ -270,10 +277,11 @@ class Benchmark(Testbed, Displayable):
         The options are those of a :class:`.SweepStudy`; ``on_trial(trial, done, total)`` is called for each
         combination.
         """
+        from ..study.declaration import made
         from ..study.requests import TrialDone
         from ..study.sweep import SweepStudy
 
-        study = SweepStudy(values or {}, **options)
+        study = made(SweepStudy, "sweep", values or {}, **options)
         return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
 
     @entered
@@ -283,9 +291,10 @@ class Benchmark(Testbed, Displayable):
         The document is the certificate: mean and spread over the draws beside those of the references, and what
         repeats it.
         """
+        from ..study.declaration import made
         from ..study.verify import VerificationStudy
 
-        return self.run(VerificationStudy(**options), controller, on_result=on_result)
+        return self.run(made(VerificationStudy, "verify", **options), controller, on_result=on_result)
 
     @entered
     def repeat(

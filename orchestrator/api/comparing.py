@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from ..documents.comparison import Comparison
 from ..documents.comparison import compare as compared
 from ..documents.document import Comparable
+from ..entry import results
 
 
 def compare(documents: Iterable[Comparable]) -> Comparison:
@@ -14,6 +15,7 @@ def compare(documents: Iterable[Comparable]) -> Comparison:
 
     A group holds those of one kind under equal conditions: benchmark version, protocol, rules, seed, sample time and
     plant; of each kind the largest group comes first. Its ``ranked`` entries are in order, those that meet all
-    requirements first, then by V.
+    requirements first, then by V. Raises :class:`InputError` for what is no result.
     """
-    return compared([(document, getattr(document, "folder", None)) for document in documents])
+    entered = results("documents", documents)
+    return compared([(document, getattr(document, "folder", None)) for document in entered])

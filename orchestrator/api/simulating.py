@@ -14,7 +14,7 @@ from ..benchmark.linearization import rest
 from ..benchmark.metrics import AT_THE_END, case_result
 from ..benchmark.results import rules
 from ..benchmark.scorecard import kind
-from ..documents.files import write_bytes
+from ..documents.files import check_result, write_bytes
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Status
@@ -63,6 +63,7 @@ def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file:
     from ..documents.ssp import package
     from ..loop.controller import Steady  # loads Numba
 
+    check_result(file)
     if testbed.plant not in (AUTO, PYTHON, NATIVE):
         message = f"The package holds the benchmark's manipulator, in the place of {testbed.plant}: leave that out."
         raise InputError(message, "no-ssp", testbed.plant)

@@ -16,7 +16,8 @@ from ..benchmark.results import CaseResult, Kind, Rules
 from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Displayable
-from ..documents.files import write_bytes
+from ..documents.files import check_result, write_bytes
+from ..entry import entered
 from ..errors import InputError
 from ..loop.trajectory import Ending, Trajectory
 from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
@@ -145,10 +146,12 @@ class Simulation(Displayable):
 
     def save(self, file: str | Path) -> Path:
         """Write the simulation into ``file``; :meth:`load` reads it. The signals alone: see :meth:`columns`."""
+        check_result(Path(file))
         write_bytes(Path(file), pack(_Saved(**vars(self))))
         return Path(file)
 
     @classmethod
+    @entered
     def load(cls, file: str | Path) -> Simulation:
         """The simulation that was saved in ``file``; raises :class:`InputError` if it is damaged or not there."""
         try:

@@ -20,6 +20,12 @@ T = TypeVar("T")
 MAX_DURATION = 1000
 """Duration of a simulation [s] whose trajectory still fits into memory."""
 
+NOT_NEGATIVE = (
+    *("noise_power", "torque_limit", "delay", "sensor_delay", "jitter", "chirp_frequencies"),
+    *("t_1", "t_2", "t_3", "t_4"),
+)
+"""What is a size or a time after the start; amplitudes, a force and a gain may have a sign."""
+
 MAX_BITS = 52
 """Bits of a quantizer; finer ones than floating-point numbers themselves make no sense."""
 
@@ -66,6 +72,13 @@ class Variation:
         if self.dropout is not None and not 0.0 <= self.dropout <= 1.0:
             message = f"The dropout {self.dropout:g} is not a probability from 0 to 1."
             raise InputError(message, "bad-dropout", "", self.dropout)
+        # A negative delay was simulated as none, a negative limit turned the torque's sign; each without a word.
+        for name in NOT_NEGATIVE:
+            value = getattr(self, name)
+            for number in value if isinstance(value, tuple) else (value,):
+                if number is not None and number < 0:
+                    message = f"{name} must not be negative, which {float(number):g} is."
+                    raise InputError(message, "bad-number", name, float(number))
 
     def __repr__(self) -> str:
         changed = {

@@ -213,7 +213,7 @@ def controller(options: argparse.Namespace) -> Controller:
     plain = Controller(options.controller, sample_time=options.sample_time, library=options.library)
     parameters: dict[str, Scalar] = {}
     for file in options.mapping_files:
-        parameters.update(read_mapped_parameters(file))
+        parameters.update(read_mapped_parameters(file, plain.archive))
     for file in options.parameter_files:
         # The FMU is opened for its units: an SSV may give a value in another one.
         parameters.update(read_parameters(file, plain.archive))

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..loop.trajectory import Status
 from ..views.table import Cell, Column, Page, Panel, Summary
 from ..views.units import SHOWN
-from .files import prepare_folder, remove, write_text
+from .files import check_report, prepare_folder, remove, write_text
 from .head import ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
 
 T = TypeVar("T")
@@ -66,9 +66,13 @@ class Displayable:
     @entered
     def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
         """Write the report, one HTML page that needs no network; returns ``file``. ``folder`` is where recordings of a
-        search are; the report of all else has what it shows."""
+        search are; the report of all else has what it shows.
+
+        Raises :class:`InputError` for a file of another kind, and for one that is there and is no report.
+        """
         from ..views.page import page_html  # the templates' package takes time to load, which simulations need not
 
+        check_report(Path(file))
         write_text(Path(file), page_html(self.page()))
         return Path(file)
 
@@ -200,6 +204,7 @@ class Document(Struct, kw_only=True):
         return Path(folder)
 
     @classmethod
+    @entered
     def load(cls: type[D], path: str | Path) -> D:
         """What was saved in the folder ``path``, or is that file.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from ..benchmark.results import ConfigurationScore, CriterionScore, Requirement
+from ..entry import entered
 from ..views.table import VERDICTS, Page, Summary
 from . import report_page, scorecard
 from .case_table import Cases, case_table
@@ -85,6 +86,7 @@ class Evaluation(Run, Comparable):
         return Path(folder)
 
     @classmethod
+    @entered
     def load(cls, folder: str | Path) -> Evaluation:
         """The evaluation that was saved in ``folder``; raises :class:`InputError` if it is damaged or not there."""
         return cls(**vars(load_run(Path(folder))))

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
+from ..bounded import MAX_RESULT_BYTES, read
 from ..errors import EnvironmentFault, InputError
 
 SPREAD = "spread.json"
@@ -36,6 +37,9 @@ RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
 REPORT, PARQUET, MAT, FIGURES = "report.html", "cases.parquet", "trajectories.mat", "figures"
 """What is derived from these; FIGURES is a folder."""
 
+PAGE = b'<a class="skip" href="#content">'
+"""What all pages have that this package writes, and others have not."""
+
 
 def seed_folder(seed: int) -> str:
     """The folder of one of several seeds in that of their spread."""
@@ -51,6 +55,22 @@ def prepare_folder(folder: Path) -> None:
     except OSError as problem:
         message = f"The folder {folder} cannot be written to: {problem.strerror}."
         raise InputError(message, "folder-not-writable", folder) from problem
+
+
+def check_report(file: Path) -> None:
+    """Raise :class:`InputError` unless a report may be written into ``file``: a controller that was named by mistake
+    was overwritten with its own page."""
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"A report is an HTML page: {file} does not end with .html.", "no-report-file", file)
+    if file.exists() and PAGE not in read(file, MAX_RESULT_BYTES):
+        message = f"{file} is there and is no report of this package: it is not overwritten. Choose another name."
+        raise InputError(message, "no-report-file", file)
+
+
+def check_result(file: Path) -> None:
+    """Raise :class:`InputError` for the name of an FMU, in whose place no result is written."""
+    if file.suffix.lower() == ".fmu":
+        raise InputError(f"{file} is the name of an FMU: results are not written there.", "bad-file-name", file)
 
 
 def remove(file: Path) -> None:

@@ -66,7 +66,9 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
         try:
             run_compiler([*_fence(scratch, compiler, "ziglang" in compiler), *command], output)
         except BuildError as problem:
-            lines = "\n  ".join(str(problem).replace(f"{folder}{os.sep}", "").splitlines()[:5])
+            told = str(problem).replace(f"{folder}{os.sep}", "").splitlines()
+            # Behind a page of warnings, the reason was cut off.
+            lines = "\n  ".join(sorted(told, key=lambda line: "error:" not in line)[:5])
             message = f"The sources of {name} do not compile:\n  {lines}\n"
             message += f"Mend the sources or the compiler (the environment's CC), or {alternative}."
             raise InputError(message, "bad-sources", name) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,26 @@ from lxml import etree
 
 from ..bounded import read, read_toml
 from ..codec import Scalar
-from ..errors import InputError
+from ..errors import InputError, unknown
 from .archive import Archive
 from .lookup import elements, place
 from .units import EXPONENTS, factor_to_fmu_unit
+from .values import number
 from .variables import REAL_TYPES, SET_TYPES
+
+TABLES = ("map", "parameters")
+"""Of a TOML file."""
+
+ENTRY = ("source", "target", "id", "description")
+"""Attributes of a MappingEntry that change nothing, or are read."""
+
+NAMESPACES = {
+    "ParameterSet": re.compile(r"http://ssp-standard\.org/SSP[0-9]+/SystemStructureParameterValues"),
+    "ParameterMapping": re.compile(r"http://ssp-standard\.org/SSP[0-9]+/SystemStructureParameterMapping"),
+}
+
+BESIDE = ("Parameters", "Units", "Enumerations", "Annotations", "MetaData", "Signature", "Signatures")
+"""Elements that a parameter set or a mapping may have beside what is read here."""
 
 SSV_TYPES = {*SET_TYPES}
 """Elements with a value in SSP 1.0 and 2.0."""
@@ -24,7 +40,7 @@ SSV_TYPES = {*SET_TYPES}
 def read_mapping(file: Path) -> dict[str, str]:
     """Connector to FMU variable. TOML: a table ``[map]`` of ``"q_m[1]" = "In1"``. SSM: ``MappingEntry`` elements."""
     if file.suffix == ".ssm":
-        entries = list(_root(file).iterfind(".//{*}MappingEntry"))
+        entries = _found(file, _root(file, "ParameterMapping", "bad-mapping"), "MappingEntry")
         if not entries:
             message = f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which."
             raise InputError(message, "bad-mapping", file)
@@ -32,24 +48,31 @@ def read_mapping(file: Path) -> dict[str, str]:
         if twice := [target for target in targets if targets.count(target) > 1]:
             raise InputError(f"{file} maps {twice[0]} more than once.", "bad-mapping", file, twice[0])
         for entry in entries:
+            target = entry.get("target")
+            for name, value in entry.attrib.items():
+                if name not in ENTRY and (name, value) != ("suppressUnitConversion", "false"):
+                    message = (
+                        f"{file}: the mapping of {target} has the attribute {name}={value!r}, which is not supported."
+                    )
+                    raise InputError(message, "bad-mapping", file, name)
             for child in entry.iterchildren(etree.Element):
-                target, kind = entry.get("target"), etree.QName(child).localname
+                kind = etree.QName(child).localname
                 # A transformation that was passed over would leave a gain out of the loop, without a word.
                 message = f"{file}: the mapping of {target} has a {kind}, which is not supported. "
                 message += "Units are converted by the FMU's own unit definitions."
                 raise InputError(message, "bad-mapping", file, target)
         return {entry.get("target", ""): entry.get("source", "") for entry in entries}
-    table = read_toml(file).get("map")
+    table = _tables(file, "bad-mapping").get("map")
     if not isinstance(table, Mapping) or not all(isinstance(value, str) for value in table.values()):
         raise InputError(f'{file} has no table [map] of lines like "q_m[1]" = "In1".', "bad-mapping", file)
     return dict(table)
 
 
-def read_mapped_parameters(file: Path) -> dict[str, Scalar]:
+def read_mapped_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
     """The values that a mapping in TOML gives beside its table ``[map]``; an SSM has none. See
     :func:`read_parameters`."""
-    table = None if file.suffix == ".ssm" else read_toml(file).get("parameters")
-    return {} if table is None else _table(file, table)
+    table = None if file.suffix == ".ssm" else _tables(file, "bad-parameters").get("parameters")
+    return {} if table is None else _table(file, table, controller)
 
 
 def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
@@ -58,29 +81,47 @@ def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
     TOML: a table ``[parameters]`` of numbers, Booleans, texts or lists (``K_p = [45, 15]`` sets ``K_p[1]`` and
     ``K_p[2]``). SSV: ``Parameter`` elements, whose units, if they have any, are converted.
     """
-    return _ssv_values(file, controller) if file.suffix == ".ssv" else _table(file, read_toml(file).get("parameters"))
+    if file.suffix == ".ssv":
+        return _ssv_values(file, controller)
+    return _table(file, _tables(file, "bad-parameters").get("parameters"), controller)
 
 
-def _table(file: Path, table: Any) -> dict[str, Scalar]:
+def _tables(file: Path, what: str) -> dict[str, Any]:
+    """The tables of a TOML file, which may give parameters and a mapping; a word that is mistyped gave neither."""
+    found = read_toml(file)
+    for name in found:
+        if name not in TABLES:
+            raise unknown(
+                f"{file} has {name}, and the tables [map] and [parameters] are read.", what, str(file), name, TABLES
+            )
+    return found
+
+
+def _table(file: Path, table: Any, controller: Archive) -> dict[str, Scalar]:
     if not isinstance(table, Mapping):
         raise InputError(f'{file} has no table [parameters] of lines like "K_p[1]" = 45.', "bad-parameters", file)
     for name, value in table.items():
-        if value == []:
-            raise InputError(f"{file}: the list of values of {name} is empty.", "bad-parameters", file, name)
         for element in value if isinstance(value, list) else [value]:
             if not isinstance(element, bool | int | float | str):
                 message = f"{file}: the value of {name}, {element!r}, is neither a number nor true, false or a text."
                 raise InputError(message, "bad-parameters", file, name)
-    return elements(table)
+    return elements(table, controller.description, str(file))
 
 
 def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
     values: dict[str, Scalar] = {}
-    root = _root(file)
-    definitions = [_unit(file, unit) for unit in root.iterfind(".//{*}Units/{*}Unit")]
-    for parameter in root.iterfind(".//{*}Parameter"):
+    root = _root(file, "ParameterSet", "bad-parameters")
+    definitions: list[Unit] = []
+    for element in root.iterfind("{*}Units/{*}Unit"):
+        definitions.append(_unit(file, element))
+        name = definitions[-1].name
+        if [each.name for each in definitions].count(name) > 1:
+            raise InputError(f"{file} defines the unit {name} more than once.", "bad-unit", file, name)
+    for parameter in [each for own in _found(file, root, "Parameters") for each in _found(file, own, "Parameter")]:
         name = parameter.get("name", "")
         types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
+        if len(types) > 1:
+            raise InputError(f"{file}: the parameter {name} has more than one value.", "bad-parameters", file, name)
         value = types[0].get("value") if types else None
         if value is None:
             message = f"{file}: the parameter {name} has no value of a type that parameters have, such as Real."
@@ -112,15 +153,39 @@ def _number(file: Path, name: str, value: Any) -> float:
         # float(True) is 1.0: a slip in a file would become a gain.
         if isinstance(value, bool):
             raise TypeError
-        return float(value)
+        return number(value)
     except (TypeError, ValueError, OverflowError):
         message = f"{file}: the value of {name}, {value!r}, is not a number."
         raise InputError(message, "not-a-number", file, value) from None
 
 
-def _root(file: Path) -> etree._Element:
+def _root(file: Path, kind: str, what: str) -> etree._Element:
+    """The root of an XML file; raises :class:`InputError` with the code ``what`` if it is no ``kind`` of SSP."""
     try:
         # No entities: a file of a stranger could read others by them ("XXE"), or grow to gigabytes.
-        return etree.fromstring(read(file), etree.XMLParser(resolve_entities=False, no_network=True))
+        root = etree.fromstring(read(file), etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as problem:
         raise InputError(f"{file} is not a well-formed XML file: {problem}.", "bad-file", file) from None
+    name = etree.QName(root)
+    if name.localname != kind or not NAMESPACES[kind].fullmatch(name.namespace or ""):
+        message = (
+            f"{file} is a {name.localname} of the namespace {name.namespace or 'none'}, and a {kind} of SSP is read."
+        )
+        if name.localname == "SystemStructureDescription":
+            message += f" Give its {kind} as a file of its own."
+        raise InputError(message, what, file, name.localname)
+    return root
+
+
+def _found(file: Path, parent: etree._Element, kind: str) -> list[etree._Element]:
+    """The children of a ``kind``. What lies elsewhere, such as in an annotation of another tool, does not count."""
+    found = []
+    for child in parent.iterchildren(etree.Element):
+        name = etree.QName(child)
+        if name.namespace == etree.QName(parent).namespace:
+            if name.localname == kind:
+                found.append(child)
+            elif name.localname not in BESIDE:
+                message = f"{file} has a {name.localname} in a {etree.QName(parent).localname}, which is not supported."
+                raise InputError(message, "bad-file", file, name.localname)
+    return found

@@ -78,15 +78,41 @@ def place(description: ModelDescription, name: str, what: str) -> tuple[Variable
     raise unknown(f"{what} has no parameter or input {name}.", "no-parameter", what, name, settable)
 
 
-def elements(values: Mapping[str, Scalar | Sequence[Scalar]]) -> dict[str, Scalar]:
-    """``values`` with those of an array by element: ``K_p = [45, 15]`` gives ``K_p[1]`` and ``K_p[2]``."""
+def elements(
+    values: Mapping[str, Scalar | Sequence[Scalar]], description: ModelDescription | None = None, where: str = ""
+) -> dict[str, Scalar]:
+    """``values`` with those of an array by element: ``K_p = [45, 15]`` gives ``K_p[1]`` and ``K_p[2]``.
+
+    Raises :class:`InputError` for an element that is given twice, of which one value was lost, for an empty list, and
+    for one that is shorter than the array in the ``description``, if that is known.
+    """
     listed: dict[str, Scalar] = {}
+    begin = f"{where or 'The parameters'}: "
     for name, value in values.items():
-        if isinstance(value, bool | int | float | str):
-            listed[name] = value
-        else:
-            listed.update({f"{name}[{i}]": element for i, element in enumerate(value, start=1)})
+        single = isinstance(value, bool | int | float | str)
+        found = {name: value} if single else {f"{name}[{i}]": each for i, each in enumerate(value, start=1)}  # type: ignore[arg-type]
+        if not found:
+            raise InputError(f"{begin}the list of values of {name} is empty.", "bad-parameters", where, name)
+        for each in found:
+            if each in listed:
+                raise InputError(f"{begin}{each} is given more than once.", "repeated", where, each)
+        size = 0 if single or description is None else _size(description, name)
+        if len(found) < size:
+            message = f"{begin}{name} has {size} elements, and {len(found)} are given. Give all, or those to be changed"
+            raise InputError(f"{message} by their names, such as {name}[1].", "array-parameter", where, name)
+        listed.update(found)  # type: ignore[arg-type]  # a scalar, or elements of a list
     return listed
+
+
+def _size(description: ModelDescription, name: str) -> int:
+    """The number of elements that ``name`` has, as an array or as scalars ``name[1]``, ``name[2]``, ..."""
+    known = variables(description)
+    if name in known:
+        return known[name].size
+    size = 0
+    while f"{name}[{size + 1}]" in known:
+        size += 1
+    return size
 
 
 def find_outputs(description: ModelDescription, names: Iterable[str], what: str) -> list[Variable]:

@@ -201,8 +201,11 @@ def _write(port: Port, count: int) -> int:
 @inlined
 def _read(port: Port) -> int:
     port.trace[CALL] = 1 + GET
+    # What an FMU does not write, though it reports success, is not a number: it was the value of the sample before.
+    port.output_values[:] = np.nan
     references, values = port.outputs.ctypes.data, port.output_values.ctypes.data
     if port.single[1]:
+        port.output_singles[:] = np.nan
         values = port.output_singles.ctypes.data
     count = np.int64(port.outputs.size)
     if port.with_sizes:

@@ -45,6 +45,9 @@ KNOWN: dict[str, Dimension] = {
 }
 """Units that are understood by name if an FMU does not define them."""
 
+ROUNDED = 1e-3
+"""How far the factors of two units of one name may be apart: exporters round them."""
+
 
 class Conversion(NamedTuple):
     """``value in the connector's unit = factor * value in the FMU``; ``note`` says what could not be checked."""
@@ -93,6 +96,14 @@ def factor_to_fmu_unit(
     cannot be compared or are of different kind.
     """
     source = _dimension(given, [*definitions, *description.unitDefinitions], where)
+    named = _dimension(given, description.unitDefinitions, where)
+    alike = source is not None and named is not None and source.exponents == named.exponents
+    if source and named and alike and not math.isclose(source.factor, named.factor, rel_tol=ROUNDED):
+        message = (
+            f"{where} is given in {given!r}, which the file defines with the factor {source.factor:g}, and the FMU "
+        )
+        message += f"or its name with {named.factor:g}. Give the unit another name."
+        raise InputError(message, "bad-unit", where, given)
     target = _dimension(fmu_unit, description.unitDefinitions, where) if fmu_unit is not None else None
     if source is None or target is None:
         if given == fmu_unit:
@@ -118,7 +129,11 @@ def _dimension(unit: str, definitions: Iterable[Unit], where: str) -> Dimension 
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
         message = f"{where} has the unit {unit!r}, defined with the factor {factor:g} and the offset {offset:g}."
         raise InputError(f"{message} Give its BaseUnit a positive factor and a finite offset.", "bad-unit", where, unit)
-    exponents, by_name = tuple(int(getattr(base, name)) for name in EXPONENTS), KNOWN.get(unit)
+    powers, by_name = [float(getattr(base, name)) for name in EXPONENTS], KNOWN.get(unit)
+    if not all(power.is_integer() for power in powers):
+        message = f"{where} has the unit {unit!r}, defined with an exponent that is not a whole number."
+        raise InputError(f"{message} Give its BaseUnit whole exponents.", "bad-unit", where, unit)
+    exponents = tuple(map(int, powers))
     alike = by_name is not None and exponents in (by_name.exponents, KNOWN["1"].exponents)
     if by_name is not None and alike and factor == 1.0 != by_name.factor:
         # Some exporters leave the factor out, which makes a degree a radian.

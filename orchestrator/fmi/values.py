@@ -18,6 +18,9 @@ MAX_FLOAT32 = 3.4028234663852886e38
 
 BOOLEANS = {"true": True, "false": False, "1": True, "0": False}
 
+NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE)
+"""A number as a text: float() takes 1_0 for ten, and the digits of all scripts."""
+
 WHOLE = re.compile(r"[+-]?[0-9]+")
 
 
@@ -55,7 +58,7 @@ def _real(variable: Variable, given: Scalar, what: str) -> float:
     try:
         if isinstance(given, bool):
             raise ValueError
-        value = float(given)
+        value = number(given)
     except (ValueError, OverflowError):
         raise _wrong(variable, given, what, "not a number", "not-a-number") from None
     # What ctypes makes of a larger one is infinity, without an error.
@@ -63,6 +66,13 @@ def _real(variable: Variable, given: Scalar, what: str) -> float:
     if not math.isfinite(value) or abs(value) > largest:
         raise _wrong(variable, given, what, "not a finite number", "not-finite")
     return value
+
+
+def number(given: float | str) -> float:
+    """``given`` as a float; raises :class:`ValueError` or :class:`OverflowError`."""
+    if isinstance(given, str) and not NUMBER.fullmatch(given.strip()):
+        raise ValueError(f"{given!r} is not a number")
+    return float(given)
 
 
 def _whole(given: Scalar) -> int | None:

@@ -127,10 +127,14 @@ class Controller(Displayable):
         Raises :class:`InputError` for a value that its variable does not take.
         """
         given, mapping = self.parameters, self.mapping
-        values = elements(given) if isinstance(given, Mapping) else read_parameters(Path(given), self.archive)
+        if not isinstance(given, Mapping):
+            values = read_parameters(Path(given), self.archive)
+        else:
+            description = self.archive.description if given else None  # which takes time to read
+            values = elements(given, description, f"The controller {self.file_name}" if given else "")
         if not isinstance(mapping, Mapping):
             # What is given beside the file takes precedence over what it says.
-            values = {**read_mapped_parameters(Path(mapping)), **values}
+            values = {**read_mapped_parameters(Path(mapping), self.archive), **values}
             mapping = read_mapping(Path(mapping))
         if values:
             values = canonical_values(self.archive.description, values, f"The controller {self.archive.name}")

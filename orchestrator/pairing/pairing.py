@@ -176,6 +176,22 @@ def digest_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> J
     )
 
 
+def beginning_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing) -> Job:
+    """The same with digests of the cases' beginnings; behind the others, the beginning of the first one is repeated,
+    which gives its digest alone."""
+    first = work.beginning(group[0].scenario)
+    return pairing.job(
+        work.begin_case.__name__,
+        [
+            *(work.CaseTask(protocol, pairing.setup, case) for case in group),
+            work.ScenarioTask(pairing.setup, first),
+        ],
+        [*(with_latest_end(protocol, case) for case in group), first],
+        lambda index, value: work.digested(protocol, group[index], value) if index < len(group) else work.begun(value),
+        START_TIME,
+    )
+
+
 def record_job(protocol: Protocol, group: Sequence[Case], pairing: Pairing, start: float = START_TIME) -> Job:
     """The same with trajectories: the values are :class:`.work.Simulated`."""
     scenarios = [with_latest_end(protocol, case) for case in group]

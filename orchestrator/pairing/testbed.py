@@ -31,6 +31,9 @@ from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 MAX_SEED = 2**53
 """What JSON's numbers hold exactly."""
 
+LEAST_MEMORY = 300e6
+"""What a simulation's process needs [bytes]: it uses 260 MB before it loads an FMU."""
+
 
 def available_cores() -> int:
     """Number of processors this process may use."""
@@ -57,13 +60,23 @@ class Testbed:
 
     def __post_init__(self) -> None:
         enter_fields(self)
-        if not 0 <= self.seed <= MAX_SEED or (self.workers is not None and self.workers < 1):
-            raise InputError(f"The seed is from 0 to {MAX_SEED}, and at least one worker is needed.", "bad-number")
+        if not 0 <= self.seed <= MAX_SEED:
+            message = f"The seed is from 0 to {MAX_SEED}, not {self.seed}."
+            raise InputError(message, "bad-number", "seed", self.seed)
+        if self.workers is not None and self.workers < 1:
+            message = f"The number of workers is at least 1, not {self.workers}."
+            raise InputError(message, "bad-number", "workers", self.workers)
         for name in ("timeout", "memory_limit", "wait"):
             value = getattr(self, name)
             # NaN fails as well: a limit of NaN would never be reached.
             if not 0.0 < value < math.inf:
                 raise InputError(f"The {name} must be positive and finite, not {value}.", "bad-number", name, value)
+        if self.memory_limit < LEAST_MEMORY:
+            message = (
+                f"The memory_limit is in bytes, and at least {LEAST_MEMORY / 1e6:.0f} MB, which a process uses before "
+            )
+            message += f"it loads an FMU; {self.memory_limit:g} bytes are too few."
+            raise InputError(message, "bad-number", "memory_limit", self.memory_limit)
         check_changes(self.plant_parameters, self.rules.uncertainty)
 
     @functools.cached_property

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib
-from dataclasses import fields
+from dataclasses import fields, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,11 @@ if TYPE_CHECKING:  # it loads the compiler, which only workers need
     from ..loop.controller import Steady
 
 
-class CaseTask(Struct, frozen=True):
+BEGINNING = Fraction(2)
+"""Simulated time [s] at the beginning of a case that is repeated: as long as the shortest case of the protocols."""
+
+
+class CaseTask(Struct, frozen=True, tag=True):
     """Simulate a case and judge it by a protocol."""
 
     protocol: Protocol
@@ -132,12 +136,39 @@ def digest_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
     return pack(Digested(simulated.judgement, digest(simulated.trajectory)))
 
 
+def begin_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
+    """A :class:`CaseTask`; gives a :class:`Digested` of its beginning. Of a :class:`ScenarioTask`, which repeats a
+    beginning, it gives the digest alone."""
+    task = unpack(packed, CaseTask | ScenarioTask)  # type: ignore[arg-type]  # a union of types
+    if isinstance(task, ScenarioTask):
+        return pack(digest_of_beginning(_simulate(plant, controller, task.scenario, task.setup), task.scenario))
+    simulated = _judged(plant, controller, task)
+    return pack(Digested(simulated.judgement, digest_of_beginning(simulated.trajectory, task.case.scenario)))
+
+
 def digest(trajectory: Trajectory) -> bytes:
     """SHA-256 of a simulation's status, and of what its controller measured and commanded."""
-    signals = hashlib.sha256(trajectory.ending.status.value.encode())
-    for signal in (trajectory.measured, trajectory.command):
-        signals.update(signal.tobytes())
-    return signals.digest()
+    return _digest(trajectory.ending.status.value, trajectory.measured, trajectory.command)
+
+
+def digest_of_beginning(trajectory: Trajectory, scenario: Scenario) -> bytes:
+    """The same of what it measured and commanded in the :data:`BEGINNING`, however it went on."""
+    samples = beginning(scenario).samples
+    return _digest("", trajectory.measured[:samples], trajectory.command[:samples])
+
+
+def _digest(text: str, *signals: np.ndarray) -> bytes:
+    hashed = hashlib.sha256(text.encode())
+    for signal in signals:
+        hashed.update(signal.tobytes())
+    return hashed.digest()
+
+
+def beginning(scenario: Scenario) -> Scenario:
+    """The :data:`BEGINNING` of ``scenario``. The FMUs are told the stop time of the whole one: by another one they
+    could tell the two apart."""
+    stop = max(scenario.samples * scenario.sample_time, scenario.stop_time)
+    return replace(scenario, duration=min(scenario.duration, BEGINNING), stop_time=stop)
 
 
 def record_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:
@@ -244,6 +275,14 @@ def digested(protocol: Protocol, case: Case, value: bytes) -> Digested:
     sent = unpack(value, Digested)
     _check(protocol, case, sent.judgement)
     return sent
+
+
+def begun(value: bytes) -> bytes:
+    """The digest that a worker sent for the beginning of a case, checked."""
+    found = unpack(value, bytes)
+    if len(found) != hashlib.sha256().digest_size:
+        raise Malformed("a digest of another size")
+    return found
 
 
 def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajectory:

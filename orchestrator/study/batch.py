@@ -17,7 +17,7 @@ from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
 from ..loop.carry_over import CarryOver, carry_over
 from ..loop.trajectory import Status
-from ..pairing.pairing import GROUP_SIZE, Pairing, digest_job, judge_job, record_job
+from ..pairing.pairing import GROUP_SIZE, Pairing, beginning_job, digest_job, judge_job, record_job
 from ..pairing.runs import CaseRun, case_run
 from ..pairing.work import Digested, Simulated, digest
 from . import stored
@@ -34,34 +34,53 @@ OnRun = Callable[[CaseRun, int, int], None]
 
 @dataclass
 class _Progress:
-    """An entry whose cases are on their way: the runs so far by number, and the strikes."""
+    """An entry whose cases are on their way: the runs so far by number.
+
+    Failures are counted in the order of the cases, up to the first one that is not there yet, and not in that of
+    arrival: an FMU whose calls fail at a certain time was told by another list of cases in each run, and with another
+    exit code. ``counted`` is how many cases have been looked at, ``strikes`` what they came to.
+    """
 
     entry: BatchEntry
     keys: list[str]
     runs: dict[int, CaseRun]
     strikes: Counter[tuple[Status, str]] = field(default_factory=Counter)
+    counted: int = 0
+    reason: str = ""
+    """Why no more cases are run; empty while they are."""
+
+    def __post_init__(self) -> None:
+        failure = self.entry.first_sample_failure
+        if self.entry.patience is not None and failure is not None:
+            self.reason = f"skipped after a failure in the first sample ({failure.result.status.value}: {failure.kind})"
 
     @property
     def waiting(self) -> list[int]:
         return [number for number in range(len(self.keys)) if number not in self.runs]
 
     @property
-    def reason(self) -> str:
-        """Why no more cases are run; empty while they are."""
-        patience, failure = self.entry.patience, self.entry.first_sample_failure
-        if patience is None:
-            return ""
-        if failure is not None:
-            return f"skipped after a failure in the first sample ({failure.result.status.value}: {failure.kind})"
-        for (status, kind), count in self.strikes.items():
-            if kind and count >= (min(patience, TIMEOUTS) if status is Status.TIMEOUT else patience):
-                failures = "a failure" if count == 1 else f"{count} failures of one kind"
-                return f"skipped after {failures} ({status.value}: {kind})"
-        return ""
+    def skipped(self) -> list[int]:
+        """The cases that are told as skipped: also those behind the last failure that counts whose runs are there, such
+        as from another process or an earlier run. These stay in the store."""
+        if not self.reason:
+            return self.waiting
+        failure = self.entry.first_sample_failure
+        return [
+            n for n in range(self.counted, len(self.keys)) if failure is None or self.entry.cases[n] != failure.case
+        ]
 
     def take(self, number: int, run: CaseRun) -> None:
         self.runs[number] = run
-        self.strikes[run.result.status, run.kind] += 1
+        patience = self.entry.patience
+        while patience is not None and not self.reason and self.counted in self.runs:
+            counted = self.runs[self.counted]
+            self.counted += 1
+            status, kind = failure = counted.result.status, counted.kind
+            self.strikes[failure] += 1
+            count = self.strikes[failure]
+            if kind and count >= (min(patience, TIMEOUTS) if status is Status.TIMEOUT else patience):
+                failures = "a failure" if count == 1 else f"{count} failures of one kind"
+                self.reason = f"skipped after {failures} ({status.value}: {kind})"
 
 
 class StatePasses(Exception):
@@ -84,8 +103,8 @@ def run(
     """The runs of each entry's cases, in their order; a run depends on its case and the FMUs alone.
 
     Of the ``first`` batch of a command it is said how much of it is stored already: a search has hundreds. To
-    ``repeat`` is to run one case that comes after others a second time, in a fresh process; raises
-    :class:`StatePasses` if its figures differ there.
+    ``repeat`` is to run a case of each process once more behind its others, the first group's in whole, and of the
+    other groups' its beginning; raises :class:`StatePasses` if the figures differ there.
     """
     opened = [_open(entry, store) for entry in batch.entries]
     there = sum(len(progress.runs) for progress in opened)
@@ -114,13 +133,13 @@ def run(
         _keep(progress, number, finished, store)
         tell(finished)
     for progress in opened:
-        for number in progress.waiting:
-            case, skipped = (
-                progress.entry.cases[number],
-                Judgement(status=Status.SKIPPED, time=0.0, message=progress.reason),
-            )
+        for number in progress.skipped:
+            case = progress.entry.cases[number]
+            skipped = Judgement(status=Status.SKIPPED, time=0.0, message=progress.reason)
+            told = number in progress.runs
             progress.runs[number] = CaseRun(case, case_result(case, skipped))
-            tell(progress.runs[number])
+            if not told:
+                tell(progress.runs[number])
     return [[progress.runs[number] for number in range(len(progress.keys))] for progress in opened]
 
 
@@ -142,23 +161,28 @@ def _keep(progress: _Progress, number: int, run: CaseRun, store: Store) -> None:
 
 @dataclass
 class _Repetition:
-    """The first case of a group in one process, of the ``numbers`` of ``progress``, repeated there behind all others;
-    ``alone`` is the job that runs it in a fresh process."""
+    """The first case of a group in one process, of the ``numbers`` of ``progress``, repeated there behind all others,
+    as a ``whole`` or only its beginning; ``alone`` is the job that runs it in a fresh process."""
 
     progress: _Progress
     numbers: Sequence[int]
     alone: Job
+    whole: bool
     first: bytes | None = None
-    over: bool = False
+    seen: bool = False
+
+    @property
+    def over(self) -> bool:
+        return self.seen or bool(self.progress.reason)
 
     def look(self, index: int, outcome: Outcome, execute: Execute) -> None:
         """A case of the group has come to its ``outcome``; raises :class:`StatePasses` if others have changed it."""
         if index == 0:
-            self.first = _figures(outcome)
+            self.first = self._figures(outcome)
         # The first case again, in a process that has run all others: if
         # these have left something behind, it shows here.
         elif index == len(self.numbers):
-            self.over, after = True, _figures(outcome)
+            self.seen, after = True, self._figures(outcome)
             if after is not None and self.first is not None:
                 carried = carry_over(after, self.first, lambda: self._again(execute))
                 if carried is not CarryOver.NONE:
@@ -166,18 +190,19 @@ class _Repetition:
 
     def _again(self, execute: Execute) -> bytes | None:
         with closing(execute([self.alone])) as outcomes:
-            return next((_figures(outcome) for _, outcome in outcomes), None)
+            return next((self._figures(outcome) for _, outcome in outcomes), None)
 
-
-def _figures(outcome: Outcome) -> bytes | None:
-    """What a case came to, with its signals, without the text, in which an FMU may say what it wants; None if its
-    process failed."""
-    if not isinstance(outcome, Done):
-        return None
-    value: Simulated | Digested = outcome.value
-    # Figures alone would miss state that moves no worst case.
-    signals = value.digest if isinstance(value, Digested) else digest(value.trajectory)
-    return pack(structs.replace(value.judgement, message="")) + signals
+    def _figures(self, outcome: Outcome) -> bytes | None:
+        """What the case came to, with its signals, without the text, in which an FMU may say what it wants; of a
+        beginning, its signals; None if its process failed."""
+        if not isinstance(outcome, Done):
+            return None
+        value: Simulated | Digested | bytes = outcome.value
+        if isinstance(value, bytes):
+            return value
+        # Figures alone would miss state that moves no worst case.
+        signals = value.digest if isinstance(value, Digested) else digest(value.trajectory)
+        return pack(structs.replace(value.judgement, message="")) + signals if self.whole else signals
 
 
 @dataclass
@@ -198,7 +223,7 @@ def _simulated(
 ) -> Iterator[tuple[_Progress, int, CaseRun]]:
     """The runs of what is waiting, as they come, until no entry wants more."""
     jobs: list[Job] = []
-    repetition, repeated = None, -1
+    repetitions: dict[int, _Repetition] = {}
     places: list[tuple[_Progress, list[int], set[int]]] = []
     for progress in opened:
         waiting = [] if progress.reason else progress.waiting
@@ -207,23 +232,18 @@ def _simulated(
         size = max(1, len(waiting)) if alone else GROUP_SIZE
         for first in range(0, len(waiting), size):
             numbers = waiting[first : first + size]
-            entry, several = progress.entry, len(numbers) > 1 and _shares(progress.entry.pairing)
-            again = several and repeat and repetition is None
-            numbers = _longest_first(entry, numbers) if again else numbers
-            cases = [entry.cases[number] for number in numbers]
-            ask = record_job if entry.witness is not None else digest_job if again else judge_job
-            if again:
-                repetition = _Repetition(progress, numbers, ask(entry.protocol, cases[:1], entry.pairing))
-                repeated, cases = len(jobs), [*cases, cases[0]]
-            jobs.append(replace(ask(entry.protocol, cases, entry.pairing), give_up=alone))
-            places.append((progress, numbers, left))
+            job, repetition = _job(progress, numbers, repeat, not repetitions)
+            if repetition is not None:
+                repetitions[len(jobs)] = repetition
+            jobs.append(job)
+            places.append((progress, numbers if repetition is None else list(repetition.numbers), left))
     if not jobs:
         return
     with closing(execute(jobs)) as outcomes:
-        for job, outcome in outcomes:
-            current, numbers, left = places[job]
-            if job == repeated and repetition is not None:
-                repetition.look(outcome.index, outcome, execute)
+        for number_of_job, outcome in outcomes:
+            current, numbers, left = places[number_of_job]
+            if number_of_job in repetitions:
+                repetitions[number_of_job].look(outcome.index, outcome, execute)
             if outcome.index < len(numbers):
                 number = numbers[outcome.index]
                 if number in left and not current.reason:  # a cluster may run a job twice
@@ -234,9 +254,35 @@ def _simulated(
                     if current.entry.witness is not None and isinstance(value, Simulated):
                         current.entry.witness(run.case, run.result, value.trajectory)
                     yield current, number, run
-            compared = repetition is None or repetition.over or repetition.progress.reason
+            compared = all(repetition.over for repetition in repetitions.values())
             if compared and all(progress.reason or not left for progress, _, left in places):
                 return
+
+
+def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) -> tuple[Job, _Repetition | None]:
+    """The job of a group of cases, and how its first case is repeated, if it is.
+
+    Of the group that ``is_first`` a long case is repeated, which takes as long as another case. But state may be set by
+    what the first nine cases do not have, such as a long simulation at another pose, and gave a wrong score without a
+    word. So the first case of every other group is repeated, too, but only its beginning, for some 1 % of the time.
+    """
+    entry = progress.entry
+    several = len(numbers) > 1 and _shares(entry.pairing)
+    alone = entry.patience == 1
+    if not (several and repeat and (is_first or entry.witness is None)):
+        cases = [entry.cases[number] for number in numbers]
+        ask = record_job if entry.witness is not None else judge_job
+        return replace(ask(entry.protocol, cases, entry.pairing), give_up=alone), None
+    if not is_first:
+        job = beginning_job(entry.protocol, [entry.cases[number] for number in numbers], entry.pairing)
+        return replace(job, give_up=alone), _Repetition(progress, numbers, job.rest(len(numbers)), whole=False)
+    # What gives up after a failure must run in the order in which failures are counted.
+    numbers = numbers if alone else _longest_first(entry, numbers)
+    cases = [entry.cases[number] for number in numbers]
+    ask = record_job if entry.witness is not None else digest_job
+    job = ask(entry.protocol, [*cases, cases[0]], entry.pairing)
+    only = ask(entry.protocol, cases[:1], entry.pairing)
+    return replace(job, give_up=alone), _Repetition(progress, numbers, only, whole=True)
 
 
 def _longest_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:

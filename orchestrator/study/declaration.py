@@ -13,13 +13,14 @@ from textwrap import fill
 from typing import Any, ClassVar, Generic, TypeVar
 
 from ..entry import enter_fields
-from ..errors import InputError
+from ..errors import InputError, unknown
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from .requests import Requests
 
 T = TypeVar("T")
 Kind = TypeVar("Kind", bound="type[Study[Any]]")
+S = TypeVar("S", bound="Study[Any]")
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,18 @@ class Study(Generic[T]):
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[T]:
         """The requests of the study, which returns its document; ``folder`` is where an earlier run may be."""
         raise NotImplementedError
+
+
+def made(study: type[S], method: str, *given: Any, **named: Any) -> S:
+    """A ``study`` of the options that were given to a ``method`` of Benchmark.
+
+    Raises :class:`InputError` for an option that there is not, by the names that the caller knows.
+    """
+    known = [each.name for each in fields(study)]
+    for name in named:
+        if name not in known:
+            raise unknown(f"Benchmark.{method} has no option {name}.", "no-option", method, name, known)
+    return study(*given, **named)
 
 
 def shown(value: Any) -> str:

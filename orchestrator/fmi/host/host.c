@@ -189,7 +189,10 @@ static int write_inputs(void)
 
 static int read_outputs(void)
 {
-    float singles[2] = {0};
+    /* What the FMU does not write is not a number, and not the value of the sample before. */
+    const double none = __builtin_nan("");
+    float singles[2] = {(float)none, (float)none};
+    output_values[0] = output_values[1] = none;
     void *values = loop.single_out ? (void *)singles : (void *)output_values;
     const int status = access_values(loop.get, outputs, loop.count_out, values, loop.size_out);
     if (loop.single_out) output_values[0] = singles[0], output_values[1] = singles[1];

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import math
 import os
 import platform
 import re
@@ -110,8 +111,26 @@ class Slave(ABC):
         self._do(getattr(self._fmu, f"set{kind}"), [variable.reference], list(elements))
 
     def get(self, variables: Sequence[Variable]) -> list[float]:
-        """Values of variables, the elements of arrays one after the other."""
-        return list(self._do(self._fmu.getReal, [variable.reference for variable in variables]))
+        """Values of variables, the elements of arrays one after the other.
+
+        Raises :class:`FmuError` for one that the FMU does not write.
+        """
+        return self._got(self.calls["get"], ctypes.c_double, variables)
+
+    def _got(
+        self, call: str, kind: type[ctypes.c_double | ctypes.c_float], variables: Sequence[Variable]
+    ) -> list[float]:
+        """The values that the function ``call`` writes into memory that holds none before."""
+        references = (ctypes.c_uint32 * len(variables))(*(variable.reference for variable in variables))
+        size = sum(variable.size for variable in variables)
+        values = (kind * size)(*[math.nan] * size)
+        sizes = (size,) if self.with_sizes else ()
+        self._do(getattr(self._fmu, call), self._fmu.component, references, len(variables), values, *sizes)
+        numbers: list[float] = list(values)
+        if any(map(math.isnan, numbers)):
+            names = ", ".join(variable.name for variable in variables)
+            raise FmuError(f"{self.archive.name}: {call} gives no number for {names}", call, log.last_lines())
+        return numbers
 
     def messages(self) -> tuple[str, ...]:
         """What the instance has said last."""

@@ -117,8 +117,10 @@ class Fmi3(Slave):
         values: list[float] = []
         for variable in variables:
             # One call for each variable, as only this takes the number of values of an array.
-            getter = self._fmu.getFloat32 if variable.type == "Float32" else self._fmu.getFloat64
-            values.extend(self._do(getter, [variable.reference], variable.size))
+            if variable.type == "Float32":
+                values += self._got(self.calls["get"].replace("64", "32"), ctypes.c_float, [variable])
+            else:
+                values += self._got(self.calls["get"], ctypes.c_double, [variable])
         return values
 
 
