@@ -31,7 +31,7 @@ def reason_text(name: str, passed: bool | None, where: str, why: str) -> str:
 
 def reason_notes(reasons: Iterable[Reason]) -> tuple[Note, ...]:
     """The reasons as lines of a summary."""
-    return tuple(Note(str(each), warning=False) for each in reasons)
+    return tuple(Note(str(reason), warning=False) for reason in reasons)
 
 
 def failure_notes(failed: Sequence[tuple[str, Status, str]], file: str) -> tuple[Note, ...]:

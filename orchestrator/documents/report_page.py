@@ -221,7 +221,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
     for case, passed in sorted(tested(results), key=lambda row: _size(row[0].measurements.limit_cycle), reverse=True):
         link = Link(case.id, simulate_command(results.head, case.id), shown.get(case.id))
         words = kind(case, limits) if case.simulated else "failed"
-        own = (case.measurements.limit_cycle, case.measurements.limit_cycle_ratio)
+        cycle = (case.measurements.limit_cycle, case.measurements.limit_cycle_ratio)
         place = places[case.configuration.index]
         rows.append(
             (
@@ -230,7 +230,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
                 case.system,
                 case.test,
                 case.status.value,
-                *own,
+                *cycle,
                 VerdictCell(passed, words if passed is not None else ""),
             )
         )

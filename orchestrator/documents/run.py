@@ -46,7 +46,7 @@ def contradictions(run: Run) -> list[str]:
     Both come from the same simulation, done twice: a difference is a fault, or somebody's work.
     """
     cases = {case.id: case for case in run.results.cases}
-    found = []
+    differences = []
     for entry in run.recordings:
         case = cases.get(entry.about.id)
         if case is None or case.status is not Status.DONE or SYSTEMS in entry.about.roles:
@@ -57,8 +57,8 @@ def contradictions(run: Run) -> list[str]:
         for name, value in shown.items():
             told = getattr(case.measurements, name)
             if told is not None and not math.isclose(value, told, rel_tol=SINGLE):
-                found.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
-    return found
+                differences.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
+    return differences
 
 
 def save_run(run: Run, folder: Path) -> None:

@@ -54,8 +54,8 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         Column("where"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for name, each in results.criteria.items():
-        unit, worst = SHOWN[each.unit], each.worst_case
+    for name, criterion in results.criteria.items():
+        unit, worst = SHOWN[criterion.unit], criterion.worst_case
         where = "-"
         if worst is not None:
             where = f"c{worst.configuration:02d}.{worst.system}"
@@ -64,11 +64,15 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         rows.append(
             (
                 name,
-                Quantity(each.title, unit),
-                Value(each.value, unit=unit, good=None if each.value is None else each.value <= each.target),
-                Value(each.target, unit=unit),
-                Value(each.paper, unit=unit),
-                each.share,
+                Quantity(criterion.title, unit),
+                Value(
+                    criterion.value,
+                    unit=unit,
+                    good=None if criterion.value is None else criterion.value <= criterion.target,
+                ),
+                Value(criterion.target, unit=unit),
+                Value(criterion.paper, unit=unit),
+                criterion.share,
                 Value(worst.value if worst else None, unit=unit),
                 Link(where, simulate_command(results.head, worst.id), recorded.get(worst.id)) if worst else where,
             )
@@ -80,8 +84,12 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
 
 def row(results: Results) -> Row:
     """What a comparison shows: V, the criteria, and the verdicts."""
-    figures = ((criterion_column(name, each.unit), each.value) for name, each in results.criteria.items())
-    verdicts = ((Column(each.label), VerdictCell(each.judged.passed)) for each in requirement_rows(results))
+    figures = (
+        (criterion_column(name, criterion.unit), criterion.value) for name, criterion in results.criteria.items()
+    )
+    verdicts = (
+        (Column(requirement.label), VerdictCell(requirement.judged.passed)) for requirement in requirement_rows(results)
+    )
     return (Column("V", best="smallest"), results.cost), *figures, *verdicts
 
 

@@ -81,8 +81,8 @@ def loop_delay(delay: LoopDelay) -> str:
 
 def computing_time(results: Results) -> str:
     """The controller's computing time against its sample time."""
-    found = results.timing.computing_time
-    return "not measured" if found is None else f"{found.text} of {results.sample_time.seconds * 1e6:g} µs"
+    time = results.timing.computing_time
+    return "not measured" if time is None else f"{time.text} of {results.sample_time.seconds * 1e6:g} µs"
 
 
 def connectors(controller: ControllerRecord) -> str:
@@ -132,8 +132,8 @@ def collapsed(notes: Iterable[str]) -> list[str]:
     others: list[str] = []
     taken: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
-        if found := NO_UNIT.fullmatch(note):
-            taken.setdefault(found[2], []).append(found[1])
+        if unitless := NO_UNIT.fullmatch(note):
+            taken.setdefault(unitless[2], []).append(unitless[1])
         else:
             others.append(note)
     parts = (f"{', '.join(names)} (taken as {unit})" for unit, names in taken.items())
@@ -154,38 +154,38 @@ def carry_over(head: Head) -> list[str]:
     """What a reader must know of how the simulations were kept apart."""
     if not head.carry_over.separates:
         return []
-    known = f"{head.controller.file}: {WORDS[head.carry_over]}"
+    cause = f"{head.controller.file}: {WORDS[head.carry_over]}"
     if head.carry_over is CarryOver.RANDOM:
-        return [f"{known}. These results cannot be repeated."]
-    return [f"{known}. Each simulation had a process of its own."]
+        return [f"{cause}. These results cannot be repeated."]
+    return [f"{cause}. Each simulation had a process of its own."]
 
 
 def remarks(results: Results) -> list[str]:
     """What a reader must know before comparing the figures with others."""
-    found = carry_over(results.head)
+    sentences = carry_over(results.head)
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"
-        found.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
+        sentences.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
     if not results.complete:
-        found.append(f"Incomplete: {incomplete(results)}.")
+        sentences.append(f"Incomplete: {incomplete(results)}.")
     if reason := without_cost(results):
-        found.append(f"No cost V: {reason}.")
+        sentences.append(f"No cost V: {reason}.")
     if not results.sample_time.as_in_benchmark:
-        found.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
+        sentences.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
     if results.protocol != "paper":
         others = "not comparable to the paper nor to other protocols"
-        found.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
+        sentences.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
     bound = (entry for entry in results.controller.connectors.values() if entry is not None)
     notes = collapsed(note for entry in bound for note in entry.notes)
-    found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    sentences += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
     start = [name for name in results.controller.held if name not in results.controller.parameters]
     if start:
         more = f" and {len(start) - MOST_NAMED} more" if len(start) > MOST_NAMED else ""
         kept = f"{', '.join(start[:MOST_NAMED])}{more}"
-        found.append(f"Nothing drives the controller's input {kept}: it kept its start value.")
+        sentences.append(f"Nothing drives the controller's input {kept}: it kept its start value.")
     if results.plant.path:
-        found.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
+        sentences.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
     if changes := assignments(results.plant.parameters):
-        found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
-    return found
+        sentences.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
+    return sentences

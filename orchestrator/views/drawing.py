@@ -288,7 +288,7 @@ def symbols(words: str) -> str:
     underscore, and takes ``$`` for the beginning of a formula."""
     lines = (printable(line) for line in words.split("\n"))
     plain = (" " if words.startswith("_") else "") + "\n".join(lines).replace("$", r"\$")
-    return SYMBOL.sub(lambda found: "$" + found[1].replace("q̇", r"\dot{q}") + "_{" + found[2] + "}$", plain)
+    return SYMBOL.sub(lambda symbol: "$" + symbol[1].replace("q̇", r"\dot{q}") + "_{" + symbol[2] + "}$", plain)
 
 
 def _legend_above(axes: Axes) -> None:

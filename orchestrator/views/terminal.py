@@ -78,7 +78,7 @@ def grids(table: Table, width: int) -> Iterator[Grid]:
             )
         for row_number, row in enumerate(part.rows):
             cells = zip(part.columns, row, strict=True)
-            made.add_row(*(_cell(cell, own.unit, row_number in marked[own]) for own, cell in cells))
+            made.add_row(*(_cell(cell, column.unit, row_number in marked[column]) for column, cell in cells))
         if part.footer:
             made.add_section()
         for row in part.footer:
