@@ -11,10 +11,8 @@ from ..views.plot import Axis, Level, Line, Plot, hue
 from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value
 from ..views.units import SHOWN, number
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import RELIABILITY, REPORT
-from .reasons import Reason, reason_notes
-from .wording import carry_over
+from .wording import Reason, carry_over, head_facts, reason_notes
 
 SHOWN_FAILURES = 20
 """So many failures are shown; the document has all of them."""

@@ -29,11 +29,10 @@ from ..views.table import (
 from ..views.units import MICROMETRE, SECOND, number
 from . import case_plots, scorecard, workspace
 from .commands import recording_command, simulate_command
-from .reasons import reason_notes
 from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
 from .results import Results
 from .run import Run, contradictions
-from .wording import remarks
+from .wording import reason_notes, remarks
 
 WITHOUT = Note("This run was made without trajectories.")
 

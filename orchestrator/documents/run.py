@@ -1,4 +1,4 @@
-"""A run: the results of an evaluation and its recordings, on disk and back."""
+"""A run: the results of an evaluation and its recordings, on disk and back; and the recordings as a MAT file."""
 
 from __future__ import annotations
 
@@ -11,17 +11,34 @@ import numpy as np
 from msgspec.structs import replace
 
 from ..bounded import MAX_RESULT_BYTES, read
-from ..codec import Malformed, from_json, to_json
+from ..codec import Malformed, from_json, plain, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status
 from . import recording
 from .case_table import cases_csv
-from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
-from .recording import SYSTEMS, Recording
+from .files import (
+    CASES,
+    FIGURES,
+    MAT,
+    PARQUET,
+    REPORT,
+    RESULTS,
+    TRAJECTORIES,
+    prepare_folder,
+    remove,
+    streamed,
+    write_text,
+)
+from .recording import MOTION, SYSTEMS, TORQUE, About, Recording
 from .results import Results
 
 SINGLE = 1e-5
 """Relative error that the single precision of recordings may make."""
+
+MAT_COLUMNS = {name.split(" ")[0]: name for name in MOTION} | {
+    name.split(" ")[0] if number else "t_torque": name for number, name in enumerate(TORQUE)
+}
+"""Columns of a recording by the names of their variables in MATLAB."""
 
 
 logger = logging.getLogger(__name__)
@@ -99,3 +116,23 @@ def load_run(path: Path) -> Run:
     """
     folder = path if path.is_dir() else path.parent
     return Run(Results.load(path), recording.load(folder), folder)
+
+
+def mat_bytes(run: Run) -> bytes:
+    """A 1xN struct array ``recordings``: the fields of :class:`~.recording.About`, and column vectors t, x, z, q_a1,
+    q_a2, t_torque, u_m1 and u_m2 in the units that the struct ``units`` names.
+
+    x, z, q_a1, q_a2 are changes from the beginning. The samples kept are not equidistant.
+    """
+    from scipy.io import savemat  # loaded by those who need it
+
+    names = [*About.__struct_fields__, *MAT_COLUMNS]
+    # SciPy makes a cell array of dictionaries, and a struct array of a structured array only.
+    recordings = np.empty((1, len(run.recordings)), dtype=[(name, object) for name in names])
+    for number, entry in enumerate(run.recordings):
+        columns = [column[:, None].astype(float) for column in (*entry.motion.T, *entry.torque.T)]
+        about = {**plain(entry.about), "roles": ", ".join(entry.about.roles)}
+        recordings[0, number] = (*about.values(), *columns)
+    units = {name: column.split("[")[1].rstrip("]") for name, column in MAT_COLUMNS.items()}
+    contents = {"recordings": recordings, "units": units, "seed": run.results.seed}
+    return streamed(lambda stream: savemat(stream, contents, oned_as="column", do_compression=True))

@@ -10,11 +10,20 @@ from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quant
 from ..views.units import SHOWN
 from .commands import again, simulate_command
 from .document import Row
-from .facts import head_facts
 from .files import CASES
-from .reasons import SHOWN_FAILURES, Reason, failure_notes, reason_notes, reason_text
 from .results import Results
-from .wording import computing_time, loop_delay, remarks, requirement_rows
+from .wording import (
+    SHOWN_FAILURES,
+    Reason,
+    computing_time,
+    failure_notes,
+    head_facts,
+    loop_delay,
+    reason_notes,
+    reason_text,
+    remarks,
+    requirement_rows,
+)
 
 BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
 """Facts that a terminal shows."""

@@ -15,13 +15,11 @@ from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Ta
 from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import REPORT, SPREAD
 from .head import Head
-from .reasons import Reason, reason_notes, reason_text
 from .results import Results
 from .scorecard import criterion_column
-from .wording import carry_over
+from .wording import Reason, carry_over, head_facts, reason_notes, reason_text
 
 FAILS = "a requirement is not met"
 """What is marked in a plot over seeds."""

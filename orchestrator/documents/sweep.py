@@ -15,8 +15,7 @@ from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value
 from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
-from .wording import assignments, carry_over
+from .wording import assignments, carry_over, head_facts
 
 if TYPE_CHECKING:
     import pandas

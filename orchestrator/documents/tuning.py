@@ -28,10 +28,9 @@ from ..views.table import (
 from ..views.units import number
 from . import tuning_plots
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import REPORT, TUNING
 from .spread import mean_words
-from .wording import assignments, carry_over
+from .wording import assignments, carry_over, head_facts
 
 OVERFITTED = 2.0
 """Standard deviations by which V of the objective may lie below that of other draws."""

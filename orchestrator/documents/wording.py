@@ -1,18 +1,22 @@
-"""How values are put into words and units, the paper's: in the terminal, in pages and in figures alike."""
+"""What all outputs say in words: values in the paper's units, how a document was made, what a reader must know, and why
+requirements are not met or not judged."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
 from ..codec import Scalar
 from ..loop.carry_over import WORDS, CarryOver
+from ..loop.trajectory import Status
 from ..text import shortened
+from ..views.table import VERDICTS, Note
 from ..views.units import number
 from .head import ControllerRecord, Head
 from .results import LoopDelay, Results
@@ -29,6 +33,9 @@ MOST_NAMED = 5
 
 SEED_MATTERS = "V depends on the seed"
 """What is said of protocols with few cases."""
+
+SHOWN_FAILURES = 3
+"""Cases that failed whose messages a summary shows."""
 
 NO_UNIT = re.compile(r"(?:.*: )?(.+) declares no unit; taken as (.+)")
 
@@ -189,3 +196,58 @@ def remarks(results: Results) -> list[str]:
     if changes := assignments(results.plant.parameters):
         sentences.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
     return sentences
+
+
+def head_facts(head: Head) -> Iterator[tuple[str, str]]:
+    """The facts of a head."""
+    controller, plant, timing, sample_time = head.controller, head.plant, head.timing, head.sample_time
+    processes = "1 process" if timing.workers == 1 else f"{timing.workers} processes"
+    yield "Controller", controller.file
+    yield "Parameters set", assignments(controller.parameters) or "none"
+    yield "Connectors", connectors(controller)
+    yield "FMI version", controller.fmi_version
+    yield "Made by", controller.generation_tool or "not stated"
+    yield "SHA-256", controller.sha256
+    yield "Benchmark", f"{head.benchmark}, protocol {head.protocol}"
+    yield "Seed", "several" if head.seed is None else str(head.seed)
+    yield "Sample time", f"{sample_time.seconds * 1e3:g} ms" + ("" if sample_time.as_in_benchmark else " (own)")
+    yield "Plant", f"{plant.file} ({plant.build}), SHA-256 {plant.sha256}"
+    yield "Its parameters set", assignments(plant.parameters) or "none"
+    yield "Simulations", f"{timing.simulations}, {timing.simulated_time:.0f} simulated seconds"
+    yield "Run", f"{timing.start}, {timing.wall_time:.0f} s on {processes}"
+    if head.command:
+        yield "Command", head.command
+    yield "Versions", ", ".join(f"{name} {version}" for name, version in head.environment.items())
+
+
+class Reason(NamedTuple):
+    """Why a requirement is not met, with the ``command`` that repeats its worst case, or is not judged."""
+
+    text: str
+    command: str = ""
+    advice: str = ""
+
+    def __str__(self) -> str:
+        """The whole line."""
+        return "; ".join(filter(None, (self.text, self.command and f"repeat with {self.command}", self.advice)))
+
+
+def reason_text(name: str, passed: bool | None, where: str, why: str) -> str:
+    """The verdict on a requirement, where it was found, and why."""
+    return f"{' '.join(filter(None, (name, VERDICTS[passed], where)))}: {why}"
+
+
+def reason_notes(reasons: Iterable[Reason]) -> tuple[Note, ...]:
+    """The reasons as lines of a summary."""
+    return tuple(Note(str(reason), warning=False) for reason in reasons)
+
+
+def failure_notes(failed: Sequence[tuple[str, Status, str]], file: str) -> tuple[Note, ...]:
+    """The names, statuses and messages of the first cases that ``failed``; ``file`` has the others."""
+    notes = [Note(f"{name}: {status.value}: {message}") for name, status, message in failed[:SHOWN_FAILURES]]
+    more = (
+        [Note(f"... and {len(failed) - SHOWN_FAILURES} more; see {file}.", warning=False)]
+        if len(failed) > SHOWN_FAILURES
+        else []
+    )
+    return *notes, *more

@@ -18,10 +18,9 @@ from ..views.table import (
     VerdictCell,
 )
 from ..views.units import MILLISECOND, NONE, SHOWN, number
-from .facts import head_facts
 from .head import Head
 from .recording import BESIDE, Recording
-from .wording import REQUIREMENTS
+from .wording import REQUIREMENTS, head_facts
 
 NO_PROOF = (
     "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still "
