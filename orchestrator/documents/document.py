@@ -225,6 +225,7 @@ def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
     text = read(file, MAX_RESULT_BYTES, kind.MISSING)
     try:
+        # The form first: a document of another one need not have a single field of this one.
         outline = from_json(text, _Schema)
         form = outline.schema
         if form == kind.SCHEMA:

@@ -191,6 +191,7 @@ def _step(system: StateSpace, given: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _decibels(values: np.ndarray) -> np.ndarray:
     """Magnitude [dB]."""
+    # Zeros have no logarithm.
     sizes: np.ndarray = 20 * np.log10(np.maximum(np.abs(values), 1e-12))
     return sizes
 

@@ -54,6 +54,7 @@ def page(run: Run) -> Page:
     """The report of a run."""
     results, rules = run.results, run.results.rules
     recordings = affordable([entry for entry in run.recordings if SYSTEMS not in entry.about.roles])
+    # Reversed, so that of several recordings of a case links lead to the first.
     shown = {entry.about.id: index for index, entry in reversed(list(enumerate(recordings)))}
     failures = [case for case in results.cases if case.status is not Status.DONE]
     case: Part = WITHOUT

@@ -103,6 +103,7 @@ def _is_outdated(folder: Path, results: Results) -> bool:
         return not isinstance(problem.__cause__, FileNotFoundError)
     except Malformed:
         return True
+    # These differ from one run to the next, also where nothing that counts does.
     head = replace(
         there.head, timing=results.timing, environment=results.head.environment, command=results.head.command
     )

@@ -193,11 +193,13 @@ class Verification(Document, Comparable, kw_only=True):
             return "its controllers have other draws than it"
         if self.entropy.problem:
             return self.entropy.problem
+        # Who could choose the draws could try many and keep the best ones.
         if seeds(self.entropy.value, self.controller.sha256, len(drawn), self.repetitions) != drawn:
             return "its draws do not follow from its entropy and its FMU"
         if any(score.cost != figure((draw.seed, draw.cost) for draw in score.draws) for score in tried):
             return "a V is not that of its draws"
         scores: tuple[Verification | Score, ...] = (*tried, *(score.strict for score in tried if score.strict))
+        # Who leaves a requirement out meets all that are left.
         if any(score.requirements.keys() != REQUIREMENTS.keys() for score in scores):
             return "a score lacks a requirement, or has one that there is not"
         targets = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}

@@ -35,6 +35,7 @@ def terminal(stderr: bool = False) -> Console:
     """Where all commands print to. Names like ":x:" stay what they are; see :data:`LOOK_ALIKES`."""
     codecs.register_error("look-alike", _look_alike)
     stream = sys.stderr if stderr else sys.stdout
+    # A notebook's stream is none, and takes every character.
     if isinstance(stream, io.TextIOWrapper):
         stream.reconfigure(errors="look-alike")
     return Console(stderr=stderr, emoji=False)
