@@ -47,7 +47,7 @@ from orchestrator.benchmark.metrics import case_result, expected  # noqa: E402
 from orchestrator.benchmark.results import CaseResult, Judgement, Measurements, rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
 from orchestrator.codec import Malformed, pack, plain, to_json, unpack  # noqa: E402
-from orchestrator.documents import standard  # noqa: E402
+from orchestrator.documents import verification as certificates  # noqa: E402
 from orchestrator.documents.evaluation import Evaluation  # noqa: E402
 from orchestrator.documents.files import RESULTS, TRAJECTORIES, VERIFICATION  # noqa: E402
 from orchestrator.documents.head import SampleTimeRecord  # noqa: E402
@@ -329,7 +329,7 @@ HOSTILE = (
 def certificate() -> Verification:
     """A certificate under the standard conditions, of a controller that settles in an instant and another of each
     reference's name."""
-    drawn, listed = protocols.load(standard.PROTOCOL), protocols.load(standard.STRICT)
+    drawn, listed = protocols.load(certificates.PROTOCOL), protocols.load(certificates.STRICT)
 
     def ended(protocol: protocols.Protocol, B5: float) -> list[CaseResult]:
         found = []
@@ -340,7 +340,7 @@ def certificate() -> Verification:
         return found
 
     pid = Controller().archive
-    draws = [ended(drawn, 1e-6 * (1 + number)) for number in range(standard.COUNT)]
+    draws = [ended(drawn, 1e-6 * (1 + number)) for number in range(certificates.COUNT)]
     made = verified(draws, draws[0], draws[0], rules(drawn), file=pid.name, sha256=pid.sha256)
     strict = overall(rules(listed), [(made.draws[0].seed, ended(listed, 1e-6))])
     (reference,) = made.references.values()
@@ -349,7 +349,7 @@ def certificate() -> Verification:
         made,
         strict=strict,
         head=replace(made.head, sample_time=SampleTimeRecord(0.25e-3, True), plant=plant),
-        references=dict.fromkeys(standard.USUAL, replace(reference, strict=strict)),
+        references=dict.fromkeys(certificates.USUAL, replace(reference, strict=strict)),
         checked=made.checked * CHECKED,
     )
 

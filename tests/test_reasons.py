@@ -28,10 +28,10 @@ from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK, gu
 from orchestrator.codec import from_json, to_json
 from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
-from orchestrator.documents.reasons import Reason
 from orchestrator.documents.scorecard import reasons
 from orchestrator.documents.spread import spread_of, spread_reasons
 from orchestrator.documents.verification import Verification, differences, verification_reasons
+from orchestrator.documents.wording import Reason
 from orchestrator.errors import Crash
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.findings import RequirementSearched

@@ -21,8 +21,8 @@ from orchestrator.documents.case_table import cases_csv, parquet_bytes
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
-from orchestrator.documents.mat import mat_bytes
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
+from orchestrator.documents.run import mat_bytes
 from orchestrator.documents.spread import Spread
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario

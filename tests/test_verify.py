@@ -39,8 +39,7 @@ from orchestrator.cli import evaluate, report
 from orchestrator.cli import verify as command
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
-from orchestrator.documents.standard import USUAL, deviations
-from orchestrator.documents.verification import Verification, differences
+from orchestrator.documents.verification import USUAL, Verification, deviations, differences
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.built_in import built_in

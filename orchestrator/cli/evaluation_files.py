@@ -52,7 +52,7 @@ def write_outputs(evaluation: Evaluation, folder: Path, given: argparse.Namespac
         written.append(PARQUET)
     if given.mat:
         if evaluation.recordings:
-            from ..documents.mat import mat_bytes
+            from ..documents.run import mat_bytes
 
             write_bytes(folder / MAT, mat_bytes(evaluation))
         (written if evaluation.recordings else left_out).append(MAT)

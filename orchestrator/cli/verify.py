@@ -12,8 +12,7 @@ from ..api.benchmark import Benchmark
 from ..benchmark.draws import from_beacon
 from ..bounded import read
 from ..documents.files import prepare_folder, write_bytes
-from ..documents.standard import PROTOCOL, USUAL
-from ..documents.verification import Verification, differences
+from ..documents.verification import PROTOCOL, USUAL, Verification, differences
 from ..errors import InputError
 from ..execution.interpreter import is_clean, run_clean
 from ..pairing.controller import IN_C, Controller

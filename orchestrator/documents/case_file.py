@@ -77,7 +77,7 @@ def packed(
     result: CaseResult,
 ) -> bytes:
     """The bytes of a ``case.npz``."""
-    known = {name: getattr(result.measurements, name) for name in CLAIMED}
+    figures = {name: getattr(result.measurements, name) for name in CLAIMED}
     about = CaseAbout(
         schema=SCHEMA,
         benchmark=protocol.benchmark,
@@ -89,7 +89,7 @@ def packed(
             protocol.settling.error, protocol.stability.rest_window, protocol.stability.limit_cycle_window
         ),
         status=result.status.value,
-        claimed={name: value for name, value in known.items() if value is not None},
+        claimed={name: value for name, value in figures.items() if value is not None},
     )
     arrays = {name: getattr(trajectory, name) for name in ARRAYS}
     arrays["q_a"] = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])

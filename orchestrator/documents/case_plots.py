@@ -40,6 +40,7 @@ class Curve(NamedTuple):
 
 def degrees(angle: float) -> str:
     """An angle [rad] in whole degrees, halves up."""
+    # The pages' scripts round halves up, Python to even numbers; 9 digits hide what the conversion from radians adds.
     return f"{math.floor(round(math.degrees(angle), 9) + 0.5)}°"
 
 

@@ -1,10 +1,12 @@
-"""All cases of a run as one table: CSV, and Parquet for pandas or a database."""
+"""Cases as tables: those of a protocol and of a run in a notebook, all of a run as CSV, and Parquet for pandas or a
+database."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import Any
 
+from ..benchmark.case import Case
 from ..benchmark.results import CaseResult
 from ..views.csv import csv_text
 from ..views.table import Column, Summary, Table, VerdictCell
@@ -17,6 +19,22 @@ from .results import Results
 
 LISTED = 12
 """Cases that a notebook shows; the others are counted."""
+
+
+class CaseList(tuple[Case, ...], Displayable):
+    """Cases in the order of their protocol; a tuple that shows itself in a notebook."""
+
+    def summary(self) -> Summary:
+        """The tests, and how many cases there are of each."""
+        counts = Counter(case.test.name for case in self)
+        systems = {name: {case.system.name for case in self if case.test.name == name} for name in counts}
+        rows = tuple((name, count, len(systems[name])) for name, count in counts.items())
+        columns = (Column("test"), Column("cases"), Column("systems"))
+        poses = len({case.configuration for case in self})
+        return Summary("Cases", f"{len(self)} cases at {poses} poses", (Table("Tests", columns, rows),))
+
+    def __repr__(self) -> str:
+        return f"CaseList({len(self)} cases, {self[0].id} to {self[-1].id})" if self else "CaseList(no cases)"
 
 
 class Cases(tuple[CaseResult, ...], Displayable):

@@ -32,9 +32,9 @@ class Setting(NamedTuple):
 
 def setting(head: Head, seed: int | None = None) -> Setting:
     """The setting of what was made with ``head``, with another ``seed`` if there is one."""
-    own = None if head.sample_time.as_in_benchmark else head.sample_time.seconds
+    sample_time = None if head.sample_time.as_in_benchmark else head.sample_time.seconds
     chosen = head.seed or 0 if seed is None else seed
-    return Setting(head.controller, head.plant, head.protocol_file or head.protocol, chosen, own)
+    return Setting(head.controller, head.plant, head.protocol_file or head.protocol, chosen, sample_time)
 
 
 def simulate_command(head: Head, id: str) -> str:
@@ -72,7 +72,7 @@ def degrees(angle: float) -> float:
     """The angle [degrees] that becomes ``angle`` [rad] again, if there is one; else the nearest."""
     value = math.degrees(angle)
     around = (value, math.nextafter(value, math.inf), math.nextafter(value, -math.inf))
-    return next((each for each in around if math.radians(each) == angle), value)
+    return next((candidate for candidate in around if math.radians(candidate) == angle), value)
 
 
 def member_command(setting: Setting, member: Member, parameters: Mapping[str, float]) -> str:
@@ -85,7 +85,7 @@ def member_command(setting: Setting, member: Member, parameters: Mapping[str, fl
     if member.gain is not None:
         words += ["--gain", *map(_exact, member.gain)]
     if member.delay is not None:
-        words += ["--delay", *(str(Decimal(each.numerator) / each.denominator) for each in member.delay)]
+        words += ["--delay", *(str(Decimal(delay.numerator) / delay.denominator) for delay in member.delay)]
     plant = replace(setting.plant, parameters={**setting.plant.parameters, **parameters})
     return _command(setting._replace(plant=plant, seed=member.seed), *words)
 

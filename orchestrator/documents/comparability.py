@@ -48,15 +48,15 @@ class Conditions(Struct, frozen=True):
     def difference(self, other: Conditions, fields: Collection[str] = ()) -> str:
         """What is not as in ``other``, of these ``fields`` or of all; empty if nothing is."""
         words = other.words
-        found = [
-            f"{own}, not {words[name]}"
-            for name, own in self.words.items()
+        differences = [
+            f"{condition}, not {words[name]}"
+            for name, condition in self.words.items()
             if (not fields or name in fields) and getattr(self, name) != getattr(other, name)
         ]
         parts = [name for name in Rules.__struct_fields__ if getattr(self.rules, name) != getattr(other.rules, name)]
         if parts and self.protocol == other.protocol and not fields:
-            found.append(f"other rules ({', '.join(parts)})")
-        return "; ".join(found)
+            differences.append(f"other rules ({', '.join(parts)})")
+        return "; ".join(differences)
 
 
 def conditions(head: Head) -> Conditions:
@@ -74,6 +74,6 @@ def conditions(head: Head) -> Conditions:
 
 def same_controller(one: Head, other: Head) -> bool:
     """Whether both are of the same FMU with the same parameters, under the same conditions but protocol and seed."""
-    own, its = one.controller, other.controller
-    alike = (own.sha256, own.parameters, own.mapping) == (its.sha256, its.parameters, its.mapping)
+    first, second = one.controller, other.controller
+    alike = (first.sha256, first.parameters, first.mapping) == (second.sha256, second.parameters, second.mapping)
     return alike and not conditions(one).difference(conditions(other), SETUP)

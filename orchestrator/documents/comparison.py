@@ -64,12 +64,12 @@ class Group:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader must know before trusting the ranks."""
-        found = [f"Not ranked with the above: {self.difference}."] if self.difference else []
-        found += [f"Not ranked: {entry.name}: {reason}." for entry, reason in self.unranked]
+        notes = [f"Not ranked with the above: {self.difference}."] if self.difference else []
+        notes += [f"Not ranked: {entry.name}: {reason}." for entry, reason in self.unranked]
         name = self.conditions.protocol
         if self.conditions.seed is not None and name in ("quick", "tuning"):
-            found.append(f"Protocol {name}: {SEED_MATTERS}. Compare with several seeds.")
-        return tuple(found)
+            notes.append(f"Protocol {name}: {SEED_MATTERS}. Compare with several seeds.")
+        return tuple(notes)
 
     def table(self) -> Table:
         """A row for each document, and what to compare with."""
@@ -129,11 +129,11 @@ class Comparison(Displayable, Sequence[Group]):
 
     def page(self) -> Page:
         """The tables, and charts of the first group of each kind."""
-        own, named = self.summary(), self.named
+        summary, named = self.summary(), self.named
         listed = (entry.document for group in self.groups for entry in group.entries)
-        everything = [(_controller(each.head.controller), each) for each in listed]
-        panels = (Panel("leaderboard", "Leaderboard", own.parts), *compare_page.panels(named, everything))
-        return Page(own.title, own.kicker, panels)
+        everything = [(_controller(document.head.controller), document) for document in listed]
+        panels = (Panel("leaderboard", "Leaderboard", summary.parts), *compare_page.panels(named, everything))
+        return Page(summary.title, summary.kicker, panels)
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain values in SI units."""
@@ -146,25 +146,25 @@ class Comparison(Displayable, Sequence[Group]):
 
 def compare(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
     """The documents in groups, those of one kind together, and of each kind the largest group first."""
-    listed = names([(each.head.controller, folder) for each, folder in documents])
-    everything = [(name, each) for name, (each, _) in zip(listed, documents, strict=True)]
+    listed = names([(document.head.controller, folder) for document, folder in documents])
+    everything = [(name, document) for name, (document, _) in zip(listed, documents, strict=True)]
     groups: dict[str, list[tuple[Conditions, list[Entry]]]] = {Evaluation.KIND: [], Spread.KIND: []}  # these first
-    for name, (each, folder) in zip(listed, documents, strict=True):
-        of_kind, own = groups.setdefault(each.KIND, []), conditions(each.head)
-        there = next((entries for known, entries in of_kind if known == own), None)
+    for name, (document, folder) in zip(listed, documents, strict=True):
+        of_kind, setup = groups.setdefault(document.KIND, []), conditions(document.head)
+        there = next((entries for common, entries in of_kind if common == setup), None)
         if there is None:
-            of_kind.append((own, there := []))
+            of_kind.append((setup, there := []))
         first = there[0].document if there else None
-        there.append(Entry(name, each, folder, each.row(first, everything)))
-    found = []
+        there.append(Entry(name, document, folder, document.row(first, everything)))
+    ordered = []
     for kind, of_kind in groups.items():
         of_kind.sort(key=lambda group: len(group[1]), reverse=True)
-        for own, entries in of_kind:
+        for common, entries in of_kind:
             ranks = [(entry, entry.document.rank) for entry in entries]
-            ranked = sorted((each for each in ranks if not each[1].reason), key=lambda each: each[1].key)
+            ranked = sorted((pair for pair in ranks if not pair[1].reason), key=lambda pair: pair[1].key)
             unranked = tuple((entry, rank.reason) for entry, rank in ranks if rank.reason)
-            found.append(Group(kind, own, tuple(e for e, _ in ranked), unranked, own.difference(of_kind[0][0])))
-    return Comparison(tuple(found))
+            ordered.append(Group(kind, common, tuple(e for e, _ in ranked), unranked, common.difference(of_kind[0][0])))
+    return Comparison(tuple(ordered))
 
 
 def names(listed: Sequence[tuple[ControllerRecord, Path | None]]) -> list[str]:
@@ -186,7 +186,7 @@ def _kicker(groups: Sequence[Group]) -> str:
 
 
 def _cell(row: Row, column: Column) -> Cell:
-    return next((cell for own, cell in row if own == column), None)
+    return next((cell for header, cell in row if header == column), None)
 
 
 def _plain(group: Group) -> dict[str, Any]:

@@ -60,8 +60,8 @@ class Displayable:
 
     def page(self) -> Page:
         """The page of a report; the summary alone unless there is more."""
-        own = self.summary()
-        return Page(own.title, own.kicker, (Panel("summary", "Summary", own.parts),))
+        summary = self.summary()
+        return Page(summary.title, summary.kicker, (Panel("summary", "Summary", summary.parts),))
 
     @entered
     def report(self, file: str | Path, folder: str | Path | None = None) -> Path:
@@ -211,10 +211,10 @@ class Document(Struct, kw_only=True):
         Raises :class:`InputError` if it is damaged, contradicts itself, or is not there.
         """
         file = file_of(Path(path), cls.FILE)
-        found = _read(file, cls)
-        if problem := rules_problem(found.rules) or found._problem():
+        document = _read(file, cls)
+        if problem := rules_problem(document.rules) or document._problem():
             raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
-        return found
+        return document
 
     def _problem(self) -> str:
         """What is wrong with it, beyond the types of its fields; empty if nothing is."""
@@ -230,19 +230,20 @@ def _read(file: Path, kind: type[D]) -> D:
     """The ``kind`` that ``file`` holds; raises :class:`InputError` for anything but that."""
     text = read(file, MAX_RESULT_BYTES, kind.MISSING)
     try:
-        known = from_json(text, _Schema)
-        form = known.schema
+        # The form first: a document of another one need not have a single field of this one.
+        outline = from_json(text, _Schema)
+        form = outline.schema
         if form == kind.SCHEMA:
             return from_json(text, kind)
     except Malformed as problem:
         raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
     name, _, number = kind.SCHEMA.rpartition("/")
     message = f"{file} has the form {form!r}, and {kind.SCHEMA} is read."
-    own = form.removeprefix(f"{name}/")
-    if own != form and own.isdecimal():
-        later = int(own) > int(number)
+    form_number = form.removeprefix(f"{name}/")
+    if form_number != form and form_number.isdecimal():
+        later = int(form_number) > int(number)
         message += " A later version of this package made it." if later else " Make it again with this version"
-        version = known.head.environment.get("flexible_manipulator_benchmark", "")
+        version = outline.head.environment.get("flexible_manipulator_benchmark", "")
         message += "" if later else f", or read it with version {version}, which made it." if version else "."
     raise InputError(message, "other-schema", file, form)
 

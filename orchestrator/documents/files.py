@@ -100,6 +100,7 @@ def write_bytes(file: Path, data: bytes) -> None:
 
     Raises :class:`EnvironmentFault` if that fails, as on a full disk.
     """
+    # Two processes may write the same file at a time: each has a scratch file of its own.
     scratch = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         with scratch.open("wb") as stream:

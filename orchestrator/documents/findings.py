@@ -40,17 +40,17 @@ class Findings(Displayable, Sequence[Finding]):
     def advised(self, finding: Finding, remedy: str) -> Findings:
         """The findings with one more ``remedy`` for one of them."""
         more = replace(finding, remedy=" ".join(filter(None, (finding.remedy, remedy))))
-        return replace(self, found=tuple(more if each is finding else each for each in self.found))
+        return replace(self, found=tuple(more if other is finding else other for other in self.found))
 
     def summary(self) -> Summary:
         """A row for each finding."""
         rows = tuple(
             (
-                VerdictCell(PASSED[each.severity], each.severity.value),
-                each.subject,
-                "\n".join(filter(None, (each.text, each.remedy))),
+                VerdictCell(PASSED[finding.severity], finding.severity.value),
+                finding.subject,
+                "\n".join(filter(None, (finding.text, finding.remedy))),
             )
-            for each in self.found
+            for finding in self.found
         )
         columns = (Column(""), Column("subject"), Column("finding"))
         return Summary(self.controller, f"verdict: {self.worst.value}", (Table("Findings", columns, rows),))

@@ -37,26 +37,26 @@ HIGHEST = 0.45
 
 def drawings(plant: StateSpace, controller: StateSpace | None) -> Mapping[str, Callable[[], Figure]]:
     """The figures by name: those of the plant, and those of the loop if there is a ``controller``."""
-    found: dict[str, Callable[[], Figure]] = {
+    figures: dict[str, Callable[[], Figure]] = {
         "plant_bode": partial(plant_bode, plant),
         "poles": partial(poles, plant, controller),
     }
     if plant.T_s is not None:
-        found["plant_step"] = partial(plant_step, plant)
+        figures["plant_step"] = partial(plant_step, plant)
     if controller is not None:
-        found["loop_bode"] = partial(loop_bode, plant, controller)
-        found["loop_nichols"] = partial(nichols, plant, controller)
-        found["loop_sensitivity"] = partial(sensitivity, plant, controller)
-        found["loop_step"] = partial(loop_step, plant, controller)
-    return found
+        figures["loop_bode"] = partial(loop_bode, plant, controller)
+        figures["loop_nichols"] = partial(nichols, plant, controller)
+        figures["loop_sensitivity"] = partial(sensitivity, plant, controller)
+        figures["loop_step"] = partial(loop_step, plant, controller)
+    return figures
 
 
 def drawn(plant: StateSpace, controller: StateSpace | None, name: str) -> Figure:
     """The figure called ``name``; raises :class:`InputError` if there is none."""
-    known = drawings(plant, controller)
-    if name not in known:
-        raise InputError(f"There is no figure {name}. Figures: {', '.join(known)}.", "no-figure", "", name, known)
-    return known[name]()
+    figures = drawings(plant, controller)
+    if name not in figures:
+        raise InputError(f"There is no figure {name}. Figures: {', '.join(figures)}.", "no-figure", "", name, figures)
+    return figures[name]()
 
 
 def plant_bode(plant: StateSpace) -> Figure:
@@ -191,6 +191,7 @@ def _step(system: StateSpace, given: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _decibels(values: np.ndarray) -> np.ndarray:
     """Magnitude [dB]."""
+    # Zeros have no logarithm.
     sizes: np.ndarray = 20 * np.log10(np.maximum(np.abs(values), 1e-12))
     return sizes
 

@@ -102,6 +102,7 @@ def record(
     offset = trajectory.X - trajectory.X[0]
     links = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
     moved = np.column_stack([offset, links - links[0]])
+    # The largest error may be at neither coordinate's extremes: it is a signal of its own.
     kept = thin(np.column_stack([offset, trajectory.tcp_error]), motion_intervals)
     torque_kept = thin(trajectory.torque, motion_intervals // 2)
     about = About(
@@ -216,9 +217,11 @@ def load(folder: Path) -> tuple[Recording, ...]:
             return ()
         raise
     try:
+        # A file of kilobytes may unpack to gigabytes: its size on disk, which was bounded, says nothing of that.
         with zipfile.ZipFile(io.BytesIO(content)) as listed:
             if sum(entry.file_size for entry in listed.infolist()) > MAX_RESULT_BYTES:
                 raise Malformed(f"it unpacks to more than {MAX_RESULT_BYTES / 1e6:.0f} MB")
+        # Files may come from strangers, and a pickle runs code as it is read.
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             if (tuple(stored["columns_motion"]), tuple(stored["columns_torque"])) != (MOTION, TORQUE):
                 raise Malformed("its columns are not those of a recording")

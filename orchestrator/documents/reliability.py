@@ -11,10 +11,8 @@ from ..views.plot import Axis, Level, Line, Plot, hue
 from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value
 from ..views.units import SHOWN, number
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import RELIABILITY, REPORT
-from .reasons import Reason, reason_notes
-from .wording import carry_over
+from .wording import Reason, carry_over, head_facts, reason_notes
 
 SHOWN_FAILURES = 20
 """So many failures are shown; the document has all of them."""
@@ -58,9 +56,9 @@ class Reliability(Document, Comparable, kw_only=True):
         for entry in self.requirements.values():
             if entry != failing(entry.failures, entry.judged, self.confidence):
                 return "a bound is not that of its failures"
-        for each in (self.cost, *self.criteria.values()):
-            without = [None] * (each.judged - len(each.values))
-            if each != quantile([*each.values, *without], self.probability, self.confidence):
+        for sample in (self.cost, *self.criteria.values()):
+            without = [None] * (sample.judged - len(sample.values))
+            if sample != quantile([*sample.values, *without], self.probability, self.confidence):
                 return "a quantile is not that of its values"
         return "" if self.criteria.keys() == self.rules.criteria.keys() else "its criteria are not those of its rules"
 
@@ -73,9 +71,12 @@ class Reliability(Document, Comparable, kw_only=True):
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """The bounds of the probabilities of failure, and of V."""
-        found: list[tuple[Column, Cell]] = [(Column("draws"), f"{self.draws} ({self.distribution})")]
-        found += [(Column(f"{name} fails"), Value(each.bound, beyond="<")) for name, each in self.requirements.items()]
-        return *found, (Column("V", best="smallest"), Value(self.cost.bound, beyond="<"))
+        cells: list[tuple[Column, Cell]] = [(Column("draws"), f"{self.draws} ({self.distribution})")]
+        cells += [
+            (Column(f"{name} fails"), Value(requirement.bound, beyond="<"))
+            for name, requirement in self.requirements.items()
+        ]
+        return *cells, (Column("V", best="smallest"), Value(self.cost.bound, beyond="<"))
 
     def summary(self) -> Summary:
         """Probabilities of failure, quantiles, their distribution, and the failures with their commands."""
@@ -93,8 +94,14 @@ class Reliability(Document, Comparable, kw_only=True):
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))
         rows = tuple(
-            (name, each.judged, len({one.draw for one in each.failures}), each.estimate, each.bound)
-            for name, each in self.requirements.items()
+            (
+                name,
+                requirement.judged,
+                len({one.draw for one in requirement.failures}),
+                requirement.estimate,
+                requirement.bound,
+            )
+            for name, requirement in self.requirements.items()
         )
         return Table(f"Probability of failure, at {level}", columns, rows)
 
@@ -102,8 +109,8 @@ class Reliability(Document, Comparable, kw_only=True):
         columns = (Column(""), Column("median"), Column("largest"), Column("bound"), Column("target"))
         rows: list[tuple[Cell, ...]] = []
         for name, spec in self.rules.criteria.items():
-            unit, each = SHOWN[spec.unit], self.criteria[name]
-            values = (Value(value, unit=unit) for value in (each.median, each.largest, each.bound, spec.target))
+            unit, sample = SHOWN[spec.unit], self.criteria[name]
+            values = (Value(value, unit=unit) for value in (sample.median, sample.largest, sample.bound, spec.target))
             rows.append((Quantity(name, unit), *values))
         rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
         return Table(f"Bounds that at most {self.probability:g} of all draws exceed, at {level}", columns, tuple(rows))
@@ -120,7 +127,9 @@ class Reliability(Document, Comparable, kw_only=True):
         return Plot("exceedance-plot", "How many draws exceed a value", *axes, series, levels)
 
     def __repr__(self) -> str:
-        bounds = ", ".join(f"{name} fails < {number(each.bound)}" for name, each in self.requirements.items())
+        bounds = ", ".join(
+            f"{name} fails < {number(requirement.bound)}" for name, requirement in self.requirements.items()
+        )
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
 
 
@@ -133,10 +142,10 @@ def _exceeding(name: str, sample: Quantile, target: float, order: int) -> Line:
     return Line(name, x, shares, hue(order), symbol="circle")
 
 
-def reliability_reasons(found: Reliability) -> list[Reason]:
+def reliability_reasons(reliability: Reliability) -> list[Reason]:
     """The first failures of each requirement."""
     return [
         Reason(f"{name} fails in draw {failure.draw}, {failure.test}: {failure.outcome}", failure.command)
-        for name, each in found.requirements.items()
-        for failure in each.failures[:SHOWN_FAILURES]
+        for name, requirement in reliability.requirements.items()
+        for failure in requirement.failures[:SHOWN_FAILURES]
     ]

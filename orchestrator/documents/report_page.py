@@ -29,11 +29,10 @@ from ..views.table import (
 from ..views.units import MICROMETRE, SECOND, number
 from . import case_plots, scorecard, workspace
 from .commands import recording_command, simulate_command
-from .reasons import reason_notes
 from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
 from .results import Results
 from .run import Run, contradictions
-from .wording import remarks
+from .wording import reason_notes, remarks
 
 WITHOUT = Note("This run was made without trajectories.")
 
@@ -55,6 +54,7 @@ def page(run: Run) -> Page:
     """The report of a run."""
     results, rules = run.results, run.results.rules
     recordings = affordable([entry for entry in run.recordings if SYSTEMS not in entry.about.roles])
+    # Reversed, so that of several recordings of a case links lead to the first.
     shown = {entry.about.id: index for index, entry in reversed(list(enumerate(recordings)))}
     failures = [case for case in results.cases if case.status is not Status.DONE]
     case: Part = WITHOUT
@@ -221,7 +221,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
     for case, passed in sorted(tested(results), key=lambda row: _size(row[0].measurements.limit_cycle), reverse=True):
         link = Link(case.id, simulate_command(results.head, case.id), shown.get(case.id))
         words = kind(case, limits) if case.simulated else "failed"
-        own = (case.measurements.limit_cycle, case.measurements.limit_cycle_ratio)
+        cycle = (case.measurements.limit_cycle, case.measurements.limit_cycle_ratio)
         place = places[case.configuration.index]
         rows.append(
             (
@@ -230,7 +230,7 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
                 case.system,
                 case.test,
                 case.status.value,
-                *own,
+                *cycle,
                 VerdictCell(passed, words if passed is not None else ""),
             )
         )

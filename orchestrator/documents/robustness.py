@@ -95,10 +95,10 @@ class Robustness(Document, Comparable, kw_only=True):
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """What was found, beside V of the scorecards of the same controller."""
         cards = [
-            (name, each) for name, each in others if each.KIND in SCORECARDS and same_controller(each.head, self.head)
+            (name, card) for name, card in others if card.KIND in SCORECARDS and same_controller(card.head, self.head)
         ]
-        words = [f"{number(each.V)} ({each.head.protocol}, {seed_words(each.head)})" for _, each in cards]
-        found: list[tuple[Column, Cell]] = [
+        words = [f"{number(card.V)} ({card.head.protocol}, {seed_words(card.head)})" for _, card in cards]
+        cells: list[tuple[Column, Cell]] = [
             (Column("simulations", minor=True), self.simulations),
             (Column("V of the scorecard"), ", ".join(words) or "-"),
             (Column("V", best="smallest"), self.cost),
@@ -108,15 +108,15 @@ class Robustness(Document, Comparable, kw_only=True):
                 entry = self.criteria[name]
                 worst = entry.worst_case
                 cell: Cell = "unstable" if worst.value is None and worst.command else Value(worst.value)
-                found.append((Column(f"largest {name}", SHOWN[entry.unit], minor=True), cell))
-        found.append((Column("fails"), ", ".join(self.broken) or "none found"))
+                cells.append((Column(f"largest {name}", SHOWN[entry.unit], minor=True), cell))
+        cells.append((Column("fails"), ", ".join(self.broken) or "none found"))
         for name, margin in self.margins.items():
             value = worst_page.margin_value(name, margin)
             unit = value.unit or NONE
             best: Literal["smallest", "largest"] = "smallest" if name.endswith("down") else "largest"
-            found.append((Column(name, unit, minor=True, best=best), value))
+            cells.append((Column(name, unit, minor=True, best=best), value))
         radii = worst_page.radius_values(self.radius)
-        return *found, *((Column(name, minor=True, best="largest"), value) for name, value in radii.items())
+        return *cells, *((Column(name, minor=True, best="largest"), value) for name, value in radii.items())
 
     def summary(self) -> Summary:
         """What was found, and the commands that repeat it."""

@@ -1,4 +1,4 @@
-"""A run: the results of an evaluation and its recordings, on disk and back."""
+"""A run: the results of an evaluation and its recordings, on disk and back; and the recordings as a MAT file."""
 
 from __future__ import annotations
 
@@ -11,17 +11,34 @@ import numpy as np
 from msgspec.structs import replace
 
 from ..bounded import MAX_RESULT_BYTES, read
-from ..codec import Malformed, from_json, to_json
+from ..codec import Malformed, from_json, plain, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status
 from . import recording
 from .case_table import cases_csv
-from .files import CASES, FIGURES, MAT, PARQUET, REPORT, RESULTS, TRAJECTORIES, prepare_folder, remove, write_text
-from .recording import SYSTEMS, Recording
+from .files import (
+    CASES,
+    FIGURES,
+    MAT,
+    PARQUET,
+    REPORT,
+    RESULTS,
+    TRAJECTORIES,
+    prepare_folder,
+    remove,
+    streamed,
+    write_text,
+)
+from .recording import MOTION, SYSTEMS, TORQUE, About, Recording
 from .results import Results
 
 SINGLE = 1e-5
 """Relative error that the single precision of recordings may make."""
+
+MAT_COLUMNS = {name.split(" ")[0]: name for name in MOTION} | {
+    name.split(" ")[0] if number else "t_torque": name for number, name in enumerate(TORQUE)
+}
+"""Columns of a recording by the names of their variables in MATLAB."""
 
 
 logger = logging.getLogger(__name__)
@@ -46,7 +63,7 @@ def contradictions(run: Run) -> list[str]:
     Both come from the same simulation, done twice: a difference is a fault, or somebody's work.
     """
     cases = {case.id: case for case in run.results.cases}
-    found = []
+    differences = []
     for entry in run.recordings:
         case = cases.get(entry.about.id)
         if case is None or case.status is not Status.DONE or SYSTEMS in entry.about.roles:
@@ -57,8 +74,8 @@ def contradictions(run: Run) -> list[str]:
         for name, value in shown.items():
             told = getattr(case.measurements, name)
             if told is not None and not math.isclose(value, told, rel_tol=SINGLE):
-                found.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
-    return found
+                differences.append(f"{case.id}: {name} is {told:.6g} in the results, {value:.6g} in the recording")
+    return differences
 
 
 def save_run(run: Run, folder: Path) -> None:
@@ -86,6 +103,7 @@ def _is_outdated(folder: Path, results: Results) -> bool:
         return not isinstance(problem.__cause__, FileNotFoundError)
     except Malformed:
         return True
+    # These differ from one run to the next, also where nothing that counts does.
     head = replace(
         there.head, timing=results.timing, environment=results.head.environment, command=results.head.command
     )
@@ -99,3 +117,23 @@ def load_run(path: Path) -> Run:
     """
     folder = path if path.is_dir() else path.parent
     return Run(Results.load(path), recording.load(folder), folder)
+
+
+def mat_bytes(run: Run) -> bytes:
+    """A 1xN struct array ``recordings``: the fields of :class:`~.recording.About`, and column vectors t, x, z, q_a1,
+    q_a2, t_torque, u_m1 and u_m2 in the units that the struct ``units`` names.
+
+    x, z, q_a1, q_a2 are changes from the beginning. The samples kept are not equidistant.
+    """
+    from scipy.io import savemat  # loaded by those who need it
+
+    names = [*About.__struct_fields__, *MAT_COLUMNS]
+    # SciPy makes a cell array of dictionaries, and a struct array of a structured array only.
+    recordings = np.empty((1, len(run.recordings)), dtype=[(name, object) for name in names])
+    for number, entry in enumerate(run.recordings):
+        columns = [column[:, None].astype(float) for column in (*entry.motion.T, *entry.torque.T)]
+        about = {**plain(entry.about), "roles": ", ".join(entry.about.roles)}
+        recordings[0, number] = (*about.values(), *columns)
+    units = {name: column.split("[")[1].rstrip("]") for name, column in MAT_COLUMNS.items()}
+    contents = {"recordings": recordings, "units": units, "seed": run.results.seed}
+    return streamed(lambda stream: savemat(stream, contents, oned_as="column", do_compression=True))

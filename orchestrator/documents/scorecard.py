@@ -10,11 +10,20 @@ from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quant
 from ..views.units import SHOWN
 from .commands import again, simulate_command
 from .document import Row
-from .facts import head_facts
 from .files import CASES
-from .reasons import SHOWN_FAILURES, Reason, failure_notes, reason_notes, reason_text
 from .results import Results
-from .wording import computing_time, loop_delay, remarks, requirement_rows
+from .wording import (
+    SHOWN_FAILURES,
+    Reason,
+    computing_time,
+    failure_notes,
+    head_facts,
+    loop_delay,
+    reason_notes,
+    reason_text,
+    remarks,
+    requirement_rows,
+)
 
 BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
 """Facts that a terminal shows."""
@@ -54,8 +63,8 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         Column("where"),
     )
     rows: list[tuple[Cell, ...]] = []
-    for name, each in results.criteria.items():
-        unit, worst = SHOWN[each.unit], each.worst_case
+    for name, criterion in results.criteria.items():
+        unit, worst = SHOWN[criterion.unit], criterion.worst_case
         where = "-"
         if worst is not None:
             where = f"c{worst.configuration:02d}.{worst.system}"
@@ -64,11 +73,15 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         rows.append(
             (
                 name,
-                Quantity(each.title, unit),
-                Value(each.value, unit=unit, good=None if each.value is None else each.value <= each.target),
-                Value(each.target, unit=unit),
-                Value(each.paper, unit=unit),
-                each.share,
+                Quantity(criterion.title, unit),
+                Value(
+                    criterion.value,
+                    unit=unit,
+                    good=None if criterion.value is None else criterion.value <= criterion.target,
+                ),
+                Value(criterion.target, unit=unit),
+                Value(criterion.paper, unit=unit),
+                criterion.share,
                 Value(worst.value if worst else None, unit=unit),
                 Link(where, simulate_command(results.head, worst.id), recorded.get(worst.id)) if worst else where,
             )
@@ -80,8 +93,12 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
 
 def row(results: Results) -> Row:
     """What a comparison shows: V, the criteria, and the verdicts."""
-    figures = ((criterion_column(name, each.unit), each.value) for name, each in results.criteria.items())
-    verdicts = ((Column(each.label), VerdictCell(each.judged.passed)) for each in requirement_rows(results))
+    figures = (
+        (criterion_column(name, criterion.unit), criterion.value) for name, criterion in results.criteria.items()
+    )
+    verdicts = (
+        (Column(requirement.label), VerdictCell(requirement.judged.passed)) for requirement in requirement_rows(results)
+    )
     return (Column("V", best="smallest"), results.cost), *figures, *verdicts
 
 

@@ -55,8 +55,8 @@ def _recorded(shown: PlottedSimulation) -> Recording:
 def _overlay(shown: Sequence[PlottedSimulation], recordings: Sequence[Recording], rules: Rules) -> tuple[Plot, ...]:
     """TCP error and torques of all simulations, zoomed together."""
     curves = [
-        Curve(each.name, entry, hue(place), dash=dash(place))
-        for place, (each, entry) in enumerate(zip(shown, recordings, strict=True))
+        Curve(simulation.name, entry, hue(place), dash=dash(place))
+        for place, (simulation, entry) in enumerate(zip(shown, recordings, strict=True))
     ]
     window = Window("", (0.0, max(entry.about.time for entry in recordings)))
     most = (f"{curve.name}: at most {number(largest_error(curve.recording, 0.0), 1e3)} mm" for curve in curves)

@@ -15,13 +15,11 @@ from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Ta
 from ..views.units import NONE, SHOWN, Unit, number
 from .commands import again, case_command, setting
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import REPORT, SPREAD
 from .head import Head
-from .reasons import Reason, reason_notes, reason_text
 from .results import Results
 from .scorecard import criterion_column
-from .wording import carry_over
+from .wording import Reason, carry_over, head_facts, reason_notes, reason_text
 
 FAILS = "a requirement is not met"
 """What is marked in a plot over seeds."""
@@ -57,8 +55,8 @@ class Spread(Document, Comparable, kw_only=True):
 
     def worst(self, name: str) -> SeedScore | None:
         """The first seed that a requirement is not met with; if it is met with all, the first it is not judged with."""
-        found = [score for score in (*self.seeds, *self.incomplete) if not score.requirements[name]]
-        return min(found, key=lambda score: score.requirements[name] is None, default=None)
+        scores = [score for score in (*self.seeds, *self.incomplete) if not score.requirements[name]]
+        return min(scores, key=lambda score: score.requirements[name] is None, default=None)
 
     @property
     def completeness(self) -> Completeness:
@@ -85,19 +83,19 @@ class Spread(Document, Comparable, kw_only=True):
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """Mean and standard deviation of V and the criteria, with how many seeds the requirements are met, and V minus
         that of the first, over the seeds in common."""
-        found: list[tuple[Column, Cell]] = [(Column("seeds"), len(self.seeds))]
-        found.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.deviation)))
+        cells: list[tuple[Column, Cell]] = [(Column("seeds"), len(self.seeds))]
+        cells.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.deviation)))
         for name, spec in self.rules.criteria.items():
-            each = self.criteria[name]
-            found.append((criterion_column(name, spec.unit), Value(each.mean, each.deviation)))
+            statistic = self.criteria[name]
+            cells.append((criterion_column(name, spec.unit), Value(statistic.mean, statistic.deviation)))
         for name, held in self.requirements.items():
-            found.append((Column(name), VerdictCell(self.passed(name), f"{held.seeds}/{held.of}")))
+            cells.append((Column(name), VerdictCell(self.passed(name), f"{held.seeds}/{held.of}")))
         difference = paired(self.seeds, first.seeds) if isinstance(first, Spread) else None
         better = "-"
         if difference is not None:
             of = len(difference.seeds)
             better = f"{mean_words(difference.difference)}, better with {difference.better} of {of} seeds"
-        return *found, (Column("V minus that of the first"), better)
+        return *cells, (Column("V minus that of the first"), better)
 
     def summary(self) -> Summary:
         """Mean, standard deviation and range of V and the criteria, and with how many seeds the requirements hold."""
@@ -111,10 +109,14 @@ class Spread(Document, Comparable, kw_only=True):
         return f"Spread({self.controller.file}, {self.protocol}, {len(self.seeds)} seeds: V = {mean_words(self.cost)})"
 
 
-def spread_of(seeds: Sequence[int], found: Sequence[Results], head: Head) -> Spread:
-    """The spread over ``seeds`` of the evaluations ``found`` so far, at least one, which differ in their seed alone."""
+def spread_of(seeds: Sequence[int], evaluations: Sequence[Results], head: Head) -> Spread:
+    """The spread over ``seeds`` of the ``evaluations`` so far, at least one, which differ in their seed alone."""
     scores, incomplete = (
-        [seed_score(each.head.seed or 0, each.scorecard, each.cases) for each in found if each.complete is whole]
+        [
+            seed_score(results.head.seed or 0, results.scorecard, results.cases)
+            for results in evaluations
+            if results.complete is whole
+        ]
         for whole in (True, False)
     )
     finished = {score.seed for score in scores}
@@ -145,7 +147,7 @@ def _statistics(spread: Spread) -> Table:
 
 
 def _row(of: Statistic, target: float, unit: Unit) -> tuple[Value, ...]:
-    return tuple(Value(each, unit=unit) for each in (of.mean, of.deviation, of.smallest, of.largest, target))
+    return tuple(Value(value, unit=unit) for value in (of.mean, of.deviation, of.smallest, of.largest, target))
 
 
 def _over_seeds(spread: Spread) -> Plot:
@@ -183,11 +185,11 @@ def spread_reasons(spread: Spread) -> Iterator[Reason]:
 
 def spread_remarks(spread: Spread) -> list[str]:
     """What a reader must know of a spread."""
-    found = carry_over(spread.head)
+    sentences = carry_over(spread.head)
     if spread.cost.without:
         seeds = ", ".join(map(str, spread.cost.without))
-        found.append(f"No V with the seeds {seeds}, where a loop that counts is unstable: so there is no mean.")
+        sentences.append(f"No V with the seeds {seeds}, where a loop that counts is unstable: so there is no mean.")
     if spread.unfinished:
         seeds = ", ".join(map(str, spread.unfinished))
-        found.append(f"Not counted for V and B1 to B7, since not every case was simulated: the seeds {seeds}.")
-    return found
+        sentences.append(f"Not counted for V and B1 to B7, since not every case was simulated: the seeds {seeds}.")
+    return sentences

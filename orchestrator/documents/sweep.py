@@ -15,8 +15,7 @@ from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value
 from ..views.units import number
 from . import files
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
-from .wording import assignments, carry_over
+from .wording import assignments, carry_over, head_facts
 
 if TYPE_CHECKING:
     import pandas
@@ -71,9 +70,9 @@ class Sweep(Document, Comparable, kw_only=True):
     def columns(self) -> dict[str, list[Any]]:
         """One list per column, one element per combination: the values, V, ``cycle`` (the largest limit cycle relative
         to what A3 allows), whether A1 to A3 hold, and what failed. None where there is no such figure."""
-        found: dict[str, list[Any]] = {name: [trial.values[name] for trial in self.trials] for name in self.values}
+        table: dict[str, list[Any]] = {name: [trial.values[name] for trial in self.trials] for name in self.values}
         fields = {"V": "cost", "cycle": "cycle", "holds": "holds", "message": "message"}
-        return found | {name: [getattr(trial, field) for trial in self.trials] for name, field in fields.items()}
+        return table | {name: [getattr(trial, field) for trial in self.trials] for name, field in fields.items()}
 
     def to_pandas(self) -> pandas.DataFrame:
         """The :meth:`columns`. Needs the package pandas (the extra ``pandas``)."""
@@ -101,7 +100,7 @@ class Sweep(Document, Comparable, kw_only=True):
     @property
     def varied(self) -> tuple[str, ...]:
         """The parameters that have several values; the first one if none has."""
-        return tuple(name for name, each in self.values.items() if len(each) > 1) or tuple(self.values)[:1]
+        return tuple(name for name, values in self.values.items() if len(values) > 1) or tuple(self.values)[:1]
 
     @property
     def rank(self) -> Rank:
@@ -111,9 +110,9 @@ class Sweep(Document, Comparable, kw_only=True):
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """The best combination."""
-        found: list[tuple[Column, Cell]] = [(Column("combinations"), len(self.trials))]
-        found.append((Column("V", best="smallest"), self.V))
-        return *found, (Column("values"), "-" if self.best is None else assignments(self.best.values))
+        cells: list[tuple[Column, Cell]] = [(Column("combinations"), len(self.trials))]
+        cells.append((Column("V", best="smallest"), self.V))
+        return *cells, (Column("values"), "-" if self.best is None else assignments(self.best.values))
 
     def summary(self) -> Summary:
         """The combinations, and the best of them."""
@@ -178,9 +177,9 @@ def _short(value: float) -> str:
     return f"{value:g}"
 
 
-def smallest_words(found: Sweep) -> str:
+def smallest_words(sweep: Sweep) -> str:
     """The best combination and its V."""
-    best = found.best
+    best = sweep.best
     if best is None:
         return "no combination has a V and holds A1-A3"
     return f"V = {number(best.cost)} with {assignments(best.values)}"

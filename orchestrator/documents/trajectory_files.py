@@ -55,9 +55,9 @@ def _while_on(
     function: Callable[[Any, float], tuple[float, float]], signal: ChirpSignal | PulseSignal, t: np.ndarray
 ) -> np.ndarray:
     """A disturbance at the times ``t``, shape (len(t), 2); it is only computed where it is not zero."""
-    found, on = np.zeros((len(t), 2)), (signal.start <= t) & (t < signal.stop)
-    found[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)
-    return found
+    values, on = np.zeros((len(t), 2)), (signal.start <= t) & (t < signal.stop)
+    values[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)
+    return values
 
 
 def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:

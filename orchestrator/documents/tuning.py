@@ -28,10 +28,9 @@ from ..views.table import (
 from ..views.units import number
 from . import tuning_plots
 from .document import Comparable, Completeness, Document, Rank, Row
-from .facts import head_facts
 from .files import REPORT, TUNING
 from .spread import mean_words
-from .wording import assignments, carry_over
+from .wording import assignments, carry_over, head_facts
 
 OVERFITTED = 2.0
 """Standard deviations by which V of the objective may lie below that of other draws."""
@@ -176,7 +175,7 @@ class Tuning(Document, Comparable, kw_only=True):
 
     @property
     def _history(self) -> Part:
-        added = {each.after: len(each.commands) for each in self.judged if each.commands}
+        added = {candidate.after: len(candidate.commands) for candidate in self.judged if candidate.commands}
         return tuning_plots.history(self.trials, self._best_trial, self.rules.cost.target, self.objective, added)
 
     @property
@@ -186,8 +185,8 @@ class Tuning(Document, Comparable, kw_only=True):
             "Of one parameter, or of candidates that all came to the same, there is no importance.", warning=False
         )
         slices = (
-            (name, (tuning_plots.by_parameter(name, place, own, self.trials, self._best_trial),))
-            for place, (name, own) in enumerate(self.vary.items())
+            (name, (tuning_plots.by_parameter(name, place, span, self.trials, self._best_trial),))
+            for place, (name, span) in enumerate(self.vary.items())
         )
         return tuning_plots.importance(self.importance) or none, Choice("slice", "Parameter", tuple(slices))
 
@@ -207,44 +206,44 @@ class Tuning(Document, Comparable, kw_only=True):
         return f"Tuning({self.controller.file}, {len(self.trials)} trials: {best_words(self)})"
 
 
-def best_words(found: Tuning) -> str:
+def best_words(tuning: Tuning) -> str:
     """The best candidate and its V."""
-    if found.best is None:
+    if tuning.best is None:
         return "none holds A1-A3"
-    return f"V = {number(found.best.cost)} with {assignments(found.best.trial.values)}"
+    return f"V = {number(tuning.best.cost)} with {assignments(tuning.best.trial.values)}"
 
 
-def _parameters(found: Tuning) -> Table:
+def _parameters(tuning: Tuning) -> Table:
     """What varies: name, value at the start, value of the best, range, and importance."""
-    best, first = found.best, found.trials[0].values
+    best, first = tuning.best, tuning.trials[0].values
     rows = tuple(
         (
             name,
             Value(first[name], given=True),
             None if best is None else Value(best.trial.values[name], given=True),
-            f"{own.low:g} to {own.high:g}{' log' if own.log else ''}",
-            found.importance.get(name),
+            f"{span.low:g} to {span.high:g}{' log' if span.log else ''}",
+            tuning.importance.get(name),
         )
-        for name, own in found.vary.items()
+        for name, span in tuning.vary.items()
     )
     columns = tuple(map(Column, ("parameter", "start", "best", "range", "importance")))
     return Table("Parameters", columns, rows, caption="In the units of the FMU. best.toml holds the best values.")
 
 
-def _best(found: Tuning) -> Table:
+def _best(tuning: Tuning) -> Table:
     """Where V of the best candidate was measured, and what it is there."""
-    best = found.best
+    best = tuning.best
     assert best is not None
     words = [f"{', '.join(best.strict_broken)} fails"] if best.strict_broken else []
     words += [f"{', '.join(best.strict_not_judged)} not judged"] if best.strict_not_judged else []
     passed = False if best.strict_broken else None if best.strict_not_judged else True
     hold = VerdictCell(True, "hold")
     rows: tuple[tuple[Cell, ...], ...] = (
-        (f"{found.protocol}, seed {found.seed}", best.cost, hold),
-        (f"{found.protocol}, other seeds", Value(best.seeds.mean, best.seeds.deviation), None),
+        (f"{tuning.protocol}, seed {tuning.seed}", best.cost, hold),
+        (f"{tuning.protocol}, other seeds", Value(best.seeds.mean, best.seeds.deviation), None),
         ("strict list", best.strict, VerdictCell(passed, ", ".join(words) or "hold")),
-        (f"{found.objective}, as it was tuned", best.trial.cost, hold),
-        (f"{found.objective}, other draws", Value(best.held_out.mean, best.held_out.deviation), None),
+        (f"{tuning.objective}, as it was tuned", best.trial.cost, hold),
+        (f"{tuning.objective}, other draws", Value(best.held_out.mean, best.held_out.deviation), None),
     )
     caption = (
         "Mean ± standard deviation where there are several. If V as it was tuned is far below V with other draws, the "
@@ -257,28 +256,28 @@ NEAREST = 3
 """Candidates that are listed where none holds A1 to A3."""
 
 
-def _nearest(found: Tuning) -> Table:
+def _nearest(tuning: Tuning) -> Table:
     """The candidates of the lowest objectives, and what failed, where none holds A1 to A3."""
-    judged = {each.trial: each for each in found.judged}
+    judged = {candidate.trial: candidate for candidate in tuning.judged}
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            each.number,
-            each.objective,
-            each.cost,
-            failure_words(each) or "none",
-            ", ".join(judged[each.number].broken) or "none" if each.number in judged else "not tried",
-            assignments(each.values),
+            trial.number,
+            trial.objective,
+            trial.cost,
+            failure_words(trial) or "none",
+            ", ".join(judged[trial.number].broken) or "none" if trial.number in judged else "not tried",
+            assignments(trial.values),
         )
-        for each in _ranked(found)[:NEAREST]
+        for trial in _ranked(tuning)[:NEAREST]
     )
-    columns = tuple(map(Column, ("trial", "objective", "V", f"fails in {found.objective}", f"in {found.protocol}")))
+    columns = tuple(map(Column, ("trial", "objective", "V", f"fails in {tuning.objective}", f"in {tuning.protocol}")))
     caption = "In brackets: the largest limit cycle relative to what A3 allows."
     return Table("Nearest to holding A1 to A3", (*columns, Column("values", minor=True)), rows, caption=caption)
 
 
-def _ranked(found: Tuning) -> list[Trial]:
+def _ranked(tuning: Tuning) -> list[Trial]:
     """The trials that were not cut short, that of the lowest objective first."""
-    return sorted((each for each in found.trials if not each.cut_short), key=lambda each: each.objective)
+    return sorted((trial for trial in tuning.trials if not trial.cut_short), key=lambda trial: trial.objective)
 
 
 def failure_words(candidate: Trial) -> str:
@@ -287,20 +286,20 @@ def failure_words(candidate: Trial) -> str:
     return candidate.message or ", ".join(words)
 
 
-def _nearest_words(found: Tuning) -> str:
+def _nearest_words(tuning: Tuning) -> str:
     """What came closest to holding A1 to A3, and why it does not hold."""
-    judged = {each.trial: each for each in found.judged}
-    nearest = next(iter(_ranked(found)), None)
+    judged = {candidate.trial: candidate for candidate in tuning.judged}
+    nearest = next(iter(_ranked(tuning)), None)
     if nearest is None:
         return ""
     lead = f"Nearest: trial {nearest.number}, objective {number(nearest.objective)}, V = {number(nearest.cost)}."
-    told = [f"It fails in {found.objective}: {words}."] if (words := failure_words(nearest)) else []
+    told = [f"It fails in {tuning.objective}: {words}."] if (words := failure_words(nearest)) else []
     if nearest.number in judged:
-        told += [f"{each}." for each in judged[nearest.number].reasons]
+        told += [f"{reason}." for reason in judged[nearest.number].reasons]
     return " ".join((lead, *told))
 
 
-def _judged(found: Tuning) -> Table:
+def _judged(tuning: Tuning) -> Table:
     """The candidates that were tried on the whole protocol."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
@@ -309,20 +308,20 @@ def _judged(found: Tuning) -> Table:
             row.cost,
             row.worst_cost,
             VerdictCell(not row.broken, ", ".join(row.broken) or "none"),
-            assignments(found.trials[row.trial].values),
+            assignments(tuning.trials[row.trial].values),
         )
-        for row in found.judged
+        for row in tuning.judged
     )
     columns = tuple(map(Column, ("trial", "after trials", "V", "V found", "fails", "values")))
     caption = "V found: with the largest values of a search for the worst case, where one was made."
     return Table("Candidates in the whole protocol", columns, rows, caption=caption)
 
 
-def _added(found: Tuning) -> Part:
+def _added(tuning: Tuning) -> Part:
     """The cases that were added to the objective, as commands."""
     pairs = [
         (f"after {row.after} trials, from trial {row.trial}", command)
-        for row in found.judged
+        for row in tuning.judged
         for command in row.commands
     ]
     if not pairs:
@@ -330,33 +329,35 @@ def _added(found: Tuning) -> Part:
     return Commands("what was added to the objective", tuple(pairs))
 
 
-def _facts(found: Tuning) -> Iterator[tuple[str, str]]:
+def _facts(tuning: Tuning) -> Iterator[tuple[str, str]]:
     """How the answer was obtained."""
-    robust = f", and a search with a budget of {found.robust} whole cases" if found.robust else ""
-    yield from head_facts(found.head)
-    yield "Objective", f"protocol {found.objective}"
-    yield "Candidates judged", f"{len(found.judged)}, in the protocol {found.protocol}, seed {found.seed}{robust}"
-    yield "Trials", f"{len(found.trials)}, {sum(trial.cut_short for trial in found.trials)} of them cut short"
-    yield "Sampler", f"{found.sampler}, seed {found.search_seed}"
+    robust = f", and a search with a budget of {tuning.robust} whole cases" if tuning.robust else ""
+    yield from head_facts(tuning.head)
+    yield "Objective", f"protocol {tuning.objective}"
+    yield "Candidates judged", f"{len(tuning.judged)}, in the protocol {tuning.protocol}, seed {tuning.seed}{robust}"
+    yield "Trials", f"{len(tuning.trials)}, {sum(trial.cut_short for trial in tuning.trials)} of them cut short"
+    yield "Sampler", f"{tuning.sampler}, seed {tuning.search_seed}"
 
 
-def tuning_remarks(found: Tuning) -> list[str]:
+def tuning_remarks(tuning: Tuning) -> list[str]:
     """What a reader must know of a tuning."""
-    best, remarks = found.best, carry_over(found.head)
+    best, remarks = tuning.best, carry_over(tuning.head)
     if best is None:
-        count = len(found.judged)
+        count = len(tuning.judged)
         tried = f"None of the {count} candidates that were" if count > 1 else "The candidate that was"
         none = f"{tried} tried on the whole protocol {'holds' if count > 1 else 'does not hold'} A1-A3."
-        return [none, *filter(None, [_nearest_words(found)])]
+        return [none, *filter(None, [_nearest_words(tuning)])]
     if best.overfitted:
-        own, others = number(best.trial.cost), mean_words(best.held_out)
-        remarks.append(f"Overfitted: V of the objective is {own}, but {others} with other draws of systems and noise.")
+        tuned, others = number(best.trial.cost), mean_words(best.held_out)
+        remarks.append(
+            f"Overfitted: V of the objective is {tuned}, but {others} with other draws of systems and noise."
+        )
     if best.strict_broken:
         remarks.append(
             f"On the strict list {', '.join(best.strict_broken)} fails; the candidates were "
-            f"{'tried on' if found.robust else 'not tried with'} the worst cases of a search."
+            f"{'tried on' if tuning.robust else 'not tried with'} the worst cases of a search."
         )
-    ends = [name for name, own in found.vary.items() if not NEAR < own.place(best.trial.values[name]) < 1.0 - NEAR]
+    ends = [name for name, span in tuning.vary.items() if not NEAR < span.place(best.trial.values[name]) < 1.0 - NEAR]
     if ends:
         remarks.append(f"At an end of its range: {', '.join(ends)}.")
     return remarks

@@ -71,6 +71,7 @@ def history(
     axis = bounded("Objective", [target, *(trial.objective for trial in trials)])
     least, steps = math.inf, []
     for trial in trials:
+        # Of what was cut short A1 to A3 were not tested: its objective is a lower bound alone.
         least = least if trial.cut_short else min(least, trial.objective)
         steps.append(_on(axis, least) if math.isfinite(least) else None)
     numbers = [float(trial.number) for trial in trials]

@@ -1,11 +1,16 @@
-"""The certificate of a verification, typed to the last field: what ``verification.json`` holds."""
+"""The certificate of a verification, typed to the last field: what ``verification.json`` holds; and the standard
+conditions: only what was found under these is compared with one another."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
+from ..benchmark import protocol as protocols
+from ..benchmark.cases import cases as cases_of
 from ..benchmark.certificate import (
     CaseEnding,
     CheckedCase,
@@ -19,6 +24,8 @@ from ..benchmark.certificate import (
     seeds,
 )
 from ..benchmark.draws import Entropy
+from ..benchmark.protocol import Protocol
+from ..benchmark.results import rules
 from ..codec import Natural, plain
 from ..loop.trajectory import Status
 from ..views.plot import Axis, Level, Line, Plot, hue
@@ -37,12 +44,16 @@ from ..views.table import (
 from ..views.units import SHOWN
 from .commands import Setting, case_command, in_draw
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
-from .facts import head_facts
 from .files import REPORT, VERIFICATION
-from .reasons import Reason, failure_notes, reason_notes, reason_text
+from .head import Head
 from .scorecard import criterion_column
-from .standard import STRICT, deviations
-from .wording import REQUIREMENTS
+from .wording import REQUIREMENTS, Reason, failure_notes, head_facts, reason_notes, reason_text
+
+PROTOCOL, STRICT, COUNT = "verification", "strict-verification", 3
+"""The protocol of the draws, that of the worst poses, and the number of draws."""
+
+USUAL = ("DiagonalPID", "TunedPID")
+"""The references, which take the least time."""
 
 VERIFY_AGAIN = "to run it again, verify again"
 
@@ -96,10 +107,15 @@ class Verification(Document, Comparable, kw_only=True):
     def completeness(self) -> Completeness:
         """See :attr:`.Document.completeness`: by the controller's own cases, and by whether the references are
         judged."""
-        own = [score for score in (self, self.strict) if score is not None]
-        beside = [score for each in self.references.values() for score in (each, each.strict) if score is not None]
-        tallies = (entry.tally for score in (*own, *beside) for entry in score.requirements.values())
-        return completeness([case for score in own for case in score.cases], tallies)
+        scores = [score for score in (self, self.strict) if score is not None]
+        beside = [
+            score
+            for reference in self.references.values()
+            for score in (reference, reference.strict)
+            if score is not None
+        ]
+        tallies = (entry.tally for score in (*scores, *beside) for entry in score.requirements.values())
+        return completeness([case for score in scores for case in score.cases], tallies)
 
     @property
     def finished(self) -> bool:
@@ -110,18 +126,18 @@ class Verification(Document, Comparable, kw_only=True):
     @property
     def deviations(self) -> tuple[str, ...]:
         """By what it was not made under the standard conditions, in words; nothing if it was."""
-        found = list(deviations(self.head, len(self.draws), self.cases, self.strict, self.references))
+        unusual = list(deviations(self.head, len(self.draws), self.cases, self.strict, self.references))
         if not self.sandbox:
-            found.append("the controller had no sandbox")
+            unusual.append("the controller had no sandbox")
         if len(self.checked) < CHECKED:
-            found.append(f"fewer than {CHECKED} cases were checked by the second checker")
+            unusual.append(f"fewer than {CHECKED} cases were checked by the second checker")
         if not self.clean:
-            found.append("the interpreter was not clean")
+            unusual.append("the interpreter was not clean")
         if self.entropy.beacon is not None and not self.entropy.beacon.confirmed:
-            found.append("the signature of the beacon was not checked")
+            unusual.append("the signature of the beacon was not checked")
         if self.repetitions:
-            found.append(f"{self.repetitions} verifications were begun before, with other draws")
-        return tuple(found)
+            unusual.append(f"{self.repetitions} verifications were begun before, with other draws")
+        return tuple(unusual)
 
     @property
     def rank(self) -> Rank:
@@ -132,11 +148,11 @@ class Verification(Document, Comparable, kw_only=True):
 
     def row(self, first: Comparable | None, others: Sequence[tuple[str, Comparable]]) -> Row:
         """Mean and standard deviation of V and the criteria, and the verdicts."""
-        found: list[tuple[Column, Cell]] = [(Column("draws"), len(self.draws))]
-        found.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.sd)))
-        for name, each in self.criteria.items():
-            found.append((criterion_column(name, each.unit), Value(each.mean, each.sd)))
-        return *found, *((Column(name), VerdictCell(held.passed)) for name, held in self.requirements.items())
+        cells: list[tuple[Column, Cell]] = [(Column("draws"), len(self.draws))]
+        cells.append((Column("V", best="smallest"), Value(self.cost.mean, self.cost.sd)))
+        for name, criterion in self.criteria.items():
+            cells.append((criterion_column(name, criterion.unit), Value(criterion.mean, criterion.sd)))
+        return *cells, *((Column(name), VerdictCell(held.passed)) for name, held in self.requirements.items())
 
     def summary(self) -> Summary:
         """The figures over the draws, and those on the list of worst cases, beside those of the references."""
@@ -152,10 +168,12 @@ class Verification(Document, Comparable, kw_only=True):
         parts: list[Part] = [Facts("This verification", told, ("SHA-256",))]
         parts.append(_table("Mean ± standard deviation over the draws", self, self.references))
         if self.strict is not None:
-            known = {name: each.strict for name, each in self.references.items() if each.strict is not None}
-            parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, known))
+            beside = {
+                name: reference.strict for name, reference in self.references.items() if reference.strict is not None
+            }
+            parts.append(_table("The worst poses of strict, moved by the first draw", self.strict, beside))
         tried: dict[str, Verification | Reference] = {self.controller.file: self, **self.references}
-        series = tuple(_over_draws(name, each.draws, order) for order, (name, each) in enumerate(tried.items()))
+        series = tuple(_over_draws(name, score.draws, order) for order, (name, score) in enumerate(tried.items()))
         levels = (Level(self.rules.cost.target, "target"),)
         parts.append(Plot("draws-plot", "V over the draws", Axis("draw"), Axis("V"), series, levels))
         listed = (*self.cases, *(self.strict.cases if self.strict else ()))
@@ -171,37 +189,78 @@ class Verification(Document, Comparable, kw_only=True):
     def _problem(self) -> str:
         drawn = tuple(draw.seed for draw in self.draws)
         tried: tuple[Verification | Reference, ...] = (self, *self.references.values())
-        if not drawn or any(tuple(draw.seed for draw in each.draws) != drawn for each in tried):
+        if not drawn or any(tuple(draw.seed for draw in score.draws) != drawn for score in tried):
             return "its controllers have other draws than it"
         if self.entropy.problem:
             return self.entropy.problem
+        # Who could choose the draws could try many and keep the best ones.
         if seeds(self.entropy.value, self.controller.sha256, len(drawn), self.repetitions) != drawn:
             return "its draws do not follow from its entropy and its FMU"
-        if any(each.cost != figure((draw.seed, draw.cost) for draw in each.draws) for each in tried):
+        if any(score.cost != figure((draw.seed, draw.cost) for draw in score.draws) for score in tried):
             return "a V is not that of its draws"
-        scores: tuple[Verification | Score, ...] = (*tried, *(each.strict for each in tried if each.strict))
-        if any(each.requirements.keys() != REQUIREMENTS.keys() for each in scores):
+        scores: tuple[Verification | Score, ...] = (*tried, *(score.strict for score in tried if score.strict))
+        # Who leaves a requirement out meets all that are left.
+        if any(score.requirements.keys() != REQUIREMENTS.keys() for score in scores):
             return "a score lacks a requirement, or has one that there is not"
-        known = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}
-        if any({name: (c.unit, c.target) for name, c in each.criteria.items()} != known for each in scores):
+        targets = {name: (entry.unit, entry.target) for name, entry in self.rules.criteria.items()}
+        if any({name: (c.unit, c.target) for name, c in score.criteria.items()} != targets for score in scores):
             return "its criteria are not those of its rules"
         weights = {name: entry.weight / entry.target for name, entry in self.rules.criteria.items()}
-        if not all(_adds_up(each, weights) for each in scores):
+        if not all(_adds_up(score, weights) for score in scores):
             return "a V is not the sum of its criteria"
-        if any({case.seed for case in each.cases} - {*drawn} for each in scores):
+        if any({case.seed for case in score.cases} - {*drawn} for score in scores):
             return "a case is of no draw"
-        if any(each.complete != all(case.simulated for case in each.cases) for each in scores):
+        if any(score.complete != all(case.simulated for case in score.cases) for score in scores):
             return "it is complete or not, other than its cases"
-        if any(not each.difference <= each.bound for case in self.checked for each in case.differences):
+        if any(not quantity.difference <= quantity.bound for case in self.checked for quantity in case.differences):
             return "the second checker does not agree"
-        if any(entry.passed != entry.tally.passed for each in scores for entry in each.requirements.values()):
+        if any(entry.passed != entry.tally.passed for score in scores for entry in score.requirements.values()):
             return "a verdict is not that of its tally"
         return ""
 
 
+def deviations(
+    head: Head, draws: int, cases: Sequence[CaseEnding], strict: Score | None, references: Collection[str]
+) -> tuple[str, ...]:
+    """By what a verification differs from the standard, in words; nothing if it does not."""
+    standard, plant, controller = protocols.load(PROTOCOL), head.plant, head.controller
+    worst = () if strict is None else strict.cases
+    holds = {
+        f"the benchmark is {head.benchmark}, not {standard.benchmark}": head.benchmark == standard.benchmark,
+        f"the protocol is not {PROTOCOL} as it comes with the benchmark": (head.protocol, head.protocol_file)
+        == (PROTOCOL, "")
+        and head.rules == rules(standard)
+        and _all_there(standard, cases, draws),
+        f"there are {draws} draws, not {COUNT}": draws == COUNT,
+        f"the cases of {STRICT} are not all there": _all_there(protocols.load(STRICT), worst, 1),
+        f"the references are not {' and '.join(USUAL)}": set(references) >= set(USUAL),
+        # The draws do not follow from these: they could be chosen after the draws are known.
+        f"parameters of the controller are set: {', '.join(controller.parameters)}": not controller.parameters,
+        f"connectors of the controller are mapped: {', '.join(controller.mapping)}": not controller.mapping,
+        "the plant is not that of the benchmark": plant.build in ("python", "native")
+        and not plant.parameters
+        and plant.nominal == NOMINAL,
+        "the controller samples at another rate than the benchmark": head.sample_time.as_in_benchmark
+        and head.sample_time.seconds == float(standard.loop.sample_time),
+    }
+    return tuple(words for words, kept in holds.items() if not kept)
+
+
+def _all_there(protocol: Protocol, cases: Sequence[CaseEnding], draws: int) -> bool:
+    """Whether each of so many draws has every case of ``protocol`` once."""
+    by_draw: dict[int, list[str]] = {}
+    for case in cases:
+        by_draw.setdefault(case.seed, []).append(case.id)
+    return len(by_draw) == draws and all(sorted(ids) == sorted(_ids(protocol)) for ids in by_draw.values())
+
+
+def _ids(protocol: Protocol) -> list[str]:
+    return [case.id for case in cases_of(protocol, NOMINAL, 0)]
+
+
 def _adds_up(score: Verification | Score, weights: Mapping[str, float]) -> bool:
     """Whether V is what its criteria give, up to rounding."""
-    means = [each.mean for each in score.criteria.values()]
+    means = [criterion.mean for criterion in score.criteria.values()]
     if score.cost.mean is None or None in means:
         return score.cost.mean is None
     total = sum(weight * (score.criteria[name].mean or 0.0) for name, weight in weights.items())
@@ -218,8 +277,8 @@ def differences(first: Verification, second: Verification) -> tuple[tuple[str, .
 
 def _flat(certificate: Verification) -> dict[str, Any]:
     """The fields, those of the head among them."""
-    found: dict[str, Any] = plain(certificate)
-    return {**found.pop("head"), **found}
+    fields: dict[str, Any] = plain(certificate)
+    return {**fields.pop("head"), **fields}
 
 
 def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
@@ -227,33 +286,40 @@ def _unequal(name: str, one: Any, other: Any) -> Iterator[str]:
         for key in (key for key in dict.fromkeys((*one, *other)) if key != WORDS):
             yield from _unequal(f"{name}.{key}", one.get(key), other.get(key))
     elif isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
-        for number, (own, its) in enumerate(zip(one, other, strict=True)):
-            yield from _unequal(f"{name}.{number}", own, its)
+        for number, (this, that) in enumerate(zip(one, other, strict=True)):
+            yield from _unequal(f"{name}.{number}", this, that)
     elif one != other:
         yield f"{name}: {one}, {other}"
 
 
-def verification_reasons(found: Verification) -> Iterator[Reason]:
+def verification_reasons(certificate: Verification) -> Iterator[Reason]:
     """The requirements of the controller over the draws and on the list of worst cases, and those of a reference that
     are not judged."""
-    yield from _own(found, found, found.head.protocol_file or found.protocol, f"in {{}} of {len(found.draws)} draws")
-    if found.strict is not None:
-        yield from _own(found, found.strict, STRICT, "on the worst poses")
-    for name, reference in found.references.items():
+    yield from _score_reasons(
+        certificate,
+        certificate,
+        certificate.head.protocol_file or certificate.protocol,
+        f"in {{}} of {len(certificate.draws)} draws",
+    )
+    if certificate.strict is not None:
+        yield from _score_reasons(certificate, certificate.strict, STRICT, "on the worst poses")
+    for name, reference in certificate.references.items():
         for where, score in (("over the draws", reference), ("on the worst poses", reference.strict)):
-            for each, entry in score.requirements.items() if score is not None else ():
+            for requirement, entry in score.requirements.items() if score is not None else ():
                 if entry.tally.interrupted:
-                    text = reason_text(f"{name}: {each}", entry.passed, where, entry.reason)
+                    text = reason_text(f"{name}: {requirement}", entry.passed, where, entry.reason)
                     yield Reason(text, advice=VERIFY_AGAIN)
 
 
-def _own(found: Verification, score: Verification | Score, protocol: str, where: str) -> Iterator[Reason]:
+def _score_reasons(
+    certificate: Verification, score: Verification | Score, protocol: str, where: str
+) -> Iterator[Reason]:
     for name, entry in score.requirements.items():
         if entry.passed is False and entry.worst_case is not None:
-            sample_time = found.sample_time.seconds
-            own = Setting(found.controller, found.plant, protocol, entry.worst_case.seed, sample_time)
+            sample_time = certificate.sample_time.seconds
+            setting = Setting(certificate.controller, certificate.plant, protocol, entry.worst_case.seed, sample_time)
             text = reason_text(name, False, where.format(entry.failed_draws), entry.reason)
-            yield Reason(text, case_command(own, entry.worst_case.id))
+            yield Reason(text, case_command(setting, entry.worst_case.id))
         elif not entry.passed:
             place = "" if "{" in where else where
             advice = VERIFY_AGAIN if entry.tally.interrupted else ""
@@ -266,26 +332,28 @@ def _over_draws(name: str, draws: Sequence[Draw], order: int) -> Line:
     return Line(name, x, y, hue(order), symbol="circle")
 
 
-def _table(title: str, found: Score | Verification, others: Mapping[str, Score]) -> Table:
-    scores = {"controller": found, **others}
+def _table(title: str, own_score: Score | Verification, others: Mapping[str, Score]) -> Table:
+    scores = {"controller": own_score, **others}
     columns = (Column(""), *map(Column, scores), Column("target"), Column("worst case"))
     rows: list[tuple[Cell, ...]] = []
-    for name, entry in found.criteria.items():
+    for name, entry in own_score.criteria.items():
         unit = SHOWN[entry.unit]
-        own = (Value(score.criteria[name].mean, score.criteria[name].sd, unit) for score in scores.values())
-        rows.append((Quantity(name, unit), *own, Value(entry.target, unit=unit), _worst(entry)))
-    target = sum(spec.weight for spec in found.rules.criteria.values()) if isinstance(found, Verification) else None
+        values = (Value(score.criteria[name].mean, score.criteria[name].sd, unit) for score in scores.values())
+        rows.append((Quantity(name, unit), *values, Value(entry.target, unit=unit), _worst(entry)))
+    target = (
+        sum(spec.weight for spec in own_score.rules.criteria.values()) if isinstance(own_score, Verification) else None
+    )
     rows.append(("V", *(Value(score.cost.mean, score.cost.sd) for score in scores.values()), target, None))
-    for name, held in found.requirements.items():
+    for name, held in own_score.requirements.items():
         rows.append((name, *(_verdict(score.requirements[name]) for score in scores.values()), None, _worst(held)))
     return Table(title, columns, tuple(rows))
 
 
-def _worst(found: CriterionOverDraws | RequirementOverDraws) -> str:
-    worst = found.worst_case
+def _worst(entry: CriterionOverDraws | RequirementOverDraws) -> str:
+    worst = entry.worst_case
     return in_draw(worst.id, worst.seed) if worst else "-"
 
 
-def _verdict(found: RequirementOverDraws) -> VerdictCell:
-    draws = f" in {found.failed_draws}" if found.failed_draws else ""
-    return VerdictCell(found.passed, VERDICTS[found.passed] + draws)
+def _verdict(requirement: RequirementOverDraws) -> VerdictCell:
+    draws = f" in {requirement.failed_draws}" if requirement.failed_draws else ""
+    return VerdictCell(requirement.passed, VERDICTS[requirement.passed] + draws)

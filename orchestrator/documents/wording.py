@@ -1,18 +1,22 @@
-"""How values are put into words and units, the paper's: in the terminal, in pages and in figures alike."""
+"""What all outputs say in words: values in the paper's units, how a document was made, what a reader must know, and why
+requirements are not met or not judged."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
 from ..codec import Scalar
 from ..loop.carry_over import WORDS, CarryOver
+from ..loop.trajectory import Status
 from ..text import shortened
+from ..views.table import VERDICTS, Note
 from ..views.units import number
 from .head import ControllerRecord, Head
 from .results import LoopDelay, Results
@@ -29,6 +33,9 @@ MOST_NAMED = 5
 
 SEED_MATTERS = "V depends on the seed"
 """What is said of protocols with few cases."""
+
+SHOWN_FAILURES = 3
+"""Cases that failed whose messages a summary shows."""
 
 NO_UNIT = re.compile(r"(?:.*: )?(.+) declares no unit; taken as (.+)")
 
@@ -81,8 +88,8 @@ def loop_delay(delay: LoopDelay) -> str:
 
 def computing_time(results: Results) -> str:
     """The controller's computing time against its sample time."""
-    found = results.timing.computing_time
-    return "not measured" if found is None else f"{found.text} of {results.sample_time.seconds * 1e6:g} µs"
+    time = results.timing.computing_time
+    return "not measured" if time is None else f"{time.text} of {results.sample_time.seconds * 1e6:g} µs"
 
 
 def connectors(controller: ControllerRecord) -> str:
@@ -132,8 +139,8 @@ def collapsed(notes: Iterable[str]) -> list[str]:
     others: list[str] = []
     taken: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
-        if found := NO_UNIT.fullmatch(note):
-            taken.setdefault(found[2], []).append(found[1])
+        if unitless := NO_UNIT.fullmatch(note):
+            taken.setdefault(unitless[2], []).append(unitless[1])
         else:
             others.append(note)
     parts = (f"{', '.join(names)} (taken as {unit})" for unit, names in taken.items())
@@ -154,38 +161,93 @@ def carry_over(head: Head) -> list[str]:
     """What a reader must know of how the simulations were kept apart."""
     if not head.carry_over.separates:
         return []
-    known = f"{head.controller.file}: {WORDS[head.carry_over]}"
+    cause = f"{head.controller.file}: {WORDS[head.carry_over]}"
     if head.carry_over is CarryOver.RANDOM:
-        return [f"{known}. These results cannot be repeated."]
-    return [f"{known}. Each simulation had a process of its own."]
+        return [f"{cause}. These results cannot be repeated."]
+    return [f"{cause}. Each simulation had a process of its own."]
 
 
 def remarks(results: Results) -> list[str]:
     """What a reader must know before comparing the figures with others."""
-    found = carry_over(results.head)
+    sentences = carry_over(results.head)
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"
-        found.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
+        sentences.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
     if not results.complete:
-        found.append(f"Incomplete: {incomplete(results)}.")
+        sentences.append(f"Incomplete: {incomplete(results)}.")
     if reason := without_cost(results):
-        found.append(f"No cost V: {reason}.")
+        sentences.append(f"No cost V: {reason}.")
     if not results.sample_time.as_in_benchmark:
-        found.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
+        sentences.append(f"Sample time {results.sample_time.seconds * 1e3:g} ms, not the benchmark's: not comparable.")
     if results.protocol != "paper":
         others = "not comparable to the paper nor to other protocols"
-        found.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
+        sentences.append(f"Protocol {results.protocol}: {others}; {SEED_MATTERS}.")
     bound = (entry for entry in results.controller.connectors.values() if entry is not None)
     notes = collapsed(note for entry in bound for note in entry.notes)
-    found += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
+    sentences += [f"{note[0].upper()}{note[1:]}." for note in notes if note]
     start = [name for name in results.controller.held if name not in results.controller.parameters]
     if start:
         more = f" and {len(start) - MOST_NAMED} more" if len(start) > MOST_NAMED else ""
         kept = f"{', '.join(start[:MOST_NAMED])}{more}"
-        found.append(f"Nothing drives the controller's input {kept}: it kept its start value.")
+        sentences.append(f"Nothing drives the controller's input {kept}: it kept its start value.")
     if results.plant.path:
-        found.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
+        sentences.append(f"The plant is {results.plant.file}, not the benchmark's: not comparable.")
     if changes := assignments(results.plant.parameters):
-        found.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
-    return found
+        sentences.append(f"The plant's nominal parameters were changed ({changes}): not comparable.")
+    return sentences
+
+
+def head_facts(head: Head) -> Iterator[tuple[str, str]]:
+    """The facts of a head."""
+    controller, plant, timing, sample_time = head.controller, head.plant, head.timing, head.sample_time
+    processes = "1 process" if timing.workers == 1 else f"{timing.workers} processes"
+    yield "Controller", controller.file
+    yield "Parameters set", assignments(controller.parameters) or "none"
+    yield "Connectors", connectors(controller)
+    yield "FMI version", controller.fmi_version
+    yield "Made by", controller.generation_tool or "not stated"
+    yield "SHA-256", controller.sha256
+    yield "Benchmark", f"{head.benchmark}, protocol {head.protocol}"
+    yield "Seed", "several" if head.seed is None else str(head.seed)
+    yield "Sample time", f"{sample_time.seconds * 1e3:g} ms" + ("" if sample_time.as_in_benchmark else " (own)")
+    yield "Plant", f"{plant.file} ({plant.build}), SHA-256 {plant.sha256}"
+    yield "Its parameters set", assignments(plant.parameters) or "none"
+    yield "Simulations", f"{timing.simulations}, {timing.simulated_time:.0f} simulated seconds"
+    yield "Run", f"{timing.start}, {timing.wall_time:.0f} s on {processes}"
+    if head.command:
+        yield "Command", head.command
+    yield "Versions", ", ".join(f"{name} {version}" for name, version in head.environment.items())
+
+
+class Reason(NamedTuple):
+    """Why a requirement is not met, with the ``command`` that repeats its worst case, or is not judged."""
+
+    text: str
+    command: str = ""
+    advice: str = ""
+
+    def __str__(self) -> str:
+        """The whole line."""
+        return "; ".join(filter(None, (self.text, self.command and f"repeat with {self.command}", self.advice)))
+
+
+def reason_text(name: str, passed: bool | None, where: str, why: str) -> str:
+    """The verdict on a requirement, where it was found, and why."""
+    return f"{' '.join(filter(None, (name, VERDICTS[passed], where)))}: {why}"
+
+
+def reason_notes(reasons: Iterable[Reason]) -> tuple[Note, ...]:
+    """The reasons as lines of a summary."""
+    return tuple(Note(str(reason), warning=False) for reason in reasons)
+
+
+def failure_notes(failed: Sequence[tuple[str, Status, str]], file: str) -> tuple[Note, ...]:
+    """The names, statuses and messages of the first cases that ``failed``; ``file`` has the others."""
+    notes = [Note(f"{name}: {status.value}: {message}") for name, status, message in failed[:SHOWN_FAILURES]]
+    more = (
+        [Note(f"... and {len(failed) - SHOWN_FAILURES} more; see {file}.", warning=False)]
+        if len(failed) > SHOWN_FAILURES
+        else []
+    )
+    return *notes, *more

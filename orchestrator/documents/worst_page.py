@@ -18,10 +18,9 @@ from ..views.table import (
     VerdictCell,
 )
 from ..views.units import MILLISECOND, NONE, SHOWN, number
-from .facts import head_facts
 from .head import Head
 from .recording import BESIDE, Recording
-from .wording import REQUIREMENTS
+from .wording import REQUIREMENTS, head_facts
 
 NO_PROOF = (
     "Each failure comes with a command that reproduces it. If the search finds no failure, the controller may still "
@@ -63,7 +62,7 @@ def facts(
 
 def largest(
     rules: Rules,
-    found: Mapping[str, CriterionSearched],
+    criteria: Mapping[str, CriterionSearched],
     cost: float | None,
     listed: float | None,
     shown: Mapping[str, int],
@@ -71,20 +70,20 @@ def largest(
     """The largest values of the criteria, beside those of the protocol's list and the targets."""
     columns = (Column(""), Column("value"), Column("of the list"), Column("target"), Column("largest"), Column("case"))
     rows: list[tuple[Cell, ...]] = []
-    for name, entry in found.items():
+    for name, entry in criteria.items():
         unit, worst = SHOWN[entry.unit], entry.worst_case
         most: Cell = "unstable" if worst.value is None and worst.command else Value(worst.value, unit=unit)
         words = "show" if name in shown else "command" if worst.command else "-"
-        own = (Value(each, unit=unit) for each in (entry.value, entry.protocol, rules.criteria[name].target))
-        rows.append((Quantity(name, unit), *own, most, Link(words, worst.command, shown.get(name))))
+        values = (Value(value, unit=unit) for value in (entry.value, entry.protocol, rules.criteria[name].target))
+        rows.append((Quantity(name, unit), *values, most, Link(words, worst.command, shown.get(name))))
     total = ("V", Value(cost), Value(listed), rules.cost.target, None, None)
     return Table("Largest values found", columns, tuple(rows), (total,), VALUE)
 
 
-def requirements(rules: Rules, found: Mapping[str, RequirementSearched], shown: Mapping[str, int]) -> Table:
+def requirements(rules: Rules, searched: Mapping[str, RequirementSearched], shown: Mapping[str, int]) -> Table:
     """What the requirements came to."""
     rows: list[tuple[Cell, ...]] = []
-    for name, entry in found.items():
+    for name, entry in searched.items():
         tests = [test for test in rules.tests if name in test.requirements and not test.repeats]
         title = REQUIREMENTS[name].format(gain=tests[0].gain, delay=tests[0].delay * 1e3, axis="1 or 2")
         words = "fails" if entry.passed is False else "no failure found" if entry.passed else "not judged"
@@ -95,16 +94,20 @@ def requirements(rules: Rules, found: Mapping[str, RequirementSearched], shown: 
     return Table("Requirements", columns, tuple(rows), caption=NO_PROOF)
 
 
-def ending(found: RequirementSearched) -> str:
+def ending(requirement: RequirementSearched) -> str:
     """What the worst case of a requirement came to."""
-    if found.passed:
-        return f"nearest: {found.kind}, {number(found.limit_cycle, 1e6)} µm"
-    if found.passed is None:
+    if requirement.passed:
+        return f"nearest: {requirement.kind}, {number(requirement.limit_cycle, 1e6)} µm"
+    if requirement.passed is None:
         return "simulations were skipped or lost"
-    if found.status not in (Status.DONE, Status.UNSTABLE):
-        return f"a simulation ended with {found.status.value}"
-    cycle = f", {number(found.limit_cycle, 1e6)} µm at {number(found.frequency)} Hz" if found.limit_cycle else ""
-    return f"{found.kind}{cycle}, with {found.seeds_failed} of {found.seeds_tried} seeds"
+    if requirement.status not in (Status.DONE, Status.UNSTABLE):
+        return f"a simulation ended with {requirement.status.value}"
+    cycle = (
+        f", {number(requirement.limit_cycle, 1e6)} µm at {number(requirement.frequency)} Hz"
+        if requirement.limit_cycle
+        else ""
+    )
+    return f"{requirement.kind}{cycle}, with {requirement.seeds_failed} of {requirement.seeds_tried} seeds"
 
 
 def margin_value(name: str, margin: Margin) -> Value:
@@ -119,8 +122,8 @@ def radius_values(radius: Radius | None) -> dict[str, Value]:
     """The two factors on the tolerances of Table 1 by name; none if there is no radius."""
     if radius is None:
         return {}
-    found = {"radius of V": radius.cost, "radius of A1-A3": radius.stability}
-    return {name: Value(radius.limit, beyond=">") if at is None else Value(at) for name, at in found.items()}
+    factors = {"radius of V": radius.cost, "radius of A1-A3": radius.stability}
+    return {name: Value(radius.limit, beyond=">") if at is None else Value(at) for name, at in factors.items()}
 
 
 def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | None) -> Table:
@@ -142,15 +145,19 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
 
 
 def commands(
-    found: Mapping[str, CriterionSearched],
+    criteria: Mapping[str, CriterionSearched],
     requirements: Mapping[str, RequirementSearched],
     margins: Mapping[str, Margin],
 ) -> Iterator[tuple[str, str]]:
     """Commands by what they repeat: failures first, then margins, then the largest values. A case that is the worst in
     several respects has one command."""
-    pairs = [(f"{name} fails", own.command) for name, own in requirements.items() if own.passed is False]
+    pairs = [
+        (f"{name} fails", requirement.command)
+        for name, requirement in requirements.items()
+        if requirement.passed is False
+    ]
     pairs += [(f"margin {name}", margin.command) for name, margin in margins.items()]
-    pairs += [(f"largest {name}", entry.worst_case.command) for name, entry in found.items()]
+    pairs += [(f"largest {name}", entry.worst_case.command) for name, entry in criteria.items()]
     named: dict[str, list[str]] = {}
     for name, command in pairs:
         if command:

@@ -17,7 +17,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Axis:
+class ArmAxis:
     """The motor, gear and link of one axis, Table 1."""
 
     j_m: float
@@ -42,14 +42,14 @@ class Axis:
 class Arm:
     """Both axes, and the acceleration of gravity [m/s^2]."""
 
-    axes: tuple[Axis, Axis]
+    axes: tuple[ArmAxis, ArmAxis]
     g: float
 
 
 def arm(parameters: Mapping[str, float]) -> Arm:
     """The arm with ``parameters`` by the names of the plant's FMU, such as ``m[1]``."""
-    names = Axis.__dataclass_fields__
-    one, two = (Axis(**{name: parameters[f"{name}[{axis}]"] for name in names}) for axis in (1, 2))
+    names = ArmAxis.__dataclass_fields__
+    one, two = (ArmAxis(**{name: parameters[f"{name}[{axis}]"] for name in names}) for axis in (1, 2))
     return Arm((one, two), parameters["g"])
 
 
@@ -76,7 +76,7 @@ def _drift(q: Array, dq: Array, first: float, second: float) -> Array:
     )
 
 
-def spring(axis: Axis, twist: Array) -> Array:
+def spring(axis: ArmAxis, twist: Array) -> Array:
     """Torque of the gear [N.m] at a twist q_a - q_m / n [rad], eq. (5): the integral of its stiffness, which grows with
     the square of the twist from k_low to k_high at psi, and stays there."""
     inner = np.clip(twist, -axis.psi, axis.psi)
@@ -85,7 +85,7 @@ def spring(axis: Axis, twist: Array) -> Array:
     return torque
 
 
-def friction(axis: Axis, speed: Array) -> Array:
+def friction(axis: ArmAxis, speed: Array) -> Array:
     """Torque [N.m] against a motor's ``speed`` [rad/s], eq. (8) with sech for the misprinted cosh^-1."""
     # cosh overflows a float64 from 710 on.
     falling = 1.0 / np.cosh(np.clip(axis.beta * speed, -700.0, 700.0))

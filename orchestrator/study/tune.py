@@ -11,10 +11,10 @@ from ..benchmark.protocol import names
 from ..benchmark.results import Requirement
 from ..documents.commands import simulate_command
 from ..documents.head import Head
-from ..documents.reasons import reason_text
 from ..documents.recording import BESIDE
 from ..documents.robustness import Robustness
 from ..documents.tuning import Best, Judged, Tuning
+from ..documents.wording import reason_text
 from ..entry import finite
 from ..errors import Crash, FmuError, InputError
 from ..pairing.controller import Controller

@@ -18,8 +18,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult, rules
 from ..benchmark.scorecard import score
 from ..cache import code_hash
-from ..documents.standard import COUNT, PROTOCOL, STRICT, USUAL
-from ..documents.verification import Verification
+from ..documents.verification import COUNT, PROTOCOL, STRICT, USUAL, Verification
 from ..errors import EnvironmentFault, InputError
 from ..execution.interpreter import is_clean
 from ..execution.supervision import NOT_BY_CONTROLLER

@@ -24,6 +24,7 @@ def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     """Rows as CSV; each number with as few digits as determine it exactly."""
     stream = io.StringIO()
     made = writer.writer(stream, lineterminator="\n")
+    # Headers are text of strangers, too: a sweep has a column for each parameter of an FMU.
     made.writerow(map(inert, header))
     made.writerows(map(inert, row) for row in rows)
     return stream.getvalue()

@@ -23,8 +23,10 @@ STYLE: Any = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.alpha": 0.3,
+    # Some publishers refuse the fonts of type 3 that Matplotlib embeds otherwise.
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
+    # Else the ids in a file are drawn at random, and equal figures have other bytes.
     "svg.hashsalt": "flexible-manipulator",
 }
 
@@ -114,10 +116,12 @@ def figure(
         for axes, one in zip(grid.flat, (one for row in rows for one in row), strict=True):
             draw(axes, one)
             if titles:
+                # A title may be the name of a file, in which a dollar begins no formula.
                 axes.set_title(printable(one.title), fontsize=font, parse_math=False)
             if not common and not titles:
                 _legend_above(axes)
             elif not common:
+                # To look for the best place among all samples of a simulation takes longer than to draw them.
                 axes.legend(loc="upper right") if axes.get_legend_handles_labels()[0] else None
         if together:
             for axes in grid[:-1].flat:
@@ -164,7 +168,7 @@ def _draw_series(axes: Axes, plot: Plot, series: Series, label: str, bars: Seque
                 **_marker(series.symbol, max(3.0, 0.9 * series.width), "w"),
                 label=label,
                 zorder=4 if series.above else 2 if series.faint else 3,
-                solid_capstyle="butt" if series.labels else "round",
+                solid_capstyle="butt" if series.labels else "round",  # a bar must not reach beyond its value
             )
             _draw_labels(axes, plot, series)
         case Scatter():
@@ -203,6 +207,7 @@ def _draw_labels(axes: Axes, plot: Plot, line: Line) -> None:
 def _draw_bars(axes: Axes, plot: Plot, series: Bars, label: str, bars: Sequence[Bars]) -> None:
     """Bars beside those of other names, or on those of one stack."""
     axis = plot.x if plot.flat else plot.y
+    # As NaN, a bar without a value would take those that stand on it along.
     values = np.nan_to_num(_shown(series.values, axis))
     stacks = list(dict.fromkeys(one.stack or one.name for one in bars))
     thick = SPAN / len(stacks)
@@ -245,6 +250,7 @@ def _scale(axes: Axes, plot: Plot) -> None:
             low, high = -0.5, len(axis.names) - 0.5
         axes.set(**{f"{name}lim": (high, low) if axis.inverse else (low, high)})
         if axis.unit == DEGREE:
+            # Steps of 15, 30, 45 or 90 degrees where they fit: 20 or 25 would miss -90.
             scale.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
         if axis.logarithmic and max(scale.get_view_interval()) < DECADES * min(scale.get_view_interval()):
             scale.set(major_locator=LogLocator(subs=(1, 2, 5)), minor_locator=NullLocator())
@@ -260,6 +266,7 @@ def _draw_heat(axes: Axes, heat: Heat, layer: Layer) -> None:
     low, high = heat.limits or (np.nanmin(values, initial=math.inf), np.nanmax(values, initial=-math.inf))
     if heat.around_zero:
         low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
+    # Where no cell has a value, the ends are infinite, the lower one above the upper.
     ends: Any = {} if low > high else {"vmin": low, "vmax": high}
     image = axes.imshow(values, aspect="auto", cmap="PuOr_r" if heat.around_zero else "viridis_r", **ends)
     axes.grid(False)
@@ -288,7 +295,7 @@ def symbols(words: str) -> str:
     underscore, and takes ``$`` for the beginning of a formula."""
     lines = (printable(line) for line in words.split("\n"))
     plain = (" " if words.startswith("_") else "") + "\n".join(lines).replace("$", r"\$")
-    return SYMBOL.sub(lambda found: "$" + found[1].replace("q̇", r"\dot{q}") + "_{" + found[2] + "}$", plain)
+    return SYMBOL.sub(lambda symbol: "$" + symbol[1].replace("q̇", r"\dot{q}") + "_{" + symbol[2] + "}$", plain)
 
 
 def _legend_above(axes: Axes) -> None:

@@ -66,11 +66,13 @@ class Pool:
     """Columns and texts of a page, each kept once, however many plots show it."""
 
     def __init__(self) -> None:
+        # Time plots, paths and the moving arm show the same columns of a recording.
         self.columns: dict[str, int] = {}
         self.texts: dict[str, int] = {}
 
     def column(self, values: np.ndarray) -> int:
         """The number of a column: base64 of little-endian single-precision numbers."""
+        # Recordings have single precision: more bytes would hold no more digits.
         data = np.ascontiguousarray(values, dtype="<f4").tobytes()
         return self.columns.setdefault(base64.b64encode(data).decode("ascii"), len(self.columns))
 
@@ -188,6 +190,7 @@ def _axis(axis: Axis, bars: bool) -> dict[str, Any]:
         "nameGap": 30,
         "nameTextStyle": {"color": "@soft", "fontSize": 13},
         "axisLabel": label,
+        # At zero it would cross plots whose values have both signs.
         "axisLine": {"show": True, "onZero": False, "lineStyle": {"color": "@soft"}},
         "splitLine": {"lineStyle": {"color": "@line"}},
         "inverse": axis.inverse,
@@ -199,8 +202,10 @@ def _axis(axis: Axis, bars: bool) -> dict[str, Any]:
         made["splitLine"] = {"show": False}
         count = len(axis.names)
         if bars:
+            # Else ECharts leaves out names where it finds too little room.
             label |= {"interval": 0}
             return made | {"type": "category", "data": list(axis.names)}
+        # A name stands at 0, 1, 2, ...: steps of a half from -0.5 on have a tick at each of these.
         return made | {"min": -0.5, "max": count - 0.5, "interval": 0.5, "axisTick": {"show": False}}
     # The end of an axis is seldom round: a label there would stand unevenly beside the others.
     if not axis.logarithmic:  # one that is has few labels
@@ -233,10 +238,12 @@ def _room(plot: Plot) -> dict[str, Any]:
 
 
 def _zoom(plot: Plot) -> list[dict[str, Any]]:
+    # The wheel alone scrolls the page: a chart in its way would stop it.
     inside: dict[str, Any] = {"type": "inside", "zoomOnMouseWheel": "ctrl", "moveOnMouseWheel": False}
     if not plot.zoom:
         return []
     if plot.square:
+        # As with the tools: filtering would break the path where it leaves the chart.
         return [{**inside, "filterMode": "none", f"{axis}AxisIndex": 0} for axis in "xy"]
     look = {"bottom": 10, "height": 22, "brushSelect": False, "labelPrecision": 2, "textStyle": {"color": "@soft"}}
     begin, end = _window(plot, plot.window)["x"] or (None, None)

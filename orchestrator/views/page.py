@@ -160,6 +160,7 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        # What is marked as safe is of a subclass of str, and stays as it is.
         finalize=lambda value: printable(value) if type(value) is str else value,
     )
     made.filters["number"] = number
@@ -191,6 +192,7 @@ def _policy(*scripts: str) -> str:
     hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     allowed = " ".join(f"'sha256-{value}'" for value in hashes)
     return (
+        # Templates set places and sizes by style attributes, whose values no hash can name beforehand.
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
     )

@@ -65,6 +65,9 @@ class Axis:
         return value * self.unit.factor
 
 
+# Arrays that are compared give arrays, not a truth value: what may hold some is equal to itself alone.
+
+
 @dataclass(frozen=True, eq=False)
 class Line:
     """Points joined by a line, or by steps that hold a value until the next one. Lines of one ``name`` share an entry

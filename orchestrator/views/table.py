@@ -90,13 +90,13 @@ class Table:
 
     def best(self, column: int) -> frozenset[int]:
         """The rows of the best value of a column, if it is one that has several, and not all of them are equal."""
-        wanted = self.columns[column].best
+        extreme = self.columns[column].best
         values = {place: plain(row[column]) for place, row in enumerate(self.rows) if place not in self.outside}
-        known = {place: value for place, value in values.items() if value is not None}
-        if not wanted or len(set(known.values())) < 2:
+        numbers = {place: value for place, value in values.items() if value is not None}
+        if not extreme or len(set(numbers.values())) < 2:
             return frozenset()
-        best = (min if wanted == "smallest" else max)(known.values())
-        return frozenset(place for place, value in known.items() if value == best)
+        best = (min if extreme == "smallest" else max)(numbers.values())
+        return frozenset(place for place, value in numbers.items() if value == best)
 
     def without(self, columns: Sequence[int]) -> Table:
         """The table without these columns."""
@@ -137,9 +137,9 @@ def shown(cell: Cell, unit: Unit) -> str:
     """A cell in words, its numbers in the unit they are shown in."""
     match cell:
         case Value():
-            own = cell.unit or unit
-            deviation = "" if cell.deviation is None else f" ± {number(cell.deviation, own.factor)}"
-            value = number(cell.value, own.factor, exact=cell.given)
+            unit = cell.unit or unit
+            deviation = "" if cell.deviation is None else f" ± {number(cell.deviation, unit.factor)}"
+            value = number(cell.value, unit.factor, exact=cell.given)
             return (f"{cell.beyond} " if cell.beyond else "") + value + deviation
         case VerdictCell():
             return cell.words or VERDICTS[cell.passed]

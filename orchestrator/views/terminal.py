@@ -35,6 +35,7 @@ def terminal(stderr: bool = False) -> Console:
     """Where all commands print to. Names like ":x:" stay what they are; see :data:`LOOK_ALIKES`."""
     codecs.register_error("look-alike", _look_alike)
     stream = sys.stderr if stderr else sys.stdout
+    # A notebook's stream is none, and takes every character.
     if isinstance(stream, io.TextIOWrapper):
         stream.reconfigure(errors="look-alike")
     return Console(stderr=stderr, emoji=False)
@@ -78,7 +79,7 @@ def grids(table: Table, width: int) -> Iterator[Grid]:
             )
         for row_number, row in enumerate(part.rows):
             cells = zip(part.columns, row, strict=True)
-            made.add_row(*(_cell(cell, own.unit, row_number in marked[own]) for own, cell in cells))
+            made.add_row(*(_cell(cell, column.unit, row_number in marked[column]) for column, cell in cells))
         if part.footer:
             made.add_section()
         for row in part.footer:
