@@ -55,16 +55,16 @@ BODIES = {
             x[Q_M:Q_M + 2] = record.outputs[round(t / h), :2]
 """,
     "forged": """
-        wanted = variable("wanted")
-        if t > 0.1 and hasattr(wanted, "protocol"):
+        task = variable("task")
+        if t > 0.1 and hasattr(task, "protocol"):
             from orchestrator.pairing.work import Digested, expected
             from orchestrator.benchmark.results import Judgement, Measurements
             from orchestrator.codec import pack
             from orchestrator.execution.messages import Finished, frame
-            names = expected(wanted.protocol, wanted.case)
+            names = expected(task.protocol, task.case)
             told = Measurements(**{name: True if name == "settled" else 0.0 for name in names})
-            value = Judgement(status="done", time=float(wanted.case.scenario.duration), measurements=told)
-            if variable("work").__name__ == "digest_case":
+            value = Judgement(status="done", time=float(task.case.scenario.duration), measurements=told)
+            if variable("work").__name__ in ("digest_case", "begin_case"):
                 value = Digested(value, bytes(32))
             value = pack(value)
             os.write(variable("channel"), frame(Finished(variable("index"), value, 0.1)))
