@@ -68,7 +68,7 @@ def design(bench: Benchmark, out: Path) -> Path:
     """The FMU ``out`` of the controllers for all poses of the protocol; the nearest one is used."""
     poses = sorted({(case.configuration.q_a1, case.configuration.q_a2) for case in bench.cases})
     models = [bench.linearize(q_a, "nominal", friction="sliding") for q_a in poses]
-    matrices = (np.array(each) for each in zip(*map(h_infinity, models), strict=True))
+    matrices = (np.array(of_all_poses) for of_all_poses in zip(*map(h_infinity, models), strict=True))
     return controller_from_state_space(*matrices, T_S, out=out, points=[model.at.q_m for model in models])
 
 

@@ -49,7 +49,7 @@ class SampleTimes(Document, Comparable, kw_only=True):
 
     def row(self, first, others) -> Row:
         """B5 at each sample time."""
-        columns = (Column(f"B5 at {1e3 * each:g} ms", MILLIMETRE, best="smallest") for each in self.times)
+        columns = (Column(f"B5 at {1e3 * time:g} ms", MILLIMETRE, best="smallest") for time in self.times)
         return tuple(zip(columns, self.B5, strict=True))
 
 
@@ -63,16 +63,16 @@ class SampleTimeStudy(Study[SampleTimes]):
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[SampleTimes]:
         """The cases that B5 is measured in, at each of the times."""
-        begin, found = (yield Now()), []
-        for each in self.times:
-            controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=each))
+        begin, B5 = (yield Now()), []
+        for time in self.times:
+            controller, pairing, T_s, cases = testbed.prepared(replace(controller, sample_time=time))
             measured = tuple(case for case in cases if "B5" in case.test.criteria)
             yield from rehearsed(pairing, measured[0])
             (runs,) = yield Batch((BatchEntry(testbed.rules, pairing, measured),))
-            own = head(testbed, controller, pairing, T_s, begin, (yield Now()))
-            found.append(score(own.rules, [run.result for run in runs]).criteria["B5"].value)
+            document_head = head(testbed, controller, pairing, T_s, begin, (yield Now()))
+            B5.append(score(document_head.rules, [run.result for run in runs]).criteria["B5"].value)
         times = tuple(map(float, self.times))
-        document = SampleTimes(schema=SampleTimes.SCHEMA, head=own, times=times, B5=tuple(found))
+        document = SampleTimes(schema=SampleTimes.SCHEMA, head=document_head, times=times, B5=tuple(B5))
         yield Save(document)
         return document
 

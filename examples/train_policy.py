@@ -49,11 +49,11 @@ class Generation(NamedTuple):
 def episodes(bench: Benchmark) -> list[Any]:
     """The cases that a candidate is tried in, the same for all."""
     still = Variation(undisturbed=True)
-    found = []
+    cases = []
     for number, pose in enumerate(POSES):
         case = bench.case_at(pose, system=f"random_{number + 1}", test="disturbance")
-        found.append(bench.varied(bench.varied(case, still), PUSH))
-    return found
+        cases.append(bench.varied(bench.varied(case, still), PUSH))
+    return cases
 
 
 def weights(gains: np.ndarray) -> dict[str, Any]:
@@ -64,14 +64,14 @@ def weights(gains: np.ndarray) -> dict[str, Any]:
 
 def total(env: gymnasium.Env[Any, Any], gains: np.ndarray, cases: list[Any]) -> float:
     """The sum of the returns of a candidate over the ``cases`` [mm.s]."""
-    policy, found = weights(gains), 0.0
+    policy, sum_of_returns = weights(gains), 0.0
     for case in cases:
         (observation, _), done = env.reset(options={"case": case}), False
         while not done:
             action = policy["W1"] @ observation + policy["b1"]
             observation, reward, terminated, truncated, _ = env.step(action)
-            found, done = found + float(reward), terminated or truncated
-    return found
+            sum_of_returns, done = sum_of_returns + float(reward), terminated or truncated
+    return sum_of_returns
 
 
 def train(generations: int, population: int, seed: int = 0) -> tuple[np.ndarray, list[Generation]]:
@@ -83,7 +83,7 @@ def train(generations: int, population: int, seed: int = 0) -> tuple[np.ndarray,
     best, record, history = START, total(env, START, cases), []
     for number in range(generations):
         drawn = mean + spread * random.normal(size=(population, len(START)))
-        returns = np.array([total(env, np.exp(each), cases) for each in drawn])
+        returns = np.array([total(env, np.exp(logarithms), cases) for logarithms in drawn])
         order = np.argsort(-returns)
         elite = drawn[order[: max(2, population // 4)]]
         mean, spread = elite.mean(axis=0), np.maximum(elite.std(axis=0), LEAST)
@@ -100,7 +100,8 @@ def draw(history: list[Generation], file: Path) -> None:
     figure = Figure(figsize=(5.0, 3.2), layout="constrained")
     axes = figure.subplots()
     for name in Generation._fields:
-        axes.plot(range(1, len(history) + 1), [getattr(each, name) for each in history], marker="o", label=name)
+        values = [getattr(generation, name) for generation in history]
+        axes.plot(range(1, len(history) + 1), values, marker="o", label=name)
     axes.set(xlabel="generation", ylabel="return [mm.s]")
     axes.legend()
     axes.grid(alpha=0.3)
@@ -113,13 +114,13 @@ def main(generations: int, population: int, folder: Path) -> tuple[np.ndarray, l
     gains, history = train(generations, population)
     draw(history, folder / "learning.svg")
     np.savez(folder / "trained.npz", activation="tanh", **weights(gains))
-    for name, each in (("first", START), ("trained", gains)):
-        file = controller_from_mlp({**weights(each), "activation": "tanh"}, out=folder / f"{name}.fmu")
+    for name, candidate in (("first", START), ("trained", gains)):
+        file = controller_from_mlp({**weights(candidate), "activation": "tanh"}, out=folder / f"{name}.fmu")
         evaluation = Benchmark("quick").evaluate(Controller(file), recordings=False)
         failing = [name for name, entry in evaluation.requirements.items() if entry.passed is False]
         verdict = f"{', '.join(failing)} not met" if failing else "A1 to A3 met"
         cost = math.nan if evaluation.cost is None else evaluation.cost
-        print(f"{name}: gains {np.round(each, 2).tolist()}, V = {cost:.1f} on quick, {verdict}")
+        print(f"{name}: gains {np.round(candidate, 2).tolist()}, V = {cost:.1f} on quick, {verdict}")
     return gains, history
 
 

@@ -211,15 +211,15 @@ def _file_or_other(name: str, value: Any) -> Any:
 
 def _object(kind: str) -> Enter:
     """The rule for one of the :data:`OBJECTS`. Their types lie above this room: they are known by name."""
-    own = kind.partition("[")[0]
+    type_name = kind.partition("[")[0]
 
     def check(name: str, value: Any) -> Any:
-        if own.startswith("On"):
+        if type_name.startswith("On"):
             if not callable(value):
                 raise _refusal(name, "a function", value, "bad-object")
-        elif own != "Any" and own not in (each.__name__ for each in type(value).__mro__):
-            article = "an" if own[0] in "AEIO" else "a"
-            raise _refusal(name, f"{article} {own}", value, "bad-object")
+        elif type_name != "Any" and type_name not in (ancestor.__name__ for ancestor in type(value).__mro__):
+            article = "an" if type_name[0] in "AEIO" else "a"
+            raise _refusal(name, f"{article} {type_name}", value, "bad-object")
         return value
 
     return check
@@ -289,8 +289,8 @@ def rule(annotation: str) -> Enter:
     """The rule of an annotation; a :class:`TypeError` if there is none."""
     kind = annotation.removesuffix(" | None")
     if kind in OBJECTS:
-        found = _object(kind)
-        return found if kind == annotation else functools.partial(_optional, found)
+        check = _object(kind)
+        return check if kind == annotation else functools.partial(_optional, check)
     if kind not in RULES:
         # At the definition, so that no public function is without a rule when it is called.
         raise TypeError(f"there is no rule for parameters of the type {annotation}")

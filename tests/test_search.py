@@ -80,15 +80,15 @@ def hidden(member, step=0.4):
 # The search
 
 
-def hunt_of(budget, listed=True, wanted=None, restarts=1):
+def hunt_of(budget, listed=True, only=None, restarts=1):
     """A search from the list of ``strict``, or from the nominal system."""
     members = [of_case(case) for case in LIST] if listed else []
-    known = wanted or targets(STRICT)
-    return Hunt(History(STRICT), rules(STRICT), members, POSES, known, lambda member: "", budget, restarts)
+    chosen = only or targets(STRICT)
+    return Hunt(History(STRICT), rules(STRICT), members, POSES, chosen, lambda member: "", budget, restarts)
 
 
 def test_a_hidden_corner_is_found_at_every_pose_from_the_nominal_system():
-    hunt = hunt_of(1500, listed=False, wanted=[B6])
+    hunt = hunt_of(1500, listed=False, only=[B6])
     run(search(hunt, 0), lambda member: hidden(member, 0.1))
     largest = {}
     for value, member in hunt.history.severities(B6):
@@ -105,7 +105,7 @@ def test_each_pose_has_a_worst_member_of_its_own():
             return {}
         return {"B6": 0.4 * (matches(member) if POSES.index(member.q_a) % 2 else len(CORNER) - matches(member))}
 
-    hunt = hunt_of(4000, wanted=[B6])
+    hunt = hunt_of(4000, only=[B6])
     run(search(hunt, 0), of)
     found, listed = costs(hunt)
     largest = 16.0 / 3.0 * len(CORNER)
@@ -137,7 +137,7 @@ def test_a_controller_that_fails_only_there_is_found(planted):
     as_it_is = Levels("delay_2", DELAY, (None,), lambda member, _: member)
     found = run(descend(hunt, as_it_is, [begin], 0), of)
     assert found is not None and planted(found[1]) and found[1].short is None
-    assert fails(hunt.history.found[found[1]], STRICT.stability) and hunt.history.spent <= 500
+    assert fails(hunt.history.result_of[found[1]], STRICT.stability) and hunt.history.spent <= 500
 
 
 def test_a_margin_is_searched_for_at_the_level_that_fails():
@@ -187,7 +187,7 @@ def test_a_long_settling_beyond_a_cliff_is_found_by_what_rings_below_the_limit()
         near = matches(member) / len(CORNER)
         return {"B5": 1e-2, "recovery": 4.0 * near, "B6": 3.0 if near > 0.8 else 1.0 - 0.5 * near}
 
-    hunt = hunt_of(5000, wanted=[B6])
+    hunt = hunt_of(5000, only=[B6])
     run(search(hunt, 0), of)
     assert answers.criteria(hunt)["B6"].value > 2.5
 
@@ -199,7 +199,9 @@ def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
     hunt = hunt_of(840)
     run(search(hunt, 0), of)
     found, listed = costs(hunt)
-    assert found == listed > 0.0 and {member for member in hunt.history.found if not member.short} == set(hunt.listed)
+    assert found == listed > 0.0 and {member for member in hunt.history.result_of if not member.short} == set(
+        hunt.listed
+    )
 
 
 @pytest.mark.parametrize("budget", [842, 1000, 1300, 2000, 6000])
@@ -225,7 +227,7 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
 
     found, reach = run(whole(), of, lambda stage, spent: stages.append((stage, spent)) or True)
     assert hunt.history.spent <= budget and [spent for _, spent in stages] == sorted(spent for _, spent in stages)
-    assert hunt.history.spent == pytest.approx(sum(cost(member, STRICT) for member in hunt.history.found))
+    assert hunt.history.spent == pytest.approx(sum(cost(member, STRICT) for member in hunt.history.result_of))
     assert set(hunt.cut_short) <= {stage for stage, _ in stages}
     assert [step.cost for step in hunt.path] == sorted(step.cost for step in hunt.path)
     if budget == 842:
@@ -261,14 +263,14 @@ def test_the_largest_value_may_be_at_a_pose_that_is_no_configuration():
     def of(member):
         return {"B6": 10.0 - math.dist(member.q_a, (-20.0, -70.0)) / 30.0} if STRICT.test(member.test).criteria else {}
 
-    hunt = hunt_of(1500, listed=False, wanted=[B6])
+    hunt = hunt_of(1500, listed=False, only=[B6])
     run(search(hunt, 0), of)
     worst = hunt.history.worst(B6)
     assert worst is not None and worst.q_a not in POSES and math.dist(worst.q_a, (-20.0, -70.0)) < 10.0
 
 
 def test_each_start_is_a_search_of_its_own():
-    hunt = hunt_of(3000, wanted=[B6], restarts=3)
+    hunt = hunt_of(3000, only=[B6], restarts=3)
     run(search(hunt, 0), hidden)
     assert len(hunt.starts) == 3 and max(hunt.starts) <= costs(hunt)[0]
     stages = [step.stage for step in hunt.path]
@@ -381,7 +383,7 @@ def test_elites_are_the_best_in_order(values):
     for place, value in enumerate(values):
         elites.take(peak, value, Member((float(place), 0.0), B6.test))
     kept = sorted(values, reverse=True)[:ELITE]
-    assert [value for value, _ in elites.known.get(peak, [])] == kept
+    assert [value for value, _ in elites.by_peak.get(peak, [])] == kept
     assert elites.largest(peak) == (kept[0] if kept else 0.0)
 
 
@@ -426,19 +428,19 @@ def test_a_simulation_that_crashed_fails_and_one_that_was_lost_is_not_judged(sta
     hunt = searched(lambda member: {})
     struck = next(member for member in hunt.listed if member.test == DELAY.test)
     ended = {"status": status} | ({} if status is Status.DONE else {"measurements": Measurements()})
-    hunt.history.found[struck] = changed(hunt.history.found[struck], **ended)
+    hunt.history.result_of[struck] = changed(hunt.history.result_of[struck], **ended)
     found = run(requirements(hunt), lambda member: {})
     assert {name: entry.passed for name, entry in found.items()} == {"A1": True, "A2": passed, "A3": passed}
-    tried = {member for member in hunt.history.found if member.short is None}
+    tried = {member for member in hunt.history.result_of if member.short is None}
     assert tried == set(hunt.listed) and (struck in hunt.shown) <= (status is Status.DONE)
     assert (found["A2"].status is status) is (passed is not None)
 
 
 def test_the_same_members_are_tried_again_and_others_with_another_seed():
     def tried(seed):
-        hunt = hunt_of(400, listed=False, wanted=[B6])
+        hunt = hunt_of(400, listed=False, only=[B6])
         run(search(hunt, seed), hidden)
-        return list(hunt.history.found)
+        return list(hunt.history.result_of)
 
     assert tried(0) == tried(0) != tried(1)
 

@@ -38,9 +38,9 @@ import os, resource, sys
 seconds = int(sys.argv.pop(1))
 for kind, limit in ((resource.RLIMIT_AS, {MEMORY}), (resource.RLIMIT_FSIZE, {FILE}), (resource.RLIMIT_CPU, seconds)):
     most = resource.getrlimit(kind)[1]
-    own = limit if most == resource.RLIM_INFINITY else min(limit, most)
+    soft = limit if most == resource.RLIM_INFINITY else min(limit, most)
     # At the soft limit of processor time SIGXCPU ends a process, at the hard one SIGKILL, as others might.
-    resource.setrlimit(kind, (own, most if kind == resource.RLIMIT_CPU else own))
+    resource.setrlimit(kind, (soft, most if kind == resource.RLIMIT_CPU else soft))
 try:
     os.execvp(sys.argv[1], sys.argv[1:])
 except OSError as problem:
@@ -58,17 +58,17 @@ def find_compiler() -> list[str] | None:
     """
     chosen = os.environ.get("CC", "")
     try:
-        wanted = shlex.split(chosen)
+        given = shlex.split(chosen)
     except ValueError as problem:
         what = f"the environment variable CC is not a command: {chosen} ({problem})"
         remedy = f"set it to a C compiler, such as {COMPILERS[1]}, or unset it"
         raise CompilerError(what, value=chosen, remedy=remedy) from None
-    candidates = [wanted] if wanted else [[name] for name in COMPILERS]
-    found = next((command for command in candidates if shutil.which(command[0])), None)
-    if found is None and not wanted:
+    candidates = [given] if given else [[name] for name in COMPILERS]
+    compiler = next((command for command in candidates if shutil.which(command[0])), None)
+    if compiler is None and not given:
         with suppress(NoCompilerError, PlatformError):
             return cross_compilers((fmpy.platform_tuple,))[fmpy.platform_tuple]
-    return found
+    return compiler
 
 
 def require_compiler() -> list[str]:

@@ -72,13 +72,13 @@ def derivatives(root: Element) -> list[tuple[int, int]]:
 
     Raises :class:`DescriptionError` if something is listed there that is not declared as a derivative of a variable.
     """
-    known = {str(index): variable for index, variable in enumerate(variables(root), start=1)}
+    by_index = {str(index): variable for index, variable in enumerate(variables(root), start=1)}
     pairs = []
     for unknown in root.iterfind("ModelStructure/Derivatives/Unknown"):
         index = unknown.attrib["index"]
-        real = known[index].find("Real") if index in known else None
+        real = by_index[index].find("Real") if index in by_index else None
         state = "" if real is None else real.get("derivative", "")
-        if state not in known:
+        if state not in by_index:
             what = f"Derivatives lists the index {index}, which is not that of the derivative of a variable"
             raise DescriptionError(what, value=index, remedy='declare it with <Real derivative="index of the state"/>')
         pairs.append((int(state), int(index)))
@@ -116,20 +116,20 @@ def _set_units(root: Element, units: Mapping[str, str] | None) -> None:
 
 def _define_units(root: Element, base_units: Mapping[str, BaseUnit], remedy: str) -> None:
     used = {real.attrib["unit"] for real in root.iterfind("ModelVariables/ScalarVariable/Real")}
-    own = {unit.attrib["name"]: unit for unit in root.iterfind("UnitDefinitions/Unit[BaseUnit]")}
-    own |= {unit: _unit(unit, attributes) for unit, attributes in base_units.items()}
+    definition_of = {unit.attrib["name"]: unit for unit in root.iterfind("UnitDefinitions/Unit[BaseUnit]")}
+    definition_of |= {unit: _unit(unit, attributes) for unit, attributes in base_units.items()}
     for old in root.findall("UnitDefinitions"):
         root.remove(old)
-    definitions, known = Element("UnitDefinitions"), (*BASE_UNITS, "factor", "offset")
+    definitions, allowed = Element("UnitDefinitions"), (*BASE_UNITS, "factor", "offset")
     for unit in sorted(used):
         try:
-            definitions.append(own[unit] if unit in own else _unit(unit, base_exponents(unit)))
+            definitions.append(definition_of[unit] if unit in definition_of else _unit(unit, base_exponents(unit)))
         except UnitError as error:
             error.remedy = remedy
             raise
         given = [name for base in definitions[-1].iterfind("BaseUnit") for name in base.attrib]
-        for name in (name for name in given if name not in known):
-            near = tuple(difflib.get_close_matches(name, known))
+        for name in (name for name in given if name not in allowed):
+            near = tuple(difflib.get_close_matches(name, allowed))
             raise UnitError(f"the unit {unit!r} has the unknown base unit {name!r}", value=name, nearest=near)
     root.insert(sum(child.tag in _INTERFACES for child in root), definitions)
 

@@ -162,11 +162,11 @@ def _structure3(root: Element, reference: Reference, dialect: Dialect) -> Elemen
     for old, new in _STRUCTURE_3.items():
         listed: dict[str, Element] = {}
         for unknown in root.iterfind(f"ModelStructure/{old}/Unknown"):
-            own = reference(unknown.attrib["index"])
-            listed.setdefault(own, Element(new, valueReference=own))
+            value_reference = reference(unknown.attrib["index"])
+            listed.setdefault(value_reference, Element(new, valueReference=value_reference))
             if "dependencies" in unknown.attrib and not dialect.arrays:
-                known = map(reference, unknown.attrib["dependencies"].split())
-                listed[own].set("dependencies", " ".join(known))
+                dependencies = map(reference, unknown.attrib["dependencies"].split())
+                listed[value_reference].set("dependencies", " ".join(dependencies))
         structure.extend(listed.values())
     return structure
 

@@ -81,8 +81,8 @@ def _layers(stored: Mapping[str, Any]) -> list[tuple[np.ndarray, np.ndarray]]:
     """W and b of each layer, which fit each other, the observation and the torques."""
     names = {f"{kind}{k}" for k in range(1, len(stored) // 2 + 1) for kind in "Wb"}
     if not names or set(stored) - {"activation"} != names:
-        found = ", ".join(sorted(stored)) or "nothing"
-        raise NetworkError(f"holds {found}, and not W1, b1, W2, b2, ... and activation", value=found)
+        present = ", ".join(sorted(stored)) or "nothing"
+        raise NetworkError(f"holds {present}, and not W1, b1, W2, b2, ... and activation", value=present)
     layers, width = [], SIZE
     for k in range(1, len(names) // 2 + 1):
         W, b = (np.asarray(stored[f"{kind}{k}"]) for kind in "Wb")

@@ -61,7 +61,7 @@ def binaries(libraries: Mapping[str, bytes], identifier: str, version: int) -> d
     for name, library in libraries.items():
         for folder in (name,) if version == 3 else PLATFORMS[name].folders:
             folders.setdefault(f"{folder}/{identifier}{PLATFORMS[name].suffix}", []).append(library)
-    return {f"binaries/{path}": own[0] if len(own) == 1 else universal(own) for path, own in folders.items()}
+    return {f"binaries/{path}": built[0] if len(built) == 1 else universal(built) for path, built in folders.items()}
 
 
 _ALIGNMENT = 14

@@ -124,12 +124,12 @@ def controller_from_state_space(
 
 def _shaped(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
     """``value`` as an array of one of the ``shapes``, without NaN."""
-    found = real(name, value)
-    if found.shape not in shapes:
-        raise ShapeError(f"{name} has the shape {found.shape}, not {' or '.join(map(str, shapes))}", value=name)
-    if np.any(np.isnan(found)):
+    array = real(name, value)
+    if array.shape not in shapes:
+        raise ShapeError(f"{name} has the shape {array.shape}, not {' or '.join(map(str, shapes))}", value=name)
+    if np.any(np.isnan(array)):
         raise ShapeError(f"{name} holds what is not a number", value=name)
-    return found
+    return array
 
 
 def _schedule(points: Any, count: int, interpolation: str) -> dict[str, Any]:
@@ -151,12 +151,12 @@ def _cells(points: np.ndarray) -> list[dict[str, Any]]:
     try:
         triangles = Delaunay(points)
     except (QhullError, ValueError):  # fewer than three, or infinite
-        found = []
+        simplices = []
     else:
-        found = list(zip(triangles.simplices, triangles.transform, strict=True))
+        simplices = list(zip(triangles.simplices, triangles.transform, strict=True))
     cells = [
         {"corner": corner.tolist(), "inverse": transform[:2].tolist(), "origin": transform[2].tolist()}
-        for corner, transform in found
+        for corner, transform in simplices
         if np.all(np.isfinite(transform))
     ]
     if not cells:

@@ -47,20 +47,22 @@ def contents(file: Path) -> dict[str, Any]:
 
     try:
         if file.suffix == ".mat":
-            found = {name: value for name, value in loadmat(file).items() if not name.startswith("__")}
-            found = {name: np.moveaxis(value, -1, 0) if np.ndim(value) == 3 else value for name, value in found.items()}
+            arrays = {name: value for name, value in loadmat(file).items() if not name.startswith("__")}
+            arrays = {
+                name: np.moveaxis(value, -1, 0) if np.ndim(value) == 3 else value for name, value in arrays.items()
+            }
         elif file.suffix == ".npz":
             with np.load(file) as stored:
-                found = dict(stored)
+                arrays = dict(stored)
         else:
-            found = json.loads(file.read_text(encoding="utf-8"))
+            arrays = json.loads(file.read_text(encoding="utf-8"))
     except Exception as problem:  # SciPy, NumPy and zipfile have all kinds for damaged files
         raise SystemFileError(f"cannot be read: {problem}", str(file)) from None
-    missing = [name for name in MATRICES[:3] if not isinstance(found, Mapping) or name not in found]
+    missing = [name for name in MATRICES[:3] if not isinstance(arrays, Mapping) or name not in arrays]
     if missing:
         remedy = "save A, B, C, D and T_s under these names, in MATLAB as matrices: [A, B, C, D] = ssdata(K)"
         raise SystemFileError(f"has no {' and no '.join(missing)}", str(file), value=missing[0], remedy=remedy)
-    return dict(found)
+    return dict(arrays)
 
 
 def stacked(
@@ -78,12 +80,12 @@ def stacked(
     if B is not None:
         parts = [(system, B, C, D, 0.0 if method else T_s)]
     elif isinstance(system, Mapping):
-        own = _number(next((system[name] for name in SAMPLE_TIME if name in system), None))
-        parts = [(system["A"], system["B"], system["C"], system.get("D"), own)]
+        of_system = _number(next((system[name] for name in SAMPLE_TIME if name in system), None))
+        parts = [(system["A"], system["B"], system["C"], system.get("D"), of_system)]
     else:
         several = system if isinstance(system, Sequence) else [system]
         parts = [_matrices(one) for one in several]
-    times = {_sample_time(own, T_s, method) for *_, own in parts}
+    times = {_sample_time(of_system, T_s, method) for *_, of_system in parts}
     if len(times) != 1:
         raise SampleTimeError("the systems have different sample times", value=", ".join(f"{time:g}" for time in times))
     blocks = [_checked(*part[:4]) for part in parts]
@@ -120,18 +122,18 @@ def _matrices(system: Any) -> tuple[Any, Any, Any, Any, float | None]:
     return (*(getattr(system, name) for name in MATRICES), None if dt is True else float(dt or 0.0))
 
 
-def _sample_time(own: float | None, given: float | None, method: str | None) -> float:
-    """The sample time [s] of a system that has ``own`` (0 if it is continuous)."""
+def _sample_time(of_system: float | None, given: float | None, method: str | None) -> float:
+    """The sample time [s] of a system that states ``of_system`` (0 if it is continuous)."""
     if method is not None and method not in METHODS:
         raise SampleTimeError(f"there is no method {method!r}", value=method, nearest=tuple(METHODS))
-    if method is not None and own != 0.0:
+    if method is not None and of_system != 0.0:
         raise SampleTimeError("a sampled system needs no method", value=method)
-    if method is None and own == 0.0:
+    if method is None and of_system == 0.0:
         remedy = f"say how to sample it: method {' or '.join(map(repr, METHODS))}"
         raise SampleTimeError("the system is continuous", remedy=remedy)
-    if own and given is not None and not math.isclose(own, given, rel_tol=1e-9):
-        raise SampleTimeError(f"the system has the sample time {own:g} s, not {given:g} s", value=f"{given:g}")
-    T_s = own or given
+    if of_system and given is not None and not math.isclose(of_system, given, rel_tol=1e-9):
+        raise SampleTimeError(f"the system has the sample time {of_system:g} s, not {given:g} s", value=f"{given:g}")
+    T_s = of_system or given
     if T_s is None or not 0.0 < T_s < math.inf:
         raise SampleTimeError("the sample time is missing, or not positive", value=str(T_s), remedy="give T_s [s]")
     return float(T_s)
@@ -139,12 +141,12 @@ def _sample_time(own: float | None, given: float | None, method: str | None) -> 
 
 def _checked(A: Any, B: Any, C: Any, D: Any) -> list[np.ndarray]:
     """The matrices with a dimension for the points in front; D is zero if it is None."""
-    found = [real(name, matrix) for name, matrix in zip(MATRICES, (A, B, C, 0.0 if D is None else D), strict=True)]
-    found = [matrix[None] if matrix.ndim == 2 else matrix for matrix in found]
-    points, states = max(len(matrix) if matrix.ndim else 1 for matrix in found), found[0].shape[-1:] or (0,)
+    matrices = [real(name, matrix) for name, matrix in zip(MATRICES, (A, B, C, 0.0 if D is None else D), strict=True)]
+    matrices = [matrix[None] if matrix.ndim == 2 else matrix for matrix in matrices]
+    points, states = max(len(matrix) if matrix.ndim else 1 for matrix in matrices), matrices[0].shape[-1:] or (0,)
     if D is None:
-        found[3] = np.zeros((points, 2, 2))
-    for name, matrix, shape in zip(MATRICES, found, (2 * states, (*states, 2), (2, *states), (2, 2)), strict=True):
+        matrices[3] = np.zeros((points, 2, 2))
+    for name, matrix, shape in zip(MATRICES, matrices, (2 * states, (*states, 2), (2, *states), (2, 2)), strict=True):
         if matrix.shape != (points, *shape):
             what = f"{name} has the shape {matrix.shape[-2:]}, not {shape}: two errors in, two torques out"
             if matrix.shape[1:] == shape:
@@ -152,7 +154,7 @@ def _checked(A: Any, B: Any, C: Any, D: Any) -> list[np.ndarray]:
             raise ShapeError(what, value=name)
         if not np.all(np.isfinite(matrix)):
             raise ShapeError(f"{name} holds what is not a finite number", value=name)
-    return found
+    return matrices
 
 
 def real(name: str, value: Any) -> np.ndarray:
@@ -168,5 +170,5 @@ def real(name: str, value: Any) -> np.ndarray:
 def _discretized(continuous: Sequence[np.ndarray], T_s: float, method: str) -> tuple[np.ndarray, ...]:
     from scipy.signal import cont2discrete
 
-    each = [cont2discrete(system, T_s, METHODS[method])[:4] for system in zip(*continuous, strict=True)]
-    return tuple(np.stack(matrices) for matrices in zip(*each, strict=True))
+    sampled = [cont2discrete(system, T_s, METHODS[method])[:4] for system in zip(*continuous, strict=True)]
+    return tuple(np.stack(matrices) for matrices in zip(*sampled, strict=True))

@@ -34,15 +34,15 @@ def terminals_and_icons(root: Element, version: int) -> dict[str, bytes]:
     SubElement(drawn, "Icon", x1="-100", y1="-100", x2="100", y2="100")
     listed = Element("Terminals")
     for name, (meaning, members) in TERMINALS.items():
-        found = {
+        variable_of = {
             member + index: variable + index
             for member, variable in members.items()
             for index in ("", "[1]", "[2]")
             if variable + index in names
         }
-        if {member.partition("[")[0] for member in found} == set(members):
+        if {member.partition("[")[0] for member in variable_of} == set(members):
             terminal = SubElement(listed, "Terminal", name=name, matchingRule="plug", description=meaning)
-            for member, variable in found.items():
+            for member, variable in variable_of.items():
                 how = {"variableName": variable, "memberName": member, "variableKind": "signal"}
                 SubElement(terminal, "TerminalMemberVariable", how)
     if len(listed):

@@ -43,9 +43,9 @@ def reference(fmu: Path) -> tuple[str, str]:
         fmpy.extract(str(fmu), folder)
         centres = _centres(described, inputs, folder)
         given = [[_wave(variable, i, k, centres[i]) for i, variable in enumerate(inputs)] for k in range(STEPS + 1)]
-        found = _simulated(described, folder, inputs, outputs, given, step)
+        answers = _simulated(described, folder, inputs, outputs, given, step)
     times = [k * step for k in range(STEPS + 1)]
-    return _table(inputs, times, given), _table(outputs, times, found)
+    return _table(inputs, times, given), _table(outputs, times, answers)
 
 
 def _centres(described: ModelDescription, inputs: Sequence[ModelVariable], folder: str) -> list[float]:
@@ -78,14 +78,14 @@ def _simulated(
     given: Sequence[Sequence[float]],
     step: float,
 ) -> list[list[float]]:
-    references, wanted = ([variable.valueReference for variable in side] for side in (inputs, outputs))
+    references, output_references = ([variable.valueReference for variable in side] for side in (inputs, outputs))
     with _initialized(described, folder, references, given[0]) as slave:
-        found = [slave.getReal(wanted)]
+        answers = [slave.getReal(output_references)]
         for k, values in enumerate(given[:-1]):
             slave.setReal(references, list(values))
             slave.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
-            found.append(slave.getReal(wanted))
-    return found
+            answers.append(slave.getReal(output_references))
+    return answers
 
 
 @contextmanager

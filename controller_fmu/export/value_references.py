@@ -100,15 +100,15 @@ def _check_places(declared: dict[int, Element], count: int) -> None:
         raise ValueReferenceError(what, value=free[0], remedy=remedy)
 
 
-def _check_start(reference: int, variable: Element, found: float) -> None:
+def _check_start(reference: int, variable: Element, value: float) -> None:
     name, real = variable.attrib["name"], variable.find("Real")
     start = None if real is None else real.get("start")
     if start is None:
         return
     try:
-        agrees = math.isclose(float(start), found, rel_tol=1e-6)
+        agrees = math.isclose(float(start), value, rel_tol=1e-6)
     except ValueError:
         raise DescriptionError(f"the start value {start!r} of {name!r} is not a number", value=start) from None
     if not agrees:
-        what = f"{name!r} starts at {start}, but the variable at its valueReference {reference} starts at {found:g}"
+        what = f"{name!r} starts at {start}, but the variable at its valueReference {reference} starts at {value:g}"
         raise ValueReferenceError(what, value=str(reference), remedy=REMEDY)

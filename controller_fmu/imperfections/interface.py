@@ -58,8 +58,8 @@ def description() -> Element:
             variable.set("valueReference", str(len(indices) - 1))
             real = SubElement(variable, "Real", unit=unit)
             if causality == "output":
-                known = indices.get(element.replace(name, FEEDTHROUGH.get(name, ""), 1), "")
-                SubElement(outputs, "Unknown", index=indices[element], dependencies=known)
+                dependency = indices.get(element.replace(name, FEEDTHROUGH.get(name, ""), 1), "")
+                SubElement(outputs, "Unknown", index=indices[element], dependencies=dependency)
             else:
                 real.set("start", repr(start))
     return root

@@ -40,7 +40,7 @@ SSV_TYPES = {*SET_TYPES}
 def read_mapping(file: Path) -> dict[str, str]:
     """Connector to FMU variable. TOML: a table ``[map]`` of ``"q_m[1]" = "In1"``. SSM: ``MappingEntry`` elements."""
     if file.suffix == ".ssm":
-        entries = _found(file, _root(file, "ParameterMapping", "bad-mapping"), "MappingEntry")
+        entries = _children(file, _root(file, "ParameterMapping", "bad-mapping"), "MappingEntry")
         if not entries:
             message = f"{file} has no MappingEntry. An SSP parameter mapping (.ssm) says which variable is which."
             raise InputError(message, "bad-mapping", file)
@@ -88,13 +88,13 @@ def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
 
 def _tables(file: Path, what: str) -> dict[str, Any]:
     """The tables of a TOML file, which may give parameters and a mapping; a word that is mistyped gave neither."""
-    found = read_toml(file)
-    for name in found:
+    tables = read_toml(file)
+    for name in tables:
         if name not in TABLES:
             raise unknown(
                 f"{file} has {name}, and the tables [map] and [parameters] are read.", what, str(file), name, TABLES
             )
-    return found
+    return tables
 
 
 def _table(file: Path, table: Any, controller: Archive) -> dict[str, Scalar]:
@@ -115,9 +115,10 @@ def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
     for element in root.iterfind("{*}Units/{*}Unit"):
         definitions.append(_unit(file, element))
         name = definitions[-1].name
-        if [each.name for each in definitions].count(name) > 1:
+        if [unit.name for unit in definitions].count(name) > 1:
             raise InputError(f"{file} defines the unit {name} more than once.", "bad-unit", file, name)
-    for parameter in [each for own in _found(file, root, "Parameters") for each in _found(file, own, "Parameter")]:
+    groups = _children(file, root, "Parameters")
+    for parameter in [child for group in groups for child in _children(file, group, "Parameter")]:
         name = parameter.get("name", "")
         types = [child for child in parameter.iterchildren(etree.Element) if etree.QName(child).localname in SSV_TYPES]
         if len(types) > 1:
@@ -177,15 +178,15 @@ def _root(file: Path, kind: str, what: str) -> etree._Element:
     return root
 
 
-def _found(file: Path, parent: etree._Element, kind: str) -> list[etree._Element]:
+def _children(file: Path, parent: etree._Element, kind: str) -> list[etree._Element]:
     """The children of a ``kind``. What lies elsewhere, such as in an annotation of another tool, does not count."""
-    found = []
+    children = []
     for child in parent.iterchildren(etree.Element):
         name = etree.QName(child)
         if name.namespace == etree.QName(parent).namespace:
             if name.localname == kind:
-                found.append(child)
+                children.append(child)
             elif name.localname not in BESIDE:
                 message = f"{file} has a {name.localname} in a {etree.QName(parent).localname}, which is not supported."
                 raise InputError(message, "bad-file", file, name.localname)
-    return found
+    return children

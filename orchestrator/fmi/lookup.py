@@ -90,27 +90,27 @@ def elements(
     begin = f"{where or 'The parameters'}: "
     for name, value in values.items():
         single = isinstance(value, bool | int | float | str)
-        found = {name: value} if single else {f"{name}[{i}]": each for i, each in enumerate(value, start=1)}  # type: ignore[arg-type]
-        if not found:
+        given = {name: value} if single else {f"{name}[{i}]": element for i, element in enumerate(value, start=1)}  # type: ignore[arg-type]
+        if not given:
             raise InputError(f"{begin}the list of values of {name} is empty.", "bad-parameters", where, name)
-        for each in found:
-            if each in listed:
-                raise InputError(f"{begin}{each} is given more than once.", "repeated", where, each)
+        for element in given:
+            if element in listed:
+                raise InputError(f"{begin}{element} is given more than once.", "repeated", where, element)
         size = 0 if single or description is None else _size(description, name)
-        if len(found) < size:
-            message = f"{begin}{name} has {size} elements, and {len(found)} are given. Give all, or those to be changed"
+        if len(given) < size:
+            message = f"{begin}{name} has {size} elements, and {len(given)} are given. Give all, or those to be changed"
             raise InputError(f"{message} by their names, such as {name}[1].", "array-parameter", where, name)
-        listed.update(found)  # type: ignore[arg-type]  # a scalar, or elements of a list
+        listed.update(given)  # type: ignore[arg-type]  # a scalar, or elements of a list
     return listed
 
 
 def _size(description: ModelDescription, name: str) -> int:
     """The number of elements that ``name`` has, as an array or as scalars ``name[1]``, ``name[2]``, ..."""
-    known = variables(description)
-    if name in known:
-        return known[name].size
+    declared = variables(description)
+    if name in declared:
+        return declared[name].size
     size = 0
-    while f"{name}[{size + 1}]" in known:
+    while f"{name}[{size + 1}]" in declared:
         size += 1
     return size
 

@@ -279,10 +279,10 @@ def digested(protocol: Protocol, case: Case, value: bytes) -> Digested:
 
 def begun(value: bytes) -> bytes:
     """The digest that a worker sent for the beginning of a case, checked."""
-    found = unpack(value, bytes)
-    if len(found) != hashlib.sha256().digest_size:
+    digest = unpack(value, bytes)
+    if len(digest) != hashlib.sha256().digest_size:
         raise Malformed("a digest of another size")
-    return found
+    return digest
 
 
 def trajectory(samples: int, observe: tuple[str, ...], value: bytes) -> Trajectory:

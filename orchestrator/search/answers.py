@@ -27,48 +27,51 @@ SEEDS = range(1, 9)
 
 def worst_members(hunt: Hunt) -> dict[Target, Member]:
     """The criteria that are searched for, and the worst member of each."""
-    found = ((target, hunt.history.worst(target)) for target in hunt.wanted if target.criterion)
-    return {target: loose(member, hunt.protocol) for target, member in found if member is not None}
+    worst = ((target, hunt.history.worst(target)) for target in hunt.targets if target.criterion)
+    return {target: loose(member, hunt.protocol) for target, member in worst if member is not None}
 
 
 def criteria(hunt: Hunt) -> dict[str, CriterionSearched]:
     """The criteria with the largest values found."""
-    found, listed = card(hunt, possible(hunt)), card(hunt, hunt.listed)
+    card_found, card_of_list = card(hunt, possible(hunt)), card(hunt, hunt.listed)
+    searched = {target.criterion for target in hunt.targets}
     entries = {}
     for name, spec in hunt.protocol.criteria.items():
         target = Target(name, "", name)
         worst = hunt.history.worst(target)
         where = Found(None, "") if worst is None else Found(hunt.history.severity(target), hunt.command(worst))
-        if worst is not None and name in {each.criterion for each in hunt.wanted}:
+        if worst is not None and name in searched:
             hunt.shown.setdefault(worst, []).append(name)
-        entries[name] = CriterionSearched(found.criteria[name].value, listed.criteria[name].value, spec.unit, where)
+        entries[name] = CriterionSearched(
+            card_found.criteria[name].value, card_of_list.criteria[name].value, spec.unit, where
+        )
     return entries
 
 
 def worst_at_each(hunt: Hunt) -> dict[tuple[Target, Pair], Member]:
     """The worst member of each criterion that is searched for at each configuration."""
-    found: dict[tuple[Target, Pair], tuple[float, Member]] = {}
-    for target in hunt.wanted:
+    worst: dict[tuple[Target, Pair], tuple[float, Member]] = {}
+    for target in hunt.targets:
         for value, member in hunt.history.severities(target) if target.criterion else ():
             at = target, member.q_a
-            if member.q_a in hunt.poses and (at not in found or value > found[at][0]):
-                found[at] = value, member
-    return {at: member for at, (_, member) in found.items()}
+            if member.q_a in hunt.poses and (at not in worst or value > worst[at][0]):
+                worst[at] = value, member
+    return {at: member for at, (_, member) in worst.items()}
 
 
 def peaks(hunt: Hunt) -> tuple[PeakFound, ...]:
     """The worst member of each criterion that was searched for at each configuration, in the protocol's order."""
-    found = worst_at_each(hunt)
+    worst = worst_at_each(hunt)
     return tuple(
-        _peak(hunt, target, found[target, q_a])
+        _peak(hunt, target, worst[target, q_a])
         for q_a in hunt.poses
-        for target in hunt.wanted
-        if (target, q_a) in found
+        for target in hunt.targets
+        if (target, q_a) in worst
     )
 
 
 def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
-    result = hunt.history.found[member]
+    result = hunt.history.result_of[member]
     told = spelled(member, hunt.protocol, member.test)
     value = severity(target, result, hunt.protocol.stability)
     return PeakFound(
@@ -91,10 +94,10 @@ def costs(hunt: Hunt) -> tuple[float | None, float | None]:
 def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
     """V_k of the list, and with all that was found."""
     listed = {entry.index: entry.cost for entry in card(hunt, hunt.listed).configurations}
-    found = card(hunt, possible(hunt)).configurations
+    entries = card(hunt, possible(hunt)).configurations
     return tuple(
         ConfigurationFound(entry.index, entry.q_a1, entry.q_a2, listed[entry.index], entry.cost)
-        for entry in found
+        for entry in entries
         if entry.index in listed
     )
 
@@ -103,7 +106,7 @@ def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
     """The requirements, each with the worst case found; where it fails it is tried with other noise. What the search
     for a margin has found counts: A1 and A2 ask for all smaller changes of gain and delay, too."""
     protocol = hunt.protocol
-    found = {}
+    answers = {}
     hunt.allot(CONFIRMED)
     for name in ("A1", "A2", "A3"):
         tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
@@ -111,21 +114,21 @@ def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
             (value, member) for test in tests for value, member in hunt.history.severities(Target(test.name, test.name))
         ]
         if members:
-            known, limits = hunt.history.found, protocol.stability
+            result_of, limits = hunt.history.result_of, protocol.stability
             # A simulation that crashed has no severity, but fails all the same.
-            _, worst = max(members, key=lambda pair: (fails(known[pair[1]], limits), pair[0]))
-            found[name] = yield from _judged(hunt, worst, all(known[member].judged for _, member in members))
+            _, worst = max(members, key=lambda pair: (fails(result_of[pair[1]], limits), pair[0]))
+            answers[name] = yield from _judged(hunt, worst, all(result_of[member].judged for _, member in members))
             test = protocol.test(worst.test)
-            if known[worst].simulated:
+            if result_of[worst].simulated:
                 hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
     yield from hunt.note("other noise")
-    return found
+    return answers
 
 
 def disturbed(hunt: Hunt, seed: int) -> Asking[None]:
     """Search for members that do not come to rest in the loop as it is."""
     hunt.allot(LEVEL)
-    test = next((target.test for target in hunt.wanted if target.criterion), None)
+    test = next((target.test for target in hunt.targets if target.criterion), None)
     if test is not None and (members := contenders(hunt, Target(test, test))):
         yield from descend(hunt, Levels(test, Target(test, test), (None,), lambda member, _: member), members, seed)
     hunt.cut = False  # a longer search may always find one
@@ -154,6 +157,7 @@ def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementSearche
 
 def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
     """With how many of the other realizations of the noise a member fails, and how many were tried."""
+    # Whether a cycle begins may be up to the noise: RobustLQG had an arm that failed with one of three seeds.
     results = yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
 
@@ -161,23 +165,24 @@ def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
 def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
     """How the largest values of the heaviest criteria change with each parameter at its other end, in short
     simulations."""
-    found = []
+    entries = []
     hunt.allot(CONFIRMED)
     for target, worst in worst_members(hunt).items():
-        own = replace(worst, short=short(hunt.protocol, target, SETTLING))
-        signs = dict(own.deviations)
+        as_found = replace(worst, short=short(hunt.protocol, target, SETTLING))
+        signs = dict(as_found.deviations)
         others = {
-            name: replace(own, deviations=tuple({**signs, name: -sign or 1.0}.items())) for name, sign in signs.items()
+            name: replace(as_found, deviations=tuple({**signs, name: -sign or 1.0}.items()))
+            for name, sign in signs.items()
         }
-        tried = hunt.afford([own, *others.values()])
+        tried = hunt.afford([as_found, *others.values()])
         results = dict(zip(tried, (yield from hunt.history.results(tried)), strict=True))
         for name, member in others.items():
-            if own in results and member in results:
-                found.append(
-                    Effect(name, signs[name], target.name, _change(results[own], results[member], target.name))
+            if as_found in results and member in results:
+                entries.append(
+                    Effect(name, signs[name], target.name, _change(results[as_found], results[member], target.name))
                 )
     yield from hunt.note("effects")
-    return tuple(found)
+    return tuple(entries)
 
 
 def _change(before: CaseResult, after: CaseResult, name: str) -> float | None:

@@ -74,11 +74,11 @@ the most: no test is as long. It is rounded up to whole seconds, so that few len
 
 @dataclass
 class Climb:
-    """The search of one start: what is known, what is searched for at which ``poses``, and the share of V of each
-    criterion's value, ``weights``. Whole cases are spent up to ``limit``."""
+    """The search of one start: what is known, the ``targets`` that are searched for at which ``poses``, and the share
+    of V of each criterion's value, ``weights``. Whole cases are spent up to ``limit``."""
 
     history: History
-    wanted: Sequence[Target]
+    targets: Sequence[Target]
     poses: Sequence[Pair]
     weights: dict[Target, float]
     seed: int
@@ -88,10 +88,12 @@ class Climb:
 
     def __post_init__(self) -> None:
         self.streams = {
-            target: stable_stream((self.seed, self.start, zlib.crc32(target.name.encode()))) for target in self.wanted
+            target: stable_stream((self.seed, self.start, zlib.crc32(target.name.encode()))) for target in self.targets
         }
-        self.spent = dict.fromkeys(self.wanted, 0.0)
-        self.lately: dict[Target, deque[tuple[float, float]]] = {target: deque(maxlen=MEMORY) for target in self.wanted}
+        self.spent = dict.fromkeys(self.targets, 0.0)
+        self.lately: dict[Target, deque[tuple[float, float]]] = {
+            target: deque(maxlen=MEMORY) for target in self.targets
+        }
 
     @property
     def protocol(self) -> Protocol:
@@ -125,7 +127,7 @@ def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[lis
 def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
     tried, spent = list[Member](), climb.history.spent
     for member in members:
-        spent += 0.0 if member in climb.history.found else cost(member, climb.protocol)
+        spent += 0.0 if member in climb.history.result_of else cost(member, climb.protocol)
         if spent <= climb.limit:
             tried.append(member)
     results = yield from climb.history.results(tried)
@@ -139,8 +141,9 @@ def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list
 
 def _seen(climb: Climb, target: Target, member: Member, view: Callable[..., Variation | None] = short) -> Member:
     """The member in as short a simulation as shows the target: B6 is waited for by what is known at the pose."""
-    known = climb.elites.largest(_peak(climb, target, member))
-    settling = math.ceil(min(max(SETTLING, SLOWER * known), LONGEST))
+    # Of this pose alone: while all poses waited equally long, members that settled later looked alike.
+    largest = climb.elites.largest(_peak(climb, target, member))
+    settling = math.ceil(min(max(SETTLING, SLOWER * largest), LONGEST))
     return replace(member, short=view(climb.protocol, target, settling))
 
 
@@ -151,7 +154,7 @@ def _peak(climb: Climb, target: Target, member: Member) -> Peak:
 def rise(climb: Climb, limit: float) -> Asking[None]:
     """One generation after the other until ``limit``, in whole cases spent, would be exceeded."""
     while True:
-        target = max(climb.wanted, key=lambda each: _promise(climb, each))
+        target = max(climb.targets, key=lambda choice: _promise(climb, choice))
         before, spent = climb.elites.mean(target, climb.poses), climb.history.spent
         children = generation(climb, target)
         if not children or spent + _price(climb, target, children) > limit:
@@ -167,7 +170,7 @@ def _price(climb: Climb, target: Target, children: Sequence[Member]) -> float:
     """Whole cases that a generation takes, without what is repeated of it."""
     view = brisk if target.criterion in NICHES else short
     views = [_seen(climb, target, member, view) for member in children]
-    return sum(cost(member, climb.protocol) for member in views if member not in climb.history.found)
+    return sum(cost(member, climb.protocol) for member in views if member not in climb.history.result_of)
 
 
 def _promise(climb: Climb, target: Target) -> float:
@@ -183,8 +186,9 @@ def generation(climb: Climb, target: Target) -> list[Member]:
     """The children of all peaks of a criterion that the loop is not unstable at already."""
     stream = climb.streams[target]
     peaks = [Peak(target, q_a) for q_a in climb.poses]
-    if not any(climb.elites.members(each) for each in peaks):
+    if not any(climb.elites.members(peak) for peak in peaks):
         return []
+    # Peak(target), without a pose: the largest value of all need not be at a configuration.
     return [
         _child(climb, peak, stream) if peak.q_a is not None else _anywhere(climb, peak, stream)
         for peak in (*peaks, Peak(target))
@@ -195,14 +199,14 @@ def generation(climb: Climb, target: Target) -> list[Member]:
 
 def _anywhere(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     """A member near the best at another pose than those of the configurations, or near the best of all."""
-    own = climb.elites.members(peak)
-    if not own or stream.uniform() < EXCHANGED:
+    elite = climb.elites.members(peak)
+    if not elite or stream.uniform() < EXCHANGED:
         largest = max((Peak(peak.target, q_a) for q_a in climb.poses), key=climb.elites.largest)
-        own = climb.elites.members(largest)
-    found = moves.moved(own[min(int(stream.exponential(1.2)), len(own) - 1)], climb.protocol, stream)
+        elite = climb.elites.members(largest)
+    child = moves.moved(elite[min(int(stream.exponential(1.2)), len(elite) - 1)], climb.protocol, stream)
     if stream.uniform() < TURNED:
-        found = moves.turned(found, stream)
-    return moves.with_other_force_direction(found, stream) if stream.uniform() < PUSHED else found
+        child = moves.turned(child, stream)
+    return moves.with_other_force_direction(child, stream) if stream.uniform() < PUSHED else child
 
 
 def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
@@ -222,6 +226,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     child = moves.inside(child, stream) if stream.uniform() < INSIDE else moves.turned(child, stream)
     push, sweep, noise = stream.uniform(size=3)
     if push < PUSHED and criterion != "B7":  # which is measured before the force
+        # Not from anywhere: with half of B6's new directions like that, V found of RobustLQG was 117.9, not 118.4.
         pushed = moves.with_force_through_joint if push < THROUGH_JOINT else moves.with_other_force_direction
         child = pushed(child, stream)
     if sweep < SWEPT and criterion != "B5":  # which is searched for without a chirp
@@ -258,7 +263,7 @@ def _neighbour(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:
 
 def best(climb: Climb) -> list[Member]:
     """The best members of each peak, as whole cases: what is confirmed next."""
-    peaks = [Peak(target, q_a) for q_a in (*climb.poses, None) for target in climb.wanted]
+    peaks = [Peak(target, q_a) for q_a in (*climb.poses, None) for target in climb.targets]
     best = (member for peak in peaks for member in climb.elites.members(peak)[:CONFIRMED])
     return list(dict.fromkeys(replace(member, short=None) for member in best))
 
@@ -266,11 +271,11 @@ def best(climb: Climb) -> list[Member]:
 def learn(climb: Climb, members: Sequence[Member]) -> Asking[None]:
     """Try what whole cases have shown: the member with the largest value of each criterion at each pose, where that is
     larger than all of the elite."""
-    for target in climb.wanted:
-        found: dict[Pair, tuple[float, Member]] = {}
+    for target in climb.targets:
+        best_by_pose: dict[Pair, tuple[float, Member]] = {}
         for member in members:
-            value = severity(target, climb.history.found[member], climb.protocol.stability)
-            known = climb.elites.largest(_peak(climb, target, member))
-            if value > max(found.get(member.q_a, (-math.inf,))[0], known):
-                found[member.q_a] = value, member
-        yield from begin(climb, target, [member for _, member in found.values()])
+            value = severity(target, climb.history.result_of[member], climb.protocol.stability)
+            largest = climb.elites.largest(_peak(climb, target, member))
+            if value > max(best_by_pose.get(member.q_a, (-math.inf,))[0], largest):
+                best_by_pose[member.q_a] = value, member
+        yield from begin(climb, target, [member for _, member in best_by_pose.values()])

@@ -110,7 +110,7 @@ def trial(rules: Rules, number: int, values: dict[str, float], results: Sequence
     tested = [result for result in results if rules.test(result.test).requirements]
     penalties = [penalty(result, limits) for result in tested]
     largest = _ratio(limits, tested)
-    failing = [result for result, own in zip(tested, penalties, strict=True) if own]
+    failing = [result for result, added in zip(tested, penalties, strict=True) if added]
     names = sorted({name for result in failing for name in rules.test(result.test).requirements})
     fails = {
         name: _ratio(limits, [result for result in failing if name in rules.test(result.test).requirements])
@@ -122,8 +122,8 @@ def trial(rules: Rules, number: int, values: dict[str, float], results: Sequence
 def _ratio(limits: Stability, results: Sequence[CaseResult]) -> float | None:
     """The largest limit cycle of ``results`` relative to what A3 allows; None if one of them has no limit cycle."""
     cycles = [result.measurements.limit_cycle for result in results]
-    known = [cycle / limits.limit_cycle for cycle in cycles if cycle is not None]
-    return max(known) if known and len(known) == len(cycles) else None
+    ratios = [cycle / limits.limit_cycle for cycle in cycles if cycle is not None]
+    return max(ratios) if ratios and len(ratios) == len(cycles) else None
 
 
 def _not_lost(result: CaseResult) -> bool:
@@ -132,14 +132,14 @@ def _not_lost(result: CaseResult) -> bool:
 
 def penalty(result: CaseResult, limits: Stability) -> float:
     """What a test of A1 to A3 adds to the objective: nothing where they hold."""
-    found = kind(result, limits)
-    if found in HOLDING:
+    ending = kind(result, limits)
+    if ending in HOLDING:
         return 0.0
     figures = result.measurements
     if figures.limit_cycle is None:
         return NO_CYCLE
     excess = CYCLE * math.log(max(figures.limit_cycle / limits.limit_cycle, 1.0))
-    if found == "limit cycle" and figures.slowest_decay is not None:
+    if ending == "limit cycle" and figures.slowest_decay is not None:
         excess = min(excess, RING_DOWN * math.log(figures.slowest_decay / limits.ring_down))
     return LEAST + excess
 

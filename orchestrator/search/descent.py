@@ -69,12 +69,12 @@ def contenders(hunt: Hunt, target: Target) -> list[Member]:
     """The worst of each system for ``target``, the worst first: which system has the least margin, the test does not
     tell; the nominal system if nothing is known."""
     taken: Counter[str] = Counter()
-    found = []
+    worst = []
     for member in hunt.history.ranked(target):
         taken[member.system] += 1
         if taken[member.system] <= CONTENDERS:
-            found.append(member)
-    return found or [Member(hunt.poses[0], target.test)]
+            worst.append(member)
+    return worst or [Member(hunt.poses[0], target.test)]
 
 
 def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) -> Asking[tuple[int, Member] | None]:
@@ -95,6 +95,7 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
     level, step, calm, scores = -1, STEP, 0, dict[Member, Scores]()
     while (high := len(scale) if best is None else best[0]) > 0:
         if calm == PATIENCE:
+            # Calm is no end: at a step of 0 the search goes on just below what fails, as long as its share lasts.
             step, calm = (0.5 * step if step * high >= 1.0 else 0.0), 0
         lower = max(high - 1 - int(step * high), 0)
         if level != lower:  # how near the best so far are to a failure at another level is not known
@@ -131,6 +132,7 @@ def _largest(scores: Mapping[Member, Scores]) -> Scores:
 
 def _parents(scores: Mapping[Member, Scores]) -> list[Member]:
     """The best by each score in turn: neither kind of a failure crowds out the other."""
+    # The vibration shows from far a cycle that begins all at once, the unrest one that grows from nothing.
     by_vibration = sorted(scores, key=lambda member: -scores[member].vibration)
     by_unrest = sorted(scores, key=lambda member: -scores[member].unrest)
     return list(dict.fromkeys(chain.from_iterable(zip(by_vibration, by_unrest, strict=True))))[:PARENTS]
@@ -140,7 +142,7 @@ def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
     """Whether members are known to fail: one that the stage's share does not last for is not."""
     tried = set(hunt.afford(members))
     yield from hunt.history.results([member for member in members if member in tried])
-    return [member in tried and fails(hunt.history.found[member], hunt.protocol.stability) for member in members]
+    return [member in tried and fails(hunt.history.result_of[member], hunt.protocol.stability) for member in members]
 
 
 def _plain(member: Member) -> Member:
@@ -148,19 +150,20 @@ def _plain(member: Member) -> Member:
 
 
 def _child(parents: Sequence[Member], protocol: Protocol, stream: np.random.RandomState) -> Member:
-    found = parents[min(int(stream.exponential(1.5)), len(parents) - 1)]
+    child = parents[min(int(stream.exponential(1.5)), len(parents) - 1)]
+    # Inside the ranges, too: a limit cycle needs friction that is neither too small nor too large.
     kind = moves.either(stream, (("turned", TURNED), ("inside", INSIDE), ("as it is", 1.0)))
     if kind != "as it is":
-        found = moves.turned(found, stream) if kind == "turned" else moves.inside(found, stream)
+        child = moves.turned(child, stream) if kind == "turned" else moves.inside(child, stream)
     draws = stream.uniform(size=4)
     if draws[0] < MOVED:
-        found = moves.moved(found, protocol, stream)
+        child = moves.moved(child, protocol, stream)
     if draws[1] < PUSHED:
         pushed = moves.with_any_force_direction if draws[1] < ANYWHERE else moves.with_other_force_direction
-        found = pushed(found, stream)
+        child = pushed(child, stream)
     if draws[2] < SWEPT:
-        found = moves.with_other_sweep(found, protocol)
-    return moves.with_other_noise(found, stream) if draws[3] < HEARD else found
+        child = moves.with_other_sweep(child, protocol)
+    return moves.with_other_noise(child, stream) if draws[3] < HEARD else child
 
 
 def _drawn(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
@@ -173,5 +176,5 @@ def _drawn(member: Member, protocol: Protocol, stream: np.random.RandomState) ->
     )
     workspace = protocol.workspace
     q_a = round(stream.uniform(*workspace.q_a1_deg), 1), round(stream.uniform(*workspace.q_a2_deg), 1)
-    found = moves.with_any_force_direction(replace(member, q_a=q_a, deviations=tuple(deviations)), stream)
-    return moves.with_other_noise(moves.with_other_sweep(found, protocol) if stream.uniform() < 0.5 else found, stream)
+    drawn = moves.with_any_force_direction(replace(member, q_a=q_a, deviations=tuple(deviations)), stream)
+    return moves.with_other_noise(moves.with_other_sweep(drawn, protocol) if stream.uniform() < 0.5 else drawn, stream)

@@ -28,24 +28,24 @@ class Peak(NamedTuple):
 class Elites:
     """The best members of each peak, the best first, with their values."""
 
-    known: dict[Peak, list[tuple[float, Member]]] = field(default_factory=dict)
+    by_peak: dict[Peak, list[tuple[float, Member]]] = field(default_factory=dict)
 
     def take(self, peak: Peak, value: float, member: Member) -> None:
         """Keep ``member`` if it is among the best of its peak."""
-        own = self.known.setdefault(peak, [])
-        if value > -math.inf and all(member != other for _, other in own):
-            own.append((value, member))
-            own.sort(key=lambda pair: -pair[0])  # stable: of equals, the first found
-            del own[ELITE:]
+        elite = self.by_peak.setdefault(peak, [])
+        if value > -math.inf and all(member != other for _, other in elite):
+            elite.append((value, member))
+            elite.sort(key=lambda pair: -pair[0])  # stable: of equals, the first found
+            del elite[ELITE:]
 
     def members(self, peak: Peak) -> list[Member]:
         """The members of a peak, the best first."""
-        return [member for _, member in self.known.get(peak, ())]
+        return [member for _, member in self.by_peak.get(peak, ())]
 
     def largest(self, peak: Peak) -> float:
         """The largest value of a peak; 0 if nothing is known."""
-        own = self.known.get(peak)
-        return own[0][0] if own else 0.0
+        elite = self.by_peak.get(peak)
+        return elite[0][0] if elite else 0.0
 
     def mean(self, target: Target, poses: Sequence[Pair]) -> float:
         """The mean over the poses of the largest values, as in eq. (14) and (15)."""

@@ -29,27 +29,28 @@ Asking = Generator[Ask | Step, Any, T]
 
 @dataclass
 class History:
-    """Members with their results; each is simulated once. ``spent`` is what they took, in whole cases."""
+    """Members with the ``result_of`` each, which is simulated once. ``spent`` is what they took, in whole cases."""
 
     protocol: Protocol
-    found: dict[Member, CaseResult] = field(default_factory=dict)
+    result_of: dict[Member, CaseResult] = field(default_factory=dict)
     spent: float = 0.0
 
     def results(self, members: Sequence[Member]) -> Asking[list[CaseResult]]:
         """Results of ``members``; asks for those that are not known."""
-        new = tuple(dict.fromkeys(member for member in members if member not in self.found))
+        new = tuple(dict.fromkeys(member for member in members if member not in self.result_of))
         if new:
             results: Sequence[CaseResult] = yield Ask(new)
-            self.found.update(zip(new, results, strict=True))
+            self.result_of.update(zip(new, results, strict=True))
             self.spent += sum(cost(member, self.protocol) for member in new)
-        return [self.found[member] for member in members]
+        return [self.result_of[member] for member in members]
 
     def severities(self, target: Target) -> Iterator[tuple[float, Member]]:
         """How bad each possible member is for ``target``, of those that it can be read off."""
-        for member, result in self.found.items():
+        for member, result in self.result_of.items():
             test = self.protocol.test(member.test)
-            own = target.criterion in test.criteria if target.criterion else target.test in (test.name, test.repeats)
-            if own and possible(member, self.protocol):
+            # A test that repeats another with other noise counts for that one, too.
+            shows = target.criterion in test.criteria if target.criterion else target.test in (test.name, test.repeats)
+            if shows and possible(member, self.protocol):
                 yield severity(target, result, self.protocol.stability), member
 
     def ranked(self, target: Target) -> list[Member]:

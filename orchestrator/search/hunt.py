@@ -26,8 +26,8 @@ CONFIRMED = 0.25
 
 @dataclass
 class Hunt:
-    """A search: what is known, the members of the protocol's list, the ``poses`` of its configurations, what is wanted,
-    and how a member's case is repeated. V by pose is searched for from ``restarts`` independent starts.
+    """A search: what is known, the members of the protocol's list, the ``poses`` of its configurations, the
+    ``targets``, and how a member's case is repeated. V by pose is searched for from ``restarts`` independent starts.
 
     ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
     ``starts`` is V found by each start. ``limit`` is where the stage's share of the ``budget`` ends; both in whole
@@ -38,7 +38,7 @@ class Hunt:
     rules: Rules
     listed: Sequence[Member]
     poses: Sequence[Pair]
-    wanted: Sequence[Target]
+    targets: Sequence[Target]
     command: Callable[[Member], str]
     budget: float
     restarts: int = 1
@@ -61,10 +61,10 @@ class Hunt:
 
     def afford(self, members: Sequence[Member]) -> list[Member]:
         """Those of ``members`` that the stage's share lasts for: all that are known, and the first of the others."""
-        known, spent = self.history.found, self.history.spent
+        result_of, spent = self.history.result_of, self.history.spent
         dropped = set()
         for member in dict.fromkeys(members):
-            if member not in known:
+            if member not in result_of:
                 spent += cost(member, self.protocol)
                 if spent > self.limit:
                     dropped.add(member)
@@ -76,27 +76,28 @@ class Hunt:
         if self.cut:
             self.cut_short.append(stage)
         self.cut = False
-        worst = {target.name: self.history.severity(target) for target in self.wanted}
-        found = card(self, possible(self)).cost
-        self.path.append(Step(stage, len(self.history.found), self.history.spent, found, worst))
+        worst = {target.name: self.history.severity(target) for target in self.targets}
+        cost_found = card(self, possible(self)).cost
+        self.path.append(Step(stage, len(self.history.result_of), self.history.spent, cost_found, worst))
         goes_on: bool = yield self.path[-1]
         self.complete = self.complete and goes_on
         return self.complete
 
 
-def least(protocol: Protocol, listed: Sequence[Member], wanted: Sequence[Target]) -> float:
+def least(protocol: Protocol, listed: Sequence[Member], targets: Sequence[Target]) -> float:
     """Whole cases that a search begins with: the list, or each parameter alone."""
     if listed:
         return sum(cost(member, protocol) for member in listed)
-    return float(len(wanted) * (2 * len(protocol.uncertainty) + 2))
+    return float(len(targets) * (2 * len(protocol.uncertainty) + 2))
 
 
 def card(hunt: Hunt, members: Sequence[Member]) -> Scorecard:
     """The scorecard of those of ``members`` that stand at a configuration of the protocol."""
-    results = (hunt.history.found[member] for member in members)
+    # Poses between the configurations have the index -1: the means of Table 2 and eq. (14) are over those alone.
+    results = (hunt.history.result_of[member] for member in members)
     return score(hunt.rules, [result for result in results if result.configuration.index >= 0])
 
 
 def possible(hunt: Hunt) -> list[Member]:
     """The members that count: within Table 1, as whole cases, in a loop that their test asks for."""
-    return [member for member in hunt.history.found if asked_for(member, hunt.protocol)]
+    return [member for member in hunt.history.result_of if asked_for(member, hunt.protocol)]

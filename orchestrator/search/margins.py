@@ -30,19 +30,21 @@ SHARES = {"gain": 2, "gain down": 1, "delay": 2}
 
 def margins(hunt: Hunt, seed: int) -> Asking[dict[str, Margin]]:
     """Gain up and down and delay of each axis, at which any member was found to fail."""
-    found = {}
+    by_name = {}
     after = STABILITY + COST if whole(hunt) else 0
-    levels = {axis: [each for each in _levels(hunt.protocol, axis) if each.target in hunt.wanted] for axis in (1, 2)}
-    left = sum(SHARES[each.kind] for entries in levels.values() for each in entries)
+    levels = {
+        axis: [entry for entry in _levels(hunt.protocol, axis) if entry.target in hunt.targets] for axis in (1, 2)
+    }
+    left = sum(SHARES[entry.kind] for entries in levels.values() for entry in entries)
     for axis, entries in levels.items():
         for entry in entries:
             hunt.allot(SHARES[entry.kind] / (left + after))
             left -= SHARES[entry.kind]
             if (margin := (yield from _margin(hunt, entry, seed))) is not None:
-                found[entry.name] = margin
-        hunt.cut = any(entry.name not in found for entry in entries)  # a longer search may always find less
+                by_name[entry.name] = margin
+        hunt.cut = any(entry.name not in by_name for entry in entries)  # a longer search may always find less
         yield from hunt.note(f"margins of axis {axis}")
-    return found
+    return by_name
 
 
 def _levels(protocol: Protocol, axis: int) -> Iterator[Levels]:
@@ -72,13 +74,14 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
 def _margin(hunt: Hunt, entry: Levels, seed: int) -> Asking[Margin | None]:
     """The margin, within the stage's share; None if that does not last for a single member."""
     limit, members = float(entry.scale[-1]), contenders(hunt, entry.target)
+    # A margin that is found is tried with other noise: the descent may not spend what that takes.
     share, hunt.limit = hunt.limit, hunt.limit - len(SEEDS)
     if not members or not hunt.afford([entry.at(members[0], entry.scale[-1])]):
         return None
-    found = yield from descend(hunt, entry, members, seed)
+    smallest = yield from descend(hunt, entry, members, seed)
     hunt.limit = share
-    if found is None:
+    if smallest is None:
         return Margin(None, limit)
-    step, member = found
+    step, member = smallest
     failed, tried = yield from other_noise(hunt, member)
     return Margin(float(entry.scale[step]), limit, failed, tried, hunt.command(member))

@@ -92,8 +92,8 @@ def loose(member: Member, protocol: Protocol) -> Member:
     Its noise is another, and that of the test that its own test repeats.
     """
     signs = protocol.systems[member.system]
-    own = dict(member.deviations)
-    deviations = tuple((name, own.get(name, float(signs.get(symbol_of(name), 0)))) for name in names(protocol))
+    changed = dict(member.deviations)
+    deviations = tuple((name, changed.get(name, float(signs.get(symbol_of(name), 0)))) for name in names(protocol))
     test = protocol.test(member.test)
     return replace(member, system=NOMINAL, deviations=deviations, test=test.repeats or test.name)
 
@@ -101,10 +101,10 @@ def loose(member: Member, protocol: Protocol) -> Member:
 def spelled(member: Member, protocol: Protocol, test: str) -> Member:
     """The same in ``test``, with parameters as in :func:`loose` and its own disturbance in numbers, so that each can be
     changed."""
-    own, fixed = protocol.test(member.test), protocol.fixed_disturbance
+    own_test, fixed = protocol.test(member.test), protocol.fixed_disturbance
     low, high = protocol.disturbance.chirp_frequencies
-    phi_F = fixed.phi_F if own.direction_deg is None else math.radians(own.direction_deg)
-    sweep = {"up": (low, high), "down": (high, low)}.get(own.sweep, (fixed.f_start, fixed.f_stop))
+    phi_F = fixed.phi_F if own_test.direction_deg is None else math.radians(own_test.direction_deg)
+    sweep = {"up": (low, high), "down": (high, low)}.get(own_test.sweep, (fixed.f_start, fixed.f_stop))
     return replace(
         loose(member, protocol),
         test=test,
@@ -121,10 +121,10 @@ def symbol_of(name: str) -> str:
 def cost(member: Member, protocol: Protocol) -> float:
     """What a member's simulation costs, in whole cases: its simulated time by that of the longest test."""
     longest = max(test.duration for test in protocol.tests)
-    own = protocol.test(member.test).duration
+    duration = protocol.test(member.test).duration
     if member.short is not None and member.short.duration is not None:
-        own = member.short.duration
-    return float(own / longest)
+        duration = member.short.duration
+    return float(duration / longest)
 
 
 def parameters(member: Member, protocol: Protocol, nominal: Mapping[str, float]) -> dict[str, float]:
@@ -142,5 +142,5 @@ def case_of(member: Member, protocol: Protocol, nominal: Mapping[str, float]) ->
     pose = cases.configuration(protocol, math.radians(member.q_a[0]), math.radians(member.q_a[1]))
     values = {**nominal, **parameters(member, protocol, nominal)}
     system = cases.system(protocol, values, member.seed, pose.index, member.system, test)
-    found = cases.case(protocol, pose, system, test, member.seed)
-    return replace(found, scenario=vary(found.scenario, protocol, member.variation))
+    unvaried = cases.case(protocol, pose, system, test, member.seed)
+    return replace(unvaried, scenario=vary(unvaried.scenario, protocol, member.variation))

@@ -64,9 +64,9 @@ def _reflected(value: float, low: float, high: float) -> float:
 def crossed(member: Member, other: Member, stream: np.random.RandomState) -> Member:
     """Each parameter of one of the two."""
     theirs = dict(other.deviations)
-    own = stream.uniform(size=len(member.deviations)) < 0.5
+    kept = stream.uniform(size=len(member.deviations)) < 0.5
     deviations = (
-        (name, value if keep else theirs[name]) for keep, (name, value) in zip(own, member.deviations, strict=True)
+        (name, value if keep else theirs[name]) for keep, (name, value) in zip(kept, member.deviations, strict=True)
     )
     return replace(member, deviations=tuple(deviations))
 
@@ -130,23 +130,23 @@ def with_other_noise(member: Member, stream: np.random.RandomState) -> Member:
 def moved(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
     """Another pose within the workspace, in tenths of a degree, near its own or anywhere."""
     jump = stream.uniform() < JUMPS
-    found = []
+    angles = []
     workspace = protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg
     for angle, (low, high) in zip(member.q_a, workspace, strict=True):
         anywhere, near = stream.uniform(low, high), angle + POSE_STEP * stream.standard_normal() * stream.uniform()
-        found.append(_reflected(round(float(anywhere if jump else near), 1), low, high))
-    return replace(member, q_a=(found[0], found[1]))
+        angles.append(_reflected(round(float(anywhere if jump else near), 1), low, high))
+    return replace(member, q_a=(angles[0], angles[1]))
 
 
 def single_effects(member: Member, protocol: Protocol) -> dict[tuple[str, float], Member]:
     """Members that differ from ``member`` in one uncertain parameter, both axes at once, at either end."""
-    found = {}
+    members = {}
     for symbol in protocol.uncertainty:
         for sign in (-1.0, 1.0):
             changed = {f"{symbol}[{axis}]": sign for axis in (1, 2)}
             deviations = tuple((name, changed.get(name, value)) for name, value in member.deviations)
-            found[symbol, sign] = replace(member, deviations=deviations)
-    return found
+            members[symbol, sign] = replace(member, deviations=deviations)
+    return members
 
 
 def combined(member: Member, worse: dict[str, float], protocol: Protocol) -> Member:

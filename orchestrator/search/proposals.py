@@ -51,7 +51,8 @@ class Proposals:
             self._study = optuna.create_study(storage=storage, sampler=chosen[sampler]())
         self._study.enqueue_trial(dict(start))
         self._space = {
-            name: optuna.distributions.FloatDistribution(own.low, own.high, log=own.log) for name, own in vary.items()
+            name: optuna.distributions.FloatDistribution(span.low, span.high, log=span.log)
+            for name, span in vary.items()
         }
         self._vary, self._first = vary, True
         self._asked: list[Any] = []
@@ -75,8 +76,8 @@ class Proposals:
         values = {trial.value for trial in self._study.trials}
         if len(values) < 2 or len(self._vary) < 2:
             return {}
-        found = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
-        return {name: float(found.get(name, 0.0)) for name in self._vary}
+        shares = get_param_importances(self._study, evaluator=PedAnovaImportanceEvaluator())
+        return {name: float(shares.get(name, 0.0)) for name in self._vary}
 
 
 def _optuna() -> Any:

@@ -32,7 +32,7 @@ class Spent(Exception):
 
 def whole(hunt: Hunt) -> bool:
     """Whether everything is searched for, from a list: then there is a radius."""
-    return bool(hunt.listed) and len(hunt.wanted) == len(targets(hunt.protocol))
+    return bool(hunt.listed) and len(hunt.targets) == len(targets(hunt.protocol))
 
 
 def radius(hunt: Hunt) -> Asking[Radius | None]:
@@ -45,12 +45,12 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
         return scaled(loose(member, hunt.protocol), factor)
 
     hunt.allot(STABILITY / (STABILITY + COST))
-    stability = [target for target in hunt.wanted if not target.criterion]
+    stability = [target for target in hunt.targets if not target.criterion]
     members = [member for target in stability for member in contenders(hunt, target)]
     broken = any((yield from failing(hunt, members)))  # then the radius is at most 1, whatever happens beyond
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
     lasts = not members or bool(hunt.afford([wider(members[0], scale[-1])]))
-    found = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
+    smallest = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
     yield from hunt.note("radius of stability")
     hunt.allot(1.0)
     try:
@@ -59,7 +59,7 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
         lasts = False
     yield from hunt.note("radius of V")
     # What fails with its own noise may hold with the one that members of other factors share.
-    least = SCALES[found[0]] if found is not None else 1.0 if broken else None
+    least = SCALES[smallest[0]] if smallest is not None else 1.0 if broken else None
     return Radius(cost, least, SCALES[-1]) if lasts else None
 
 
@@ -74,16 +74,17 @@ def _radius_of_cost(hunt: Hunt) -> Asking[float | None]:
 
     Raises :class:`Spent` if the stage's share does not even last for the first steps.
     """
+    # At each configuration: with three members for all of them, the radius could be 1.1 where V found was 112.
     worst = {key: loose(member, hunt.protocol) for key, member in worst_at_each(hunt).items()}
     rules = hunt.rules
-    found = card(hunt, possible(hunt))
+    scorecard = card(hunt, possible(hunt))
     searched = {target.criterion for target, _ in worst}
-    shares = [entry.share for name, entry in found.criteria.items() if name not in searched]
+    shares = [entry.share for name, entry in scorecard.criteria.items() if name not in searched]
     steps = (0.0, *SCALES)
 
     def too_much(step: int) -> Asking[bool]:
         if step == one:
-            return found.cost is None or found.cost > rules.cost.target
+            return scorecard.cost is None or scorecard.cost > rules.cost.target
         at = {
             key: scaled(replace(member, short=short(hunt.protocol, key[0], SETTLING)), steps[step])
             for key, member in worst.items()

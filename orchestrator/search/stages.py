@@ -28,7 +28,7 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
     """Simulate the list, then search for V by pose from its worst cases; without a list, from the nominal system."""
     yield from hunt.history.results(hunt.listed)
     goes_on = yield from hunt.note("list" if hunt.listed else "nominal system")
-    criteria = [target for target in hunt.wanted if target.criterion]
+    criteria = [target for target in hunt.targets if target.criterion]
     if not goes_on or not criteria:
         return
     first, share = hunt.history.spent, SEARCHED if hunt.listed else SEARCHED_ALONE
@@ -39,7 +39,7 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
         begin, end = (first + whole * number / hunt.restarts for number in (start, start + 1))
         climb = Climb(hunt.history, criteria, hunt.poses, weights, seed, start, end)
         yield from _begin(hunt, climb)
-        found = list[Member]()
+        confirmed = list[Member]()
         name = f"V by pose, start {start + 1}" if hunt.restarts > 1 else "V by pose"
         for leg, part in enumerate(LEGS):
             hunt.limit = begin + part * (end - begin)
@@ -48,19 +48,19 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
             yield from hunt.history.results(best)
             quiet = hunt.afford(_undisturbed(hunt, best))
             yield from hunt.history.results(quiet)
-            found += [*best, *quiet]
+            confirmed += [*best, *quiet]
             hunt.cut = False  # what is not confirmed in this leg is in the next
             if not (yield from hunt.note(f"{name}, {leg + 1} of {len(LEGS)}")):
                 return
             if leg + 1 < len(LEGS):
                 yield from by_pose.learn(climb, best)
-        hunt.starts.append(card(hunt, [*hunt.listed, *found]).cost)
+        hunt.starts.append(card(hunt, [*hunt.listed, *confirmed]).cost)
 
 
 def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
     """Try what each criterion's search begins with: the worst of the list at each configuration, or, without a list,
     each parameter alone at one of them, and all at the worse ends at each."""
-    for target in climb.wanted:
+    for target in climb.targets:
         if not hunt.listed:
             yield from _explore(climb, target)
             continue
@@ -71,6 +71,7 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
                 taken[member.q_a] += 1
                 if taken[member.q_a] <= STARTERS:
                     starters.append(spelled(member, hunt.protocol, target.test))
+        # Such a force turns a motor the least: a controller that reacts to large errors may leave the arm ringing.
         if target.criterion == "B6":
             starters += _along_links(hunt, target)
         yield from by_pose.begin(climb, target, starters)
@@ -101,7 +102,7 @@ def _explore(climb: Climb, target: Target) -> Asking[None]:
 
 def _price_of_confirming(hunt: Hunt, climb: Climb) -> float:
     """Whole cases to be kept back for the best members of the peaks."""
-    return float((len(hunt.poses) + 1) * len(climb.wanted) * by_pose.CONFIRMED) * 1.1
+    return float((len(hunt.poses) + 1) * len(climb.targets) * by_pose.CONFIRMED) * 1.1
 
 
 def _undisturbed(hunt: Hunt, members: Sequence[Member]) -> list[Member]:

@@ -107,10 +107,10 @@ def made(study: type[S], method: str, *given: Any, **named: Any) -> S:
 
     Raises :class:`InputError` for an option that there is not, by the names that the caller knows.
     """
-    known = [each.name for each in fields(study)]
+    names = [attribute.name for attribute in fields(study)]
     for name in named:
-        if name not in known:
-            raise unknown(f"Benchmark.{method} has no option {name}.", "no-option", method, name, known)
+        if name not in names:
+            raise unknown(f"Benchmark.{method} has no option {name}.", "no-option", method, name, names)
     return study(*given, **named)
 
 

@@ -137,7 +137,7 @@ def worst_case(
     members = [of_case(listed_case) for listed_case in listed]
     hunt = Hunt(History(rules_of), rules(rules_of), members, poses, chosen, command, study.budget, study.restarts)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
-    results, end = hunt.history.found.values(), (yield Now())
+    results, end = hunt.history.result_of.values(), (yield Now())
     document = Robustness(
         schema=Robustness.SCHEMA,
         head=head(search_testbed, controller, pairing, T_s, begin, end, own_rules=hunt.rules),
