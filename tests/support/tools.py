@@ -39,6 +39,12 @@ def namespaces_work() -> bool:
     return _runs([sys.executable, "-c", "from orchestrator.execution.read_only import protect as p; exit(not p())"])
 
 
+def musl_gcc_works() -> bool:
+    """Whether it is installed, and the gcc that it calls."""
+    program = shutil.which("musl-gcc")
+    return program is not None and _runs([program, "--version"])
+
+
 def _runs(command: list[str]) -> bool:
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
@@ -93,7 +99,8 @@ TOOLS: Mapping[str, Tool] = {
     "clang": _program("clang", "needs clang"),
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
     "namespaces": Tool("needs Linux that allows user namespaces", namespaces_work),
-    "musl-gcc": _program("musl-gcc", "needs musl (musl-gcc)"),
+    # A script that calls gcc, which may be missing beside it.
+    "musl-gcc": Tool("needs musl (musl-gcc, with gcc)", musl_gcc_works),
     "qemu-aarch64": _program("qemu-aarch64", "needs QEMU for programs of Linux on arm64 (qemu-aarch64)"),
     "wine": _program("wine", "needs Wine (wine)"),
     "mingw": _program(MINGW, f"needs a C compiler for Windows (package mingw-w64, {MINGW})"),
