@@ -42,7 +42,8 @@ from orchestrator.exact_time import seconds  # noqa: E402
 from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.port import Port  # noqa: E402
 from orchestrator.fmi.slaves import Slave, load  # noqa: E402
-from orchestrator.loop import disturbances, signals  # noqa: E402
+from orchestrator.loop import scenario as scenarios  # noqa: E402
+from orchestrator.loop import signals  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
 from orchestrator.loop.scenario import Scenario  # noqa: E402
 from orchestrator.loop.trajectory import Status, Trajectory  # noqa: E402
@@ -128,7 +129,7 @@ def _c_slave(port: Port) -> np.ndarray:
 def plant_inputs(scenario: Scenario, trajectory: Trajectory) -> np.ndarray:
     """What the plant was driven by in each sample of a simulation, shape (samples, 6)."""
     delayed = np.vstack([trajectory.u_m0, trajectory.torque[:-1]])
-    chirp, pulse = disturbances.chirp_signal(scenario.chirp), disturbances.pulse_signal(scenario.pulse)
+    chirp, pulse = scenarios.chirp_signal(scenario.chirp), scenarios.pulse_signal(scenario.pulse)
     acting = [(*signals.chirp(chirp, t), *signals.pulse(pulse, t)) for t in trajectory.time[:-1]]
     return np.hstack([delayed, acting])
 

@@ -34,7 +34,7 @@ OWN = (ROOT / "plant_fmu" / "flexible_manipulator", ROOT / "controller_fmu" / "p
 BY_NAME = ("orchestrator.fmi.slaves.numba_plant", "orchestrator.fmi.slaves.numba_pid")
 """Modules that are loaded by their names, so that no import statement leads to them."""
 
-COMPILED = ("orchestrator.loop.warm_up", "orchestrator.benchmark.one_pass", *BY_NAME)
+COMPILED = ("orchestrator.loop.closed_loop", "orchestrator.benchmark.one_pass", *BY_NAME)
 """Modules that compile; with what they import, the sources of the compiled code."""
 
 COMPUTING = ("orchestrator.execution.worker", "orchestrator.pairing.work", *BY_NAME)

@@ -14,7 +14,7 @@ from orchestrator.cli.guard import remedy
 from orchestrator.codec import unpack
 from orchestrator.execution import store
 from orchestrator.execution.supervision import run_isolated
-from orchestrator.loop.carry_over import CarryOver, carry_over
+from orchestrator.loop.behaviour import CarryOver, carry_over
 from orchestrator.pairing.pairing import beginning_job
 from orchestrator.pairing.work import BEGINNING, CaseTask, ScenarioTask, TimingRecord
 from orchestrator.study import batch

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks import diagrams, protocol_reference
-from orchestrator.loop.disturbances import force
+from orchestrator.loop.scenario import force
 from plant_fmu.flexible_manipulator.kinematics import tcp
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 

@@ -19,10 +19,9 @@ from support.stub_fmus import axes
 from orchestrator import Benchmark, Variation
 from orchestrator.benchmark.variation import vary
 from orchestrator.fmi.archive import open_archive
-from orchestrator.loop.plan import CELLS
 from orchestrator.loop.random_streams import dropped, jitter_cells
 from orchestrator.loop.random_streams import noise as noise_of
-from orchestrator.loop.scenario import Drive, Noise, Sensor
+from orchestrator.loop.scenario import CELLS, Drive, Noise, Sensor
 
 ARRIVAL, ACTING = ("arrival[1]", "arrival[2]"), ("acting[1]", "acting[2]")
 SIGNALS = ("q_m", "X", "measured", "given", "command", "torque")

@@ -30,7 +30,8 @@ from orchestrator.fmi.connectors import bind_controller
 from orchestrator.fmi.lookup import elements, find_outputs, find_values
 from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.fmi.units import conversion
-from orchestrator.loop import plan, sampling, setup
+from orchestrator.loop import sampling, setup
+from orchestrator.loop import scenario as scenarios
 from orchestrator.loop.scenario import NO_DELAY, Scenario
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -128,8 +129,8 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: find_values(NAMED, {"y": 1.0}, WHERE),
         lambda: sampling.controller_sample_time(archive(fixed="0.0005"), T_S, T_S),
         lambda: find_outputs(NAMED, ["x"], WHERE),
-        lambda: plan.make_plan(T_S, (Fraction(1, 10**15 + 1), T_S), NO_DELAY),
-        lambda: plan.make_plan(T_S, NO_DELAY, (T_S / 2, T_S), None, T_S * 3 / 4),
+        lambda: scenarios.make_plan(T_S, (Fraction(1, 10**15 + 1), T_S), NO_DELAY),
+        lambda: scenarios.make_plan(T_S, NO_DELAY, (T_S / 2, T_S), None, T_S * 3 / 4),
         lambda: sampling.controller_sample_time(archive(experiment="0.0003"), T_S),
         lambda: setup.controller_binding(
             with_parameters("u_m0[1]", "u_m0[2]"), setup.Setup({"u_m0[1]": 1.0})

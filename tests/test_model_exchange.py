@@ -18,7 +18,7 @@ from support.stub_fmus import axes
 
 import build_fmus
 from orchestrator.fmi.archive import open_archive
-from orchestrator.loop.timing import ERROR, LATE, SAMPLES
+from orchestrator.loop.behaviour import ERROR, LATE, SAMPLES
 from orchestrator.loop.trajectory import Status
 
 pytestmark = pytest.mark.needs("compiler")

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from support.refusals import refusal
 
 from orchestrator.exact_time import seconds
-from orchestrator.loop.plan import CELLS, Plan, make_plan
-from orchestrator.loop.scenario import NO_DELAY, Delays
+from orchestrator.loop.scenario import CELLS, NO_DELAY, Delays, Plan, make_plan
 
 T_S = Fraction(1, 4000)
 

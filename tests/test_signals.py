@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.loop import signals
-from orchestrator.loop.disturbances import ChirpSignal, PulseSignal
 from orchestrator.loop.random_streams import noise as noise_of
-from orchestrator.loop.scenario import Noise
+from orchestrator.loop.scenario import ChirpSignal, Noise, PulseSignal
 
 numbers = st.floats(-1e6, 1e6)
 quanta = st.floats(1e-6, 10.0)

@@ -20,9 +20,9 @@ from support.refusals import refusal
 
 import build_fmus
 from orchestrator.fmi.archive import open_archive
+from orchestrator.loop.behaviour import Convention
 from orchestrator.loop.setup import Setup, controller_binding
 from orchestrator.loop.signals import quantize
-from orchestrator.loop.timing import Convention
 from orchestrator.loop.trajectory import Status
 
 DEFAULT = "DiagonalPID"

@@ -18,8 +18,8 @@ from ..errors import Crash, FmuError, InputError
 from ..execution.job import Died, Done, Outcome
 from ..execution.messages import Failed
 from ..execution.supervision import run_isolated
-from ..loop import timing as timings
-from ..loop.carry_over import CarryOver
+from ..loop import behaviour
+from ..loop.behaviour import CarryOver
 from ..loop.sampling import controller_sample_time
 from ..loop.setup import controller_binding
 from ..pairing import work
@@ -87,7 +87,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
     if isinstance(rest, Done):
         at = rest.value
         torques: Decode = lambda _, value: unpack(value, np.ndarray)  # noqa: E731
-        errors = [(timings.step_errors(begin), initially) for begin, initially in timings.EXPERIMENTS]
+        errors = [(behaviour.step_errors(begin), initially) for begin, initially in behaviour.EXPERIMENTS]
         tasks = [work.AnswerTask(pairing.setup, at.q_m, at.u_m, at.q_a, T_s, *experiment) for experiment in errors]
         # In processes of their own, since nothing is known yet of what a controller leaves behind.
         *_, ended = outcomes = run(replace(pairing, separate=True), work.answer, tasks, torques)
@@ -102,18 +102,18 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
     shown = _carry_over(pairing, case)
     if shown is CarryOver.NONE and len(responses) == len(tasks) and not pairing.is_separate:
         # As many after each other as an evaluation has in one process: some FMUs count their instances.
-        grouped = run(pairing, work.answer, [tasks[timings.STEP]] * GROUP_SIZE, torques)
+        grouped = run(pairing, work.answer, [tasks[behaviour.STEP]] * GROUP_SIZE, torques)
         later = [outcome.value for outcome in grouped if isinstance(outcome, Done)]
-        if not all(np.array_equal(one, responses[timings.STEP], equal_nan=True) for one in later):
+        if not all(np.array_equal(one, responses[behaviour.STEP], equal_nan=True) for one in later):
             shown = CarryOver.FOUND
     separated = replace(pairing, separate=shown.separates)
     if isinstance(rest, Done):
         yield from dynamic.carry_over(shown)
     if responses:
-        (again,) = run(separated, work.answer, [structs.replace(tasks[timings.STEP], after_reset=True)], torques)
+        (again,) = run(separated, work.answer, [structs.replace(tasks[behaviour.STEP], after_reset=True)], torques)
         yield from failed(dynamic.RESET_CHECK, again)
         if isinstance(again, Done):
-            yield from dynamic.reset(responses[timings.STEP], again.value)
+            yield from dynamic.reset(responses[behaviour.STEP], again.value)
     for number, (check, _) in enumerate(dynamic.CHECKS):
         if check.subject == "several instances" and separated.is_separate and not separated.separate:
             continue  # it has declared that it cannot

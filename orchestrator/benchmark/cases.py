@@ -14,9 +14,8 @@ import msgspec
 import numpy as np
 
 from ..errors import InputError
-from ..loop.disturbances import force
 from ..loop.random_streams import stable_stream
-from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor
+from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor, force
 from .case import Case, Configuration, Disturbance, System, Test
 from .protocol import Protocol
 

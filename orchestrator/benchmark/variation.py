@@ -11,8 +11,7 @@ from plant_fmu.flexible_manipulator.formulas import ANGLE_MAX, hypot
 
 from ..entry import enter_fields
 from ..errors import InputError
-from ..loop.disturbances import force
-from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor
+from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor, force
 from .protocol import Protocol
 
 T = TypeVar("T")

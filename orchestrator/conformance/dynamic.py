@@ -16,14 +16,12 @@ from ..fmi.lookup import find_values
 from ..fmi.port import exchange
 from ..fmi.slaves import Slave, load
 from ..fmi.trace import CONTROLLER
-from ..loop import timing as timings
-from ..loop.carry_over import WORDS, CarryOver
-from ..loop.computing import ComputingTime
+from ..loop import behaviour
+from ..loop.behaviour import ERROR, LATE, WORDS, CarryOver, ComputingTime, Convention
 from ..loop.controller import Steady, prepared
 from ..loop.master import steady_state
 from ..loop.probe import answers
 from ..loop.setup import Setup
-from ..loop.timing import ERROR, LATE, Convention
 from .finding import Finding, Severity
 
 EXTRA_DELAY = (
@@ -66,7 +64,7 @@ def timing(
 ) -> Iterator[Finding]:
     """Latency, timing convention, and the first output against ``u_m0`` [N.m], from the ``responses`` to EXPERIMENTS;
     ``torque_step`` [N.m] is that of the benchmark's quantizer per axis."""
-    measured = timings.timing(responses)
+    measured = behaviour.timing(responses)
     # Nothing else is worth a word then: each case would end with this.
     if not np.all(np.isfinite(measured.first_torque)):
         text = f"{measured.first_torque[0]:.4g}, {measured.first_torque[1]:.4g} N.m at rest"
@@ -234,4 +232,4 @@ def _steady(plant: Slave) -> Steady:
 def _response(
     controller: Slave, steady: Steady, task: CheckTask, between: Callable[[int], object] = lambda _: None
 ) -> np.ndarray:
-    return answers(controller, task.setup, steady, task.sample_time, timings.step_errors(LATE), between=between)
+    return answers(controller, task.setup, steady, task.sample_time, behaviour.step_errors(LATE), between=between)

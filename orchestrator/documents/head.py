@@ -9,8 +9,7 @@ from typing import Literal
 
 from ..benchmark.results import Rules
 from ..codec import Finite, Natural, NonNegative, Scalar, Struct
-from ..loop.carry_over import CarryOver
-from ..loop.computing import ComputingTime
+from ..loop.behaviour import CarryOver, ComputingTime
 
 
 class BoundRecord(Struct):

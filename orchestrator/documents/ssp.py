@@ -16,9 +16,8 @@ from ..codec import Scalar
 from ..errors import InputError
 from ..fmi.archive import Archive
 from ..loop.controller import Steady, start_values
-from ..loop.plan import make_plan
 from ..loop.random_streams import stable_stream
-from ..loop.scenario import Scenario
+from ..loop.scenario import Scenario, make_plan
 from ..loop.setup import Setup, controller_binding
 from ..text import spelled
 

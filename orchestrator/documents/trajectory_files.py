@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..loop import disturbances
-from ..loop.disturbances import ChirpSignal, PulseSignal
-from ..loop.scenario import Scenario
+from ..loop import scenario as scenarios
+from ..loop.scenario import ChirpSignal, PulseSignal, Scenario
 from ..loop.trajectory import Trajectory
 from ..views.csv import csv_text
 from ..views.plot import Axis, Line, Plot, Window, hue
@@ -30,8 +29,8 @@ Table = Mapping[str, np.ndarray]
 def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
     """All signals of a simulation. Torques at the last instant, which are not computed, are NaN."""
     t = trajectory.time
-    u_d = _while_on(disturbances.chirp, disturbances.chirp_signal(scenario.chirp), t)
-    F = _while_on(disturbances.pulse, disturbances.pulse_signal(scenario.pulse), t)
+    u_d = _while_on(scenarios.chirp, scenarios.chirp_signal(scenario.chirp), t)
+    F = _while_on(scenarios.pulse, scenarios.pulse_signal(scenario.pulse), t)
     pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
     pairs = {
         "q_m[{}] [rad]": trajectory.q_m,

@@ -13,7 +13,7 @@ from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
 from ..codec import Scalar
-from ..loop.carry_over import WORDS, CarryOver
+from ..loop.behaviour import WORDS, CarryOver
 from ..loop.trajectory import Status
 from ..text import shortened
 from ..views.table import VERDICTS, Note

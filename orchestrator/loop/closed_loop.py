@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fmi.port import GET, WARNING, Port, exchange
+from ..exact_time import seconds
+from ..fmi.port import GET, WARNING, Port, exchange, unconnected
 from ..fmi.trace import SAMPLE
-from ..jit import arithmetic, compiled
-from .disturbances import ChirpSignal, PulseSignal
-from .plan import Plan
+from ..jit import arithmetic, arithmetic_now, compiled
+from . import serving
+from .random_streams import dropped, noise
+from .scenario import NO_DELAY, ChirpSignal, Noise, Plan, PulseSignal, make_plan
 from .signals import amplify, chirp, pulse, quantize, saturate
 
 MAX_PHYSICAL_TORQUE = 1e12
@@ -163,3 +165,32 @@ def run(plant: Port, controller: Port, loop: Loop, record: SampleArrays) -> Exit
             return Exit(DIVERGED, k + 1, 0, 0, warnings)
     controller.trace[SAMPLE] = loop.samples
     return Exit(FINISHED, loop.samples, 0, 0, warnings)
+
+
+def warm_up() -> None:
+    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types, before other
+    processes are forked from this one.
+
+    They have to be those of a simulation: the noise, for example, is read-only.
+    """
+    two, port = np.zeros(2), unconnected((), 2, (), 2)
+    parts = Loop(
+        first=0,
+        samples=0,
+        plan=make_plan(seconds("0.25e-3"), NO_DELAY, NO_DELAY),
+        q_m_ref=two,
+        u_m0=two,
+        gain=two,
+        limit=two,
+        torque_quantum=two,
+        angle_quantum=0.0,
+        noise=noise(Noise(sigma=1.0), 1),
+        dropped=dropped((0,), 0.0, 0),
+        chirp=ChirpSignal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        pulse=PulseSignal(0.0, 0.0, 0.0, 0.0),
+        abort_distance=0.0,
+    )
+    record = SampleArrays(np.zeros((1, 4)), np.zeros((1, 2)), *(np.zeros((0, 2)) for _ in range(3)))
+    run(port, port, parts, record)
+    serving.warm_up()
+    arithmetic_now()

@@ -15,10 +15,9 @@ from ..fmi.lookup import find_outputs, find_values
 from ..fmi.slaves import Slave
 from ..jit import arithmetic_now, arithmetic_words
 from . import closed_loop as loop
-from . import disturbances, random_streams
+from . import random_streams
 from .controller import Remote, Steady, prepared
-from .plan import CELLS, make_plan
-from .scenario import Scenario
+from .scenario import CELLS, Scenario, chirp_signal, make_plan, pulse_signal
 from .setup import Setup
 from .trajectory import Ending, Status, Trajectory
 
@@ -117,8 +116,8 @@ def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
         angle_quantum=sensor.quantum,
         noise=random_streams.noise(sensor.noise, scenario.samples + 1),
         dropped=random_streams.dropped(seed, drive.dropout, scenario.samples),
-        chirp=disturbances.chirp_signal(scenario.chirp),
-        pulse=disturbances.pulse_signal(scenario.pulse),
+        chirp=chirp_signal(scenario.chirp),
+        pulse=pulse_signal(scenario.pulse),
         abort_distance=scenario.abort_distance,
     )
 

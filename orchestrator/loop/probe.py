@@ -14,8 +14,8 @@ from ..fmi.connectors import PLANT, bind
 from ..fmi.port import GET, WARNING, Port, exchange
 from ..fmi.slaves import Slave
 from ..jit import call_status, compiled
-from . import computing
-from .computing import NANOSECOND, ComputingTime
+from . import behaviour
+from .behaviour import NANOSECOND, ComputingTime
 from .controller import Remote, Steady, probed, start_values
 from .master import exchange_failure, simulate
 from .scenario import Scenario
@@ -82,7 +82,7 @@ def computing_time(plant: Slave, controller: Slave, setup: Setup, scenario: Scen
         )
         return step_times(controller, setup, steady, sample_time, measured)
 
-    return computing.computing_time(times)
+    return behaviour.computing_time(times)
 
 
 def step_times(

@@ -26,7 +26,7 @@ def noise(spec: Noise, samples: int) -> np.ndarray:
     """Measurement noise [rad] of shape (samples, 2), read-only."""
     numbers = np.zeros((samples, 2))
     if spec.sigma != 0.0:
-        from .normal_numbers import normal_numbers  # loads Numba, which only simulations need
+        from .signals import normal_numbers  # loads Numba, which only simulations need
 
         numbers[:] = normal_numbers(stable_stream(spec.seed), 2 * samples).reshape(samples, 2)
         numbers *= spec.sigma

@@ -109,7 +109,7 @@ class TimingRecord(Struct, frozen=True):
 def prepare() -> None:
     """Import and compile everything a simulation needs, so that no worker has to."""
     from ..benchmark import one_pass
-    from ..loop.warm_up import warm_up
+    from ..loop.closed_loop import warm_up
 
     for module in ("orchestrator.loop.master", "fmpy.validation"):
         importlib.import_module(module)
@@ -198,7 +198,7 @@ def rehearse(plant: Slave, controller: Slave, packed: bytes) -> bytes:
 
 
 def time_steps(plant: Slave, controller: Slave, packed: bytes) -> bytes:
-    """A :class:`~orchestrator.loop.computing.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
+    """A :class:`~orchestrator.loop.behaviour.ComputingTime`, over the beginning of a :class:`ScenarioTask`."""
     from ..loop.probe import computing_time
 
     task = unpack(packed, ScenarioTask)

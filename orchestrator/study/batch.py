@@ -15,7 +15,7 @@ from ..benchmark.results import Judgement
 from ..codec import pack
 from ..execution.job import MANY_LOGGED, Done, Job, Outcome
 from ..execution.store import Store
-from ..loop.carry_over import CarryOver, carry_over
+from ..loop.behaviour import CarryOver, carry_over
 from ..loop.trajectory import Status
 from ..pairing.pairing import GROUP_SIZE, Pairing, beginning_job, digest_job, judge_job, record_job
 from ..pairing.runs import CaseRun, case_run

@@ -17,7 +17,7 @@ from ..documents.files import seed_folder
 from ..documents.results import Results
 from ..documents.spread import Spread, spread_of
 from ..errors import InputError
-from ..loop.computing import MAX_STEPS
+from ..loop.behaviour import MAX_STEPS
 from ..loop.trajectory import Status
 from ..pairing.controller import Controller
 from ..pairing.records import loop_delay

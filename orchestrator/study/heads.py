@@ -6,8 +6,7 @@ from fractions import Fraction
 
 from ..benchmark.results import Rules, rules
 from ..documents.head import Head, SampleTimeRecord, Timing
-from ..loop.carry_over import CarryOver
-from ..loop.computing import ComputingTime
+from ..loop.behaviour import CarryOver, ComputingTime
 from ..pairing import records
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing

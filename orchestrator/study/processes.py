@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from ..errors import InputError
 from ..execution.store import Store
 from ..fmi.archive import Archive
-from ..loop.carry_over import WORDS, CarryOver
+from ..loop.behaviour import WORDS, CarryOver
 from ..pairing.pairing import Pairing
 from .requests import Batch
 

@@ -17,9 +17,8 @@ from ..errors import Crash, FmuError
 from ..execution.job import Died, Done, Outcome
 from ..execution.messages import error_of
 from ..execution.supervision import run_isolated
-from ..loop import computing, timing
-from ..loop.carry_over import CarryOver, carry_over
-from ..loop.computing import ComputingTime
+from ..loop import behaviour
+from ..loop.behaviour import CarryOver, ComputingTime, carry_over
 from ..loop.scenario import Pulse, Scenario
 from ..pairing import pairing as pairings
 from ..pairing import work
@@ -82,7 +81,7 @@ def rehearse(case: Case, pairing: Pairing, probe: bool = True, compare: bool = T
             values = [outcome.value for outcome in outcomes if isinstance(outcome, Done)]
     if not probe or len(values) < len(experiments):  # what cannot be probed may still be simulated
         return Rehearsal(carry_over=shown)
-    measured = timing.timing(values)
+    measured = behaviour.timing(values)
     return Rehearsal(work.TimingRecord(measured.latency, measured.convention.value), None, shown)
 
 
@@ -93,8 +92,8 @@ def _simulations(pairing: Pairing, scenarios: Sequence[Scenario]) -> list[work.S
 def _experiments(pairing: Pairing, rest: work.Beginning, T_s: Fraction) -> list[work.AnswerTask]:
     """What shows the timing of a controller at ``rest``."""
     return [
-        work.AnswerTask(pairing.setup, rest.q_m, rest.u_m, rest.q_a, T_s, timing.step_errors(begin), initially)
-        for begin, initially in timing.EXPERIMENTS
+        work.AnswerTask(pairing.setup, rest.q_m, rest.u_m, rest.q_a, T_s, behaviour.step_errors(begin), initially)
+        for begin, initially in behaviour.EXPERIMENTS
     ]
 
 
@@ -175,7 +174,7 @@ def computing_time(case: Case, pairing: Pairing) -> ComputingTime | None:
 
     try:
         if pairing.is_separate:
-            return computing.computing_time(times)
+            return behaviour.computing_time(times)
         task = work.ScenarioTask(pairing.setup, scenario)
         decode = lambda _, value: unpack(value, ComputingTime)  # noqa: E731
         measured: ComputingTime = only(

@@ -18,7 +18,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from ..documents.recording import Recording
 from ..errors import Crash
-from ..loop.carry_over import CarryOver
+from ..loop.behaviour import CarryOver
 from ..loop.trajectory import Trajectory
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun

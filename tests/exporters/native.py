@@ -10,7 +10,7 @@ from support.stub_fmus import CONTROLLER, build_model, description
 
 import build_fmus
 from controller_fmu.export import Dialect
-from orchestrator.loop.timing import Convention
+from orchestrator.loop.behaviour import Convention
 
 MODEL = Path(__file__).parent / "sources" / "pid_model.c"
 LAW = Path(build_fmus.__file__).parent / "controller_fmu" / "pid_c"

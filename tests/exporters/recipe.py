@@ -6,7 +6,7 @@ from pathlib import Path
 
 from support.tools import require
 
-from orchestrator.loop.timing import Convention
+from orchestrator.loop.behaviour import Convention
 
 
 @dataclass(frozen=True)

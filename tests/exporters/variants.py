@@ -7,7 +7,7 @@ from typing import Any
 from support.pid_fmus import built
 
 from controller_fmu.export import Dialect
-from orchestrator.loop.timing import Convention
+from orchestrator.loop.behaviour import Convention
 
 from .description_edits import Edit, declare, edited, rename, unit, without_units
 from .native import DEGREE, CModel

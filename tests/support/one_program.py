@@ -22,8 +22,7 @@ from lxml import etree
 from controller_fmu.export import FMI_HEADERS, unpack
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.case import Case
-from orchestrator.loop.disturbances import chirp, chirp_signal
-from orchestrator.loop.scenario import Scenario
+from orchestrator.loop.scenario import Scenario, chirp, chirp_signal
 from orchestrator.loop.trajectory import Trajectory
 
 STUBS = Path(__file__).parents[1] / "stubs"

@@ -28,7 +28,7 @@ from orchestrator.documents.spread import Spread, spread_of
 from orchestrator.documents.sweep import Sweep
 from orchestrator.documents.tuning import Best, Judged, Tuning
 from orchestrator.documents.verification import Verification
-from orchestrator.loop.computing import ComputingTime
+from orchestrator.loop.behaviour import ComputingTime
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import Range, Trial
 from orchestrator.search.findings import (
