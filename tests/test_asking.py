@@ -2,7 +2,7 @@
 
 import pytest
 
-from orchestrator.asking import answered, translated
+from orchestrator.study.requests import answered, translated
 
 
 def adds(*numbers):

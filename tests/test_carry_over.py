@@ -18,7 +18,7 @@ from orchestrator.loop.behaviour import CarryOver, carry_over
 from orchestrator.pairing.pairing import beginning_job
 from orchestrator.pairing.work import BEGINNING, CaseTask, ScenarioTask, TimingRecord
 from orchestrator.study import batch
-from orchestrator.study.processes import REPEAT_EVERY, Processes
+from orchestrator.study.engine import REPEAT_EVERY, Processes
 from orchestrator.study.requests import Batch, BatchEntry
 
 pytestmark = pytest.mark.needs("linux", "compiler")

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from support.descriptions import description, pair, usual, variable
 from support.refusals import refusal
 
-from orchestrator.fmi.connectors import CONTROLLER, PLANT, bind, bind_controller
-from orchestrator.fmi.names import ARRAY, Spelling, canonical, spelling
+from orchestrator.fmi.connectors import ARRAY, CONTROLLER, PLANT, Spelling, bind, bind_controller, canonical, spelling
 
 WHAT = "The controller x.fmu"
 

@@ -11,11 +11,10 @@ import pytest
 from support.command_lines import called
 
 from orchestrator import Benchmark, Controller, compare
-from orchestrator.asking import answered
 from orchestrator.cli import guard
 from orchestrator.study.dry_run import on_target
 from orchestrator.study.rehearsal import Rehearsal
-from orchestrator.study.requests import Batch, Instant, Now, Rehearse
+from orchestrator.study.requests import Batch, Instant, Now, Rehearse, answered
 
 FILE = Path(__file__).parents[1] / "examples" / "sample_time.py"
 TIMES = "0.0005,0.001"

@@ -19,7 +19,7 @@ COMMANDS = ("__main__", *main.COMMANDS)
 
 FLOORS = (
     ("plant_fmu", "controller_fmu", "build_fmus"),
-    ("errors", "bounded", "text", "exact_time", "entry", "cache", "codec", "jit", "asking", "version"),
+    ("errors", "bounded", "text", "exact_time", "entry", "cache", "codec", "jit", "version"),
     ("fmi", "views", "recheck"),
     ("loop",),
     ("benchmark", "conformance"),

@@ -14,7 +14,6 @@ from msgspec.structs import replace as changed
 from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller, Robustness
-from orchestrator.asking import answered
 from orchestrator.benchmark.cases import cases as cases_of
 from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.protocol import load
@@ -39,6 +38,7 @@ from orchestrator.search.radius import radius
 from orchestrator.search.short import brisk, short
 from orchestrator.search.stages import search
 from orchestrator.search.target import Target, fails, scores_of, suspect, targets
+from orchestrator.study.requests import answered
 from plant_fmu.flexible_manipulator.coefficients import arm as links_of
 from plant_fmu.flexible_manipulator.elementary import sin_cos
 from plant_fmu.flexible_manipulator.kinematics import tool_torque

@@ -9,7 +9,7 @@ from orchestrator.benchmark.results import Measurements
 from orchestrator.benchmark.scorecard import score
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.runs import CaseRun
-from orchestrator.study.selection import shown
+from orchestrator.study.evaluate import shown
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 CASES = {case.id: case for case in cases(PAPER, NOMINAL, 0)}

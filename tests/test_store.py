@@ -147,7 +147,7 @@ def test_one_byte_of_any_source_changes_what_is_named_by_it(edited):
 
 def test_what_is_not_computed_with_keeps_the_key(own, edited):
     before = keys(own)
-    for file in ("orchestrator/cli/evaluate.py", "orchestrator/views/latex.py", "orchestrator/version.py"):
+    for file in ("orchestrator/cli/evaluate.py", "orchestrator/views/export.py", "orchestrator/version.py"):
         (edited / file).open("a").write("\n")
     forget()
     assert keys(own) == before

@@ -11,7 +11,6 @@ from test_search import TINY
 from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
-from orchestrator.asking import answered
 from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.results import Judgement, Measurements
@@ -25,9 +24,8 @@ from orchestrator.pairing.runs import CaseRun
 from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
 from orchestrator.study.dry_run import on_target
-from orchestrator.study.engine import Engine
+from orchestrator.study.engine import Engine, Processes
 from orchestrator.study.evaluate import EvaluationStudy, SpreadStudy
-from orchestrator.study.processes import Processes
 from orchestrator.study.rehearsal import Rehearsal
 from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import (
@@ -43,6 +41,7 @@ from orchestrator.study.requests import (
     Tell,
     TimeSteps,
     TrialDone,
+    answered,
 )
 from orchestrator.study.sweep import SweepStudy
 from orchestrator.study.tune import TuningStudy

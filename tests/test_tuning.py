@@ -22,12 +22,12 @@ from test_pid import GAINS, STARTS
 from benchmarks.tuning import friction, lqg, pid_tuned
 from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
-from orchestrator.asking import answered
 from orchestrator.cli import report, values
 from orchestrator.documents.tuning import Tuning, failure_words, tuning_remarks
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
+from orchestrator.study.requests import answered
 from orchestrator.study.tuner import CandidateVerdict
 from orchestrator.views.page import page_html
 from orchestrator.views.terminal import show

@@ -22,7 +22,7 @@ from orchestrator.conformance.static import (
     summed_up,
     validation_problems,
 )
-from orchestrator.fmi import connectors, names
+from orchestrator.fmi import connectors
 from orchestrator.fmi.description import read_description
 
 VARIABLE = b'<ScalarVariable name="%s" valueReference="%d" causality="local" variability="continuous"><Real/>%s\n'
@@ -64,7 +64,7 @@ def test_names_are_not_parsed_by_a_grammar_nor_spelled_at_each_binding(tmp_path,
     """FMPy's grammar took 5 ms for each name, and each instance of a controller is bound."""
     monkeypatch.setattr("lark.Lark", None)
     spelled = []
-    monkeypatch.setattr(connectors, "spelling", lambda *given: spelled.append(given) or names.spelling(*given))
+    monkeypatch.setattr(connectors, "spelling", lambda *given: spelled.append(given) or connectors.spelling(*given))
     file = tmp_path / "many.fmu"
     file.write_bytes(pack(with_variables(2000)))
     description = read_description(file)

@@ -24,9 +24,8 @@ from orchestrator.documents.head import ControllerRecord
 from orchestrator.documents.wording import remarks
 from orchestrator.fmi.archive import open_archive
 from orchestrator.fmi.controller_files import read_parameters
-from orchestrator.fmi.lookup import canonical_values, find_values
+from orchestrator.fmi.lookup import canonical_values, find_values, typed
 from orchestrator.fmi.slaves import load
-from orchestrator.fmi.values import typed
 from orchestrator.fmi.variables import INTEGERS, Variable, variables
 from orchestrator.loop.setup import Setup, controller_binding, held_inputs
 from orchestrator.text import spelled

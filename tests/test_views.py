@@ -31,9 +31,7 @@ from orchestrator.documents.evaluation import Evaluation
 from orchestrator.text import printable
 from orchestrator.views import drawing
 from orchestrator.views import page as pages
-from orchestrator.views.csv import FORMULA, csv
-from orchestrator.views.latex import CHARACTER, GAP, TEXT_WIDTH, latex
-from orchestrator.views.markdown import markdown
+from orchestrator.views.export import CHARACTER, FORMULA, GAP, TEXT_WIDTH, csv, latex, markdown
 from orchestrator.views.page import fragment, page_html, script_json
 from orchestrator.views.plot import (
     Axis,

@@ -11,9 +11,7 @@ from typing import Any
 from ..codec import to_json
 from ..documents.document import Completeness, Displayable
 from ..text import printable
-from ..views.csv import csv
-from ..views.latex import latex
-from ..views.markdown import markdown
+from ..views.export import csv, latex, markdown
 from ..views.table import Summary
 from ..views.terminal import show, terminal
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK

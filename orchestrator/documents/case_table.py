@@ -8,7 +8,7 @@ from typing import Any
 
 from ..benchmark.case import Case
 from ..benchmark.results import CaseResult
-from ..views.csv import csv_text
+from ..views.export import csv_text
 from ..views.table import Column, Summary, Table, VerdictCell
 from ..views.units import SECOND
 from .document import Displayable

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ..codec import Finite
 from ..errors import InputError
 from ..search.candidates import Trial
-from ..views.csv import csv_text
+from ..views.export import csv_text
 from ..views.plot import Axis, Heat, Layer, Level, Line, Plot, Scatter
 from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value, VerdictCell
 from ..views.units import number

@@ -12,7 +12,7 @@ import numpy as np
 from ..loop import scenario as scenarios
 from ..loop.scenario import ChirpSignal, PulseSignal, Scenario
 from ..loop.trajectory import Trajectory
-from ..views.csv import csv_text
+from ..views.export import csv_text
 from ..views.plot import Axis, Line, Plot, Window, hue
 from ..views.units import MILLIMETRE, SECOND, TORQUE
 from .files import streamed, write_bytes, write_text

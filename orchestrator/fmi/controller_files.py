@@ -14,9 +14,8 @@ from ..bounded import read, read_toml
 from ..codec import Scalar
 from ..errors import InputError, unknown
 from .archive import Archive
-from .lookup import elements, place
+from .lookup import elements, number, place
 from .units import EXPONENTS, factor_to_fmu_unit
-from .values import number
 from .variables import REAL_TYPES, SET_TYPES
 
 TABLES = ("map", "parameters")

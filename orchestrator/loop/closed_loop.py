@@ -168,8 +168,8 @@ def run(plant: Port, controller: Port, loop: Loop, record: SampleArrays) -> Exit
 
 
 def warm_up() -> None:
-    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types, before other
-    processes are forked from this one.
+    """Run the loop for zero samples: this loads (or once compiles) the machine code for the argument types, before
+    other processes are forked from this one.
 
     They have to be those of a simulation: the noise, for example, is read-only.
     """

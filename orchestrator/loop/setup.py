@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from ..codec import Scalar
 from ..errors import InputError
 from ..fmi.archive import Archive
-from ..fmi.connectors import SAMPLE_TIME, Binding, Bound, bind_controller
+from ..fmi.connectors import SAMPLE_TIME, Binding, Bound, bind_controller, canonical
 from ..fmi.lookup import find_values
-from ..fmi.names import canonical
 from ..fmi.units import conversion
 from ..fmi.variables import Variable, variables
 

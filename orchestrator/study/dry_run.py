@@ -8,7 +8,6 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
-from ..asking import answered
 from ..benchmark.case import Case
 from ..benchmark.metrics import case_result, expected
 from ..benchmark.protocol import Protocol
@@ -20,7 +19,7 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from . import batch, rehearsal, stored
 from .batch import Execute
-from .requests import Batch, BatchEntry, Instant, Now, Record, Rehearse, Request, Requests
+from .requests import Batch, BatchEntry, Instant, Now, Record, Rehearse, Request, Requests, answered
 
 MAX_SIMULATIONS = 100_000
 """Simulations after which a study is not played any further."""

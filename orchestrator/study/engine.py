@@ -1,23 +1,24 @@
 """The engine that runs any study: it owns all effects.
 
 Processes or cluster, the store with what is finished, files, recordings, the clock, and whom to tell what happens. What
-a report shows in full is simulated again: a case is deterministic, so this is the very one evaluated.
+a report shows in full is simulated again: a case is deterministic, so this is the very one evaluated. It also finds out
+which controllers need a process for each simulation; what is stored remembers it.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..asking import answered
 from ..documents import recording
 from ..documents.files import prepare_folder, remove, write_text
 from ..documents.recording import Recording
@@ -25,6 +26,9 @@ from ..errors import InputError
 from ..execution import cluster, pool, store
 from ..execution.job import Done
 from ..execution.sandbox_probe import leaks
+from ..execution.store import Store
+from ..fmi.archive import Archive
+from ..loop.behaviour import WORDS, CarryOver
 from ..pairing import work
 from ..pairing.pairing import GROUP_SIZE, START_TIME, Pairing
 from ..pairing.runs import CaseRun
@@ -32,9 +36,9 @@ from ..pairing.testbed import Testbed
 from . import batch, rehearsal
 from .batch import Execute, OnRun
 from .dry_run import DryRun, plan
-from .processes import Processes
 from .requests import (
     Batch,
+    CaseToShow,
     Event,
     Instant,
     Now,
@@ -47,12 +51,84 @@ from .requests import (
     Tell,
     TimeSteps,
     Write,
+    answered,
 )
-from .selection import CaseToShow
+
+REPEAT_EVERY = 100
+"""Simulations of which one is repeated in a fresh process, beside one of the first batch."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class Processes:
+    """The controllers ``seen`` and the ``carry_over`` of each, by the SHA-256 of its bytes; and how many of its
+    simulations shared processes: ``grouped`` in all, ``repeated`` when one was last repeated."""
+
+    carry_over: dict[str, CarryOver] = field(default_factory=dict)
+    seen: dict[str, Archive] = field(default_factory=dict)
+    grouped: dict[str, int] = field(default_factory=dict)
+    repeated: dict[str, int] = field(default_factory=dict)
+
+    def of(self, pairing: Pairing, store: Store) -> Pairing:
+        """The ``pairing`` as it has to be run; an earlier run, with results in the ``store``, may have shown that."""
+        key = pairing.controller.sha256
+        self.seen[key] = pairing.controller
+        if key not in self.carry_over and (record := store.get([_key(pairing)])):
+            with suppress(ValueError):  # a record that makes no sense is none
+                self.carry_over[key] = CarryOver(record[_key(pairing)].decode())
+        separate = self.carry_over.get(key, CarryOver.NOT_TESTED).separates and not pairing.isolated
+        return replace(pairing, separate=True) if separate else pairing
+
+    def batch(self, batch: Batch, store: Store) -> Batch:
+        """The ``batch`` as it has to be run."""
+        return replace(
+            batch, entries=tuple(replace(entry, pairing=self.of(entry.pairing, store)) for entry in batch.entries)
+        )
+
+    def is_due(self, batch: Batch) -> bool:
+        """Whether a case of ``batch`` is to be repeated."""
+        keys = {entry.pairing.controller.sha256 for entry in batch.entries}
+        return any(
+            key not in self.repeated or self.grouped.get(key, 0) - self.repeated[key] >= REPEAT_EVERY for key in keys
+        )
+
+    def count(self, batch: Batch, repeated: bool) -> None:
+        """A ``batch`` has been run."""
+        for entry in batch.entries:
+            key = entry.pairing.controller.sha256
+            if repeated:
+                self.repeated[key] = self.grouped.get(key, 0)
+            if not entry.pairing.is_separate:
+                self.grouped[key] = self.grouped.get(key, 0) + len(entry.cases)
+
+    def take(self, pairing: Pairing, carry_over: CarryOver, store: Store) -> None:
+        """What repeating has shown of a pairing's controller, also for a later run that finds the same results.
+
+        Raises :class:`InputError` if results of it have been used already that may be wrong.
+        """
+        key = pairing.controller.sha256
+        if carry_over is CarryOver.NOT_TESTED:
+            return
+        self.carry_over[key] = carry_over
+        if not carry_over.separates:
+            return
+        store.put(_key(pairing), pairing.controller.name, carry_over.value.encode())
+        what = f"{pairing.controller.name}: {WORDS[carry_over]}"
+        # They may be in documents that were saved; nothing but beginning anew makes them right.
+        if self.grouped.get(key):
+            message = f"{what}. This was found after {self.grouped[key]} simulations, whose results may be wrong."
+            raise InputError(message, "state-passes", pairing.controller.name)
+        logger.warning("%s. Each simulation has a process of its own.", what)
+
+
+def _key(pairing: Pairing) -> str:
+    """The key of what is stored of a controller: not that of a case."""
+    return hashlib.sha256(f"carry-over {pairing.controller.sha256} {pairing.controller.library}".encode()).hexdigest()
+
 
 T = TypeVar("T")
 
-logger = logging.getLogger(__name__)
 
 OnEvent = Callable[[Event], None]
 """Called with each event of a study."""

@@ -1,7 +1,8 @@
 """The requests of a study, and their answers.
 
-A study is a generator: it yields requests, is sent the answers, and returns its document. It has no effects of its own:
-it can be tried with any function that answers, and one study can be part of another with ``yield from``.
+A study is a generator: it yields requests, is sent the answers, and returns its document. What goes wrong in answering
+is raised where it has asked. It has no effects of its own: it can be tried with any function that answers, and one
+study can be part of another with ``yield from``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 from typing import Protocol as Interface
 
-from ..asking import translated
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
@@ -24,9 +24,45 @@ from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
 from ..search.candidates import Trial
 from .rehearsal import Rehearsal
-from .selection import CaseToShow
 
+Asked = TypeVar("Asked")
+Other = TypeVar("Other")
 T = TypeVar("T")
+
+
+def answered(asking: Generator[Asked, Any, T], answer: Callable[[Asked], Any]) -> T:
+    """The result of ``asking`` if ``answer(request)`` answers each of its requests."""
+    try:
+        request = next(asking)
+        while True:
+            try:
+                reply = answer(request)
+            except BaseException as problem:
+                request = asking.throw(problem)
+            else:
+                request = asking.send(reply)
+    except StopIteration as end:
+        result: T = end.value
+        return result
+
+
+def translated(
+    asking: Generator[Asked, Any, T], translate: Callable[[Asked], Generator[Other, Any, Any]]
+) -> Generator[Other, Any, T]:
+    """The same with requests of another kind: ``translate(request)`` asks for what answers it."""
+    try:
+        request = next(asking)
+        while True:
+            try:
+                reply = yield from translate(request)
+            except BaseException as problem:
+                request = asking.throw(problem)
+            else:
+                request = asking.send(reply)
+    except StopIteration as end:
+        result: T = end.value
+        return result
+
 
 STRIKES = 3
 """Failures of one kind after which a controller's remaining cases are skipped."""
@@ -89,6 +125,14 @@ class TimeSteps:
 
     pairing: Pairing
     case: Case
+
+
+@dataclass(frozen=True)
+class CaseToShow:
+    """A case to simulate again, and what it is shown for."""
+
+    case: Case
+    roles: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..asking import translated
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import rules
@@ -16,7 +15,6 @@ from ..documents.commands import Setting, member_command
 from ..documents.recording import BESIDE, FOUND
 from ..documents.robustness import Robustness
 from ..errors import InputError
-from ..pairing import records
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search import answers
@@ -29,9 +27,21 @@ from ..search.radius import radius as radius_of
 from ..search.stages import search
 from ..search.target import Target, targets
 from .declaration import Study, described, option
-from .heads import head
-from .requests import Batch, BatchEntry, Now, Record, Request, Requests, Save, StageDone, Tell, rehearsed
-from .selection import CaseToShow
+from .heads import controller_record, head, plant_record
+from .requests import (
+    Batch,
+    BatchEntry,
+    CaseToShow,
+    Now,
+    Record,
+    Request,
+    Requests,
+    Save,
+    StageDone,
+    Tell,
+    rehearsed,
+    translated,
+)
 
 
 def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequence[str]) -> list[Target]:
@@ -108,8 +118,8 @@ def worst_case(
     rules_of, listed = search_testbed.rules, cases if study.from_list else ()
     chosen = sought(rules_of, listed, study.budget, study.only)
     setting = Setting(
-        records.controller_record(pairing, controller),
-        records.plant_record(testbed.manipulator, testbed.plant_parameters),
+        controller_record(pairing, controller),
+        plant_record(testbed.manipulator, testbed.plant_parameters),
         str(study.protocol),
         testbed.seed,
         None if T_s == rules_of.sample_time else float(T_s),
