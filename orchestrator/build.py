@@ -1,4 +1,4 @@
-"""``python -m orchestrator.build``: see :mod:`orchestrator.cli.build`."""
+"""``python -m orchestrator.build``: see :mod:`orchestrator.cli.controllers`."""
 
 from .cli.guard import run
 

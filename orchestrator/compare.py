@@ -1,4 +1,4 @@
-"""``python -m orchestrator.compare``: see :mod:`orchestrator.cli.compare`."""
+"""``python -m orchestrator.compare``: see :mod:`orchestrator.cli.finished`."""
 
 from .cli.guard import run
 

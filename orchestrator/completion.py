@@ -1,4 +1,4 @@
-"""``python -m orchestrator.completion``: see :mod:`orchestrator.cli.completion`."""
+"""``python -m orchestrator.completion``: see :mod:`orchestrator.cli.main`."""
 
 from .cli.guard import run
 

@@ -1,4 +1,4 @@
-"""``python -m orchestrator.new``: see :mod:`orchestrator.cli.new`."""
+"""``python -m orchestrator.new``: see :mod:`orchestrator.cli.controllers`."""
 
 from .cli.guard import run
 

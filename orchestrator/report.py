@@ -1,4 +1,4 @@
-"""``python -m orchestrator.report``: see :mod:`orchestrator.cli.report`."""
+"""``python -m orchestrator.report``: see :mod:`orchestrator.cli.finished`."""
 
 from .cli.guard import run
 

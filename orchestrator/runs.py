@@ -1,4 +1,4 @@
-"""``python -m orchestrator.runs``: see :mod:`orchestrator.cli.runs`."""
+"""``python -m orchestrator.runs``: see :mod:`orchestrator.cli.finished`."""
 
 from .cli.guard import run
 

@@ -290,7 +290,7 @@ def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_is_a_module(name: str) -> None:
     source = Path(orchestrator.__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
-    home = "studies" if name in guard.STUDIES else name
+    home = guard.HOMES.get(name, name)
     assert f'run("{name}")' in source and f"orchestrator.cli.{home}`" in source
 
 

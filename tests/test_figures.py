@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from support.reports import recording, results_of, scaled, searched, seeded, spread, stored
 
-from orchestrator.cli import compare
+from orchestrator.cli.finished import compare
 from orchestrator.documents import comparison_figures
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import FIGURES
@@ -130,7 +130,7 @@ def test_controllers_are_drawn_in_the_widths_of_a_journal_and_look_the_same_in_a
         seeded(gain, range(3), file=f"{name}.fmu").save(tmp_path / f"{name}-seeds")
         searched(gain, file=f"{name}.fmu").save(tmp_path / f"{name}-worst")
     folders = [str(folder) for folder in sorted(tmp_path.iterdir())]
-    assert compare.main([*folders, "--csv", "--figures", "--output-dir", str(tmp_path / "out")]) == 0
+    assert compare([*folders, "--csv", "--figures", "--output-dir", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().out.startswith("rank,controller,V,")
     widths = {"time": 180, "radius": 88, "seeds": 88, "margins": 180}
     for name, width in widths.items():

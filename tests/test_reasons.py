@@ -23,7 +23,7 @@ from support.snapshots import snapshot
 from orchestrator.benchmark.results import Measurements
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.tally import UNJUDGED, Failure, Outcome, merged, reason, tally
-from orchestrator.cli import compare, report
+from orchestrator.cli.finished import compare, report
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK, guarded
 from orchestrator.codec import from_json, to_json
 from orchestrator.documents.document import Displayable
@@ -200,8 +200,8 @@ def test_every_output_has_the_line(name, tmp_path):
     expected = EXIT_NOT_JUDGED if results.completeness == "not judged" else EXIT_OK
     (tmp_path / "other").mkdir()
     stored(tmp_path / "other", scaled(1.0), ())
-    assert compare.main([str(tmp_path), str(tmp_path / "other"), "--output-dir", str(tmp_path / "out")]) == expected
-    assert report.main([str(tmp_path), "--no-report"]) == expected
+    assert compare([str(tmp_path), str(tmp_path / "other"), "--output-dir", str(tmp_path / "out")]) == expected
+    assert report([str(tmp_path), "--no-report"]) == expected
 
 
 def test_every_case_that_is_not_done_stands_in_the_report_with_status_and_message():

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.reports import hunted, results_of, seeded, tuned
 
-from orchestrator.cli.loading import KINDS
+from orchestrator.cli.finished import KINDS
 from orchestrator.codec import json_schema, plain, to_json
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.results import Results

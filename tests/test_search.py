@@ -18,7 +18,8 @@ from orchestrator.benchmark.cases import cases as cases_of
 from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.protocol import load
 from orchestrator.benchmark.results import Judgement, Measurements, rules
-from orchestrator.cli import report, simulate
+from orchestrator.cli import simulate
+from orchestrator.cli.finished import report
 from orchestrator.cli.simulate import variation
 from orchestrator.codec import to_json
 from orchestrator.documents import recording
@@ -585,10 +586,10 @@ def test_the_answer_is_the_same_for_any_number_of_processes_and_from_the_store(t
     assert forced.max() == pytest.approx(answer.criteria["B5"].worst_case.value, rel=1e-5) and nominal.error.max() > 0
     same = ("q_a", "test", "force", "chirp")
     assert [getattr(worst.about, name) for name in same] == [getattr(nominal.about, name) for name in same]
-    assert report.main([str(tmp_path / "a")]) == 0
+    assert report([str(tmp_path / "a")]) == 0
     assert f"Worst case of {quick_pid_file.name}" in (tmp_path / "a" / "report.html").read_text(encoding="utf-8")
     with pytest.raises(InputError, match="holds no evaluation"):
-        report.main([str(tmp_path / "a"), "--mat"])
+        report([str(tmp_path / "a"), "--mat"])
 
 
 def test_what_cannot_be_searched_is_refused(quick_pid_file, tmp_path):

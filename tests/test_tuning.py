@@ -22,7 +22,8 @@ from test_pid import GAINS, STARTS
 from benchmarks.tuning import friction, lqg, pid_tuned
 from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
-from orchestrator.cli import report, values
+from orchestrator.cli import values
+from orchestrator.cli.finished import report
 from orchestrator.documents.tuning import Tuning, failure_words, tuning_remarks
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
@@ -229,7 +230,7 @@ def test_a_sweep_is_a_line_a_map_or_a_table():
 def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):
     tuned().save(tmp_path / "tuning")
     swept(4).save(tmp_path / "sweep")
-    assert report.main([str(tmp_path / "tuning")]) == report.main([str(tmp_path / "sweep"), "--json"]) == 0
+    assert report([str(tmp_path / "tuning")]) == report.main([str(tmp_path / "sweep"), "--json"]) == 0
     printed = capsys.readouterr().out
     assert "Parameters" in printed and '"flexible-manipulator-sweep/' in printed
     names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg", "report.html"})

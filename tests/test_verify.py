@@ -35,8 +35,9 @@ from orchestrator.benchmark.certificate import Figure, Score, overall, seeds
 from orchestrator.benchmark.draws import QUICKNET, Beacon, Entropy
 from orchestrator.benchmark.results import Measurements, rules
 from orchestrator.cache import cache_folder
-from orchestrator.cli import evaluate, report
+from orchestrator.cli import evaluate
 from orchestrator.cli import verify as command
+from orchestrator.cli.finished import report
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.documents.verification import USUAL, Verification, deviations, differences
@@ -278,7 +279,7 @@ def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp
     assert list(found.references) == list(USUAL) and found.strict is not None
     said = " ".join(capsys.readouterr().out.split())
     assert ("in a sandbox" if PRESENT["bubblewrap"] else "WITHOUT A SANDBOX") in said
-    assert report.main([str(tmp_path)]) == EXIT_OK
+    assert report([str(tmp_path)]) == EXIT_OK
     assert found.entropy.value in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert command.main(["--repeat", str(written), file, "--jobs", "2"]) == EXIT_NOT_STANDARD
     said = capsys.readouterr().err

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ..api.benchmark import Benchmark
 from ..documents.evaluation import Evaluation
-from ..documents.files import CASES, REPORT, TRAJECTORIES, seed_folder
+from ..documents.files import CASES, FIGURES, MAT, PARQUET, REPORT, TRAJECTORIES, seed_folder, write_bytes
 from ..documents.spread import Spread
 from ..errors import InputError
 from ..pairing.controller import Controller
@@ -18,7 +19,6 @@ from ..study.declaration import Study
 from ..study.evaluate import EvaluationStudy, SpreadStudy
 from ..study.requests import Event, SeedDone
 from ..views.units import number
-from . import evaluation_files
 from .output import tell_written
 from .study import StudyCommand, study_of
 from .values import Parser
@@ -51,17 +51,17 @@ def _options(parser: Parser) -> None:
         help="the same as --protocol quick",
     )
     parser.add_argument("--list", action="store_true", help="print the names of the protocol's cases, and run nothing")
-    evaluation_files.add_options(parser)
+    add_files(parser)
 
 
 def _check(given: argparse.Namespace) -> None:
-    evaluation_files.check_options(given)
+    check_files(given)
     if given.list and any(getattr(given, name) for name in IDLE_OPTIONS):
         raise InputError("--list runs nothing: leave out the options of a run.", "contradiction", "--list")
 
 
 def _study(given: argparse.Namespace) -> EvaluationStudy | SpreadStudy:
-    one = study_of(EvaluationStudy, given, recordings=evaluation_files.need_recordings(given))
+    one = study_of(EvaluationStudy, given, recordings=need_recordings(given))
     return SpreadStudy(given.seeds, one) if given.seeds else one
 
 
@@ -80,7 +80,7 @@ def _files(document: Evaluation | Spread, folder: Path, given: argparse.Namespac
     if isinstance(document, Spread):
         return ()
     recorded = [TRAJECTORIES] if document.recordings else []
-    return [CASES, *recorded, *evaluation_files.write_outputs(document, folder, given)]
+    return [CASES, *recorded, *write_files(document, folder, given)]
 
 
 class EvaluateCommand(StudyCommand):
@@ -107,3 +107,58 @@ main = EvaluateCommand(
     on_event=_on_event,
     files=_files,
 ).main
+
+
+# Imports inside functions: pyarrow and SciPy are loaded by those who need them.
+
+NO_TRAJECTORIES = (
+    "An evaluation without --no-report keeps trajectories, except of cases that hung, crashed or ended before the "
+    "force."
+)
+
+
+def add_files(parser: argparse.ArgumentParser) -> None:
+    """Options for files beside ``results.json`` and ``cases.csv``."""
+    group = parser.add_argument_group("files of an evaluation")
+    group.add_argument("--figures", action="store_true", help="write the paper's figures as PDF, SVG and PNG")
+    group.add_argument("--parquet", action="store_true", help="write cases.parquet (needs pyarrow)")
+    group.add_argument("--mat", action="store_true", help="write trajectories.mat, the recorded cases for MATLAB")
+
+
+def check_files(given: argparse.Namespace) -> None:
+    """Raise :class:`InputError` for a file that cannot be written, before anything is simulated."""
+    if given.parquet and find_spec("pyarrow") is None:
+        raise InputError("Parquet needs the package pyarrow: pip install pyarrow", "no-pyarrow")
+
+
+def need_recordings(given: argparse.Namespace) -> bool:
+    """Whether a file that was asked for shows trajectories."""
+    return not given.no_report or given.figures or given.mat
+
+
+def write_files(evaluation: Evaluation, folder: Path, given: argparse.Namespace) -> list[str]:
+    """Write the files that were asked for, of an evaluation; returns the names of the files written.
+
+    A file for which there are no data is left out, with a note.
+    """
+    written: list[str] = []
+    left_out: list[str] = []
+    if given.parquet:
+        from ..documents.case_table import parquet_bytes
+
+        write_bytes(folder / PARQUET, parquet_bytes(evaluation.results))
+        written.append(PARQUET)
+    if given.mat:
+        if evaluation.recordings:
+            from ..documents.run import mat_bytes
+
+            write_bytes(folder / MAT, mat_bytes(evaluation))
+        (written if evaluation.recordings else left_out).append(MAT)
+    if given.figures:
+        drawn, empty = evaluation.figures(folder / FIGURES)
+        written += [f"{FIGURES}/{name}" for name in drawn]
+        left_out += [f"{FIGURES}/{name}" for name in empty]
+    if left_out:
+        print(f"not written, as {folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
+        print(NO_TRAJECTORIES, file=sys.stderr)
+    return written

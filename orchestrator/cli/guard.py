@@ -116,8 +116,13 @@ class _Notes(logging.Handler):
         print(f"{prefix}{message}" + (f" ({advice})" if advice else ""), file=sys.stderr)
 
 
-STUDIES = ("robustness", "reliability", "tune", "sweep")
-"""Commands without a module of their own."""
+HOMES = {
+    **dict.fromkeys(("robustness", "reliability", "tune", "sweep"), "studies"),
+    **dict.fromkeys(("report", "compare", "runs"), "finished"),
+    **dict.fromkeys(("new", "build"), "controllers"),
+    "completion": "main",
+}
+"""Modules of the commands without one of their own, in which they are functions."""
 
 
 def run(name: str, arguments: Sequence[str] | None = None) -> int:
@@ -129,12 +134,9 @@ def run(name: str, arguments: Sequence[str] | None = None) -> int:
     try:
         from importlib import import_module
 
-        if name in STUDIES:
-            command = import_module(".studies", __package__).COMMANDS[name].main
-        else:
-            room = import_module(f".{name}", __package__)
-            # A verification starts itself anew, in an interpreter that no earlier run can have prepared.
-            command = getattr(room, "clean", room.main)
+        room = import_module(f".{HOMES.get(name, name)}", __package__)
+        # A verification starts itself anew, in an interpreter that no earlier run can have prepared.
+        command = getattr(room, name if name in HOMES else "clean", None) or room.main
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

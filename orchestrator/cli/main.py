@@ -1,4 +1,6 @@
-"""The console command ``flexible-manipulator``, and ``python -m orchestrator``: one word, then a command's options."""
+"""The console command ``flexible-manipulator``, and ``python -m orchestrator``: one word, then a command's options. The
+command ``completion`` completes these words in a shell.
+"""
 
 from __future__ import annotations
 
@@ -54,3 +56,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: there is no command {words[0]}. {hint}", file=sys.stderr)
         return EXIT_BAD_INPUT
     return run(words[0], words[1:])
+
+
+COMPLETION_EXAMPLES = """examples:
+  eval "$(flexible-manipulator completion)"          in ~/.bashrc; in ~/.zshrc,
+                                                     put these words before it:
+                                                     autoload -U bashcompinit; bashcompinit;
+
+exit codes: 0 done, 2 bad input"""
+
+COMPLETION = """# Options come from each command's own help, which is asked for once a session.
+_flexible_manipulator() {{
+    local word="${{COMP_WORDS[COMP_CWORD]}}" command="${{COMP_WORDS[1]}}" options
+    if [ "$COMP_CWORD" -eq 1 ]; then
+        COMPREPLY=($(compgen -W "{commands}" -- "$word"))
+    elif [ "${{word#-}}" != "$word" ]; then
+        local known="_flexible_manipulator_$command"
+        eval "options=\\"\\$$known\\""
+        if [ -z "$options" ]; then
+            options="$(flexible-manipulator "$command" --help 2>/dev/null)"
+            options="$(printf '%s' "$options" | grep -oE -- '--[a-z][A-Za-z0-9-]*' | sort -u)"
+            eval "$known=\\$options"
+        fi
+        COMPREPLY=($(compgen -W "$options" -- "$word"))
+    else
+        COMPREPLY=($(compgen -f -- "$word"))
+    fi
+}}
+complete -o filenames -F _flexible_manipulator flexible-manipulator"""
+
+
+def completion(arguments: Sequence[str] | None = None) -> int:
+    """Print a script that completes the command ``flexible-manipulator`` in bash and zsh."""
+    from .values import Parser  # loads more than a word that is no command needs
+
+    Parser("completion", "Print a script that completes commands and options.", COMPLETION_EXAMPLES).parse_args(
+        arguments
+    )
+    print(COMPLETION.format(commands=" ".join(COMMANDS)))
+    return EXIT_OK

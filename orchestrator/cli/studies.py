@@ -112,27 +112,28 @@ def sweep_files(sweep: Sweep, folder: Path, given: argparse.Namespace) -> Sequen
     return [CSV, SVG]
 
 
-COMMANDS = {
-    "robustness": StudyCommand(
-        RobustnessStudy,
-        "Search for the worst case of a controller.",
-        ROBUSTNESS_EXAMPLES,
-        tell=_tell_stages,
-        files=_recordings,
-    ),
-    "reliability": StudyCommand(
-        ReliabilityStudy,
-        "Bound a controller's probability of failure by independent draws of the uncertainty.",
-        RELIABILITY_EXAMPLES,
-    ),
-    "tune": StudyCommand(
-        TuningStudy, "Tune the parameters of a controller FMU.", TUNE_EXAMPLES, tell=_tell_candidates, files=_best
-    ),
-    "sweep": StudyCommand(
-        SweepStudy,
-        "Try a grid of parameter values of a controller FMU.",
-        SWEEP_EXAMPLES,
-        tell=_tell_combinations,
-        files=sweep_files,
-    ),
-}
+robustness = StudyCommand(
+    RobustnessStudy,
+    "Search for the worst case of a controller.",
+    ROBUSTNESS_EXAMPLES,
+    tell=_tell_stages,
+    files=_recordings,
+).main
+
+reliability = StudyCommand(
+    ReliabilityStudy,
+    "Bound a controller's probability of failure by independent draws of the uncertainty.",
+    RELIABILITY_EXAMPLES,
+).main
+
+tune = StudyCommand(
+    TuningStudy, "Tune the parameters of a controller FMU.", TUNE_EXAMPLES, tell=_tell_candidates, files=_best
+).main
+
+sweep = StudyCommand(
+    SweepStudy,
+    "Try a grid of parameter values of a controller FMU.",
+    SWEEP_EXAMPLES,
+    tell=_tell_combinations,
+    files=sweep_files,
+).main

@@ -23,8 +23,7 @@ from ..text import printable
 from . import output
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_NOT_STANDARD, EXIT_OK
 from .output import free
-from .progress import progress
-from .study import StudyCommand, study_of
+from .study import StudyCommand, progress, study_of
 from .values import Parser
 
 FRESH, ALL = "fresh", "all"
