@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from controller_fmu import controller_from_mlp, controller_from_state_space
 
     from .api.benchmark import Benchmark
-    from .api.comparing import compare
     from .api.linear_loop import LinearLoop
     from .api.linear_model import LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
+    from .documents.comparison import compare
     from .documents.evaluation import Evaluation
     from .documents.reliability import Reliability
     from .documents.robustness import Robustness
@@ -70,7 +70,7 @@ _HOMES = {
     "Tuning": ".documents.tuning",
     "Variation": ".benchmark.variation",
     "Verification": ".documents.verification",
-    "compare": ".api.comparing",
+    "compare": ".documents.comparison",
     "controller_from_mlp": "controller_fmu",
     "controller_from_state_space": "controller_fmu",
 }

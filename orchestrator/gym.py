@@ -156,7 +156,7 @@ class FlexibleManipulator(gymnasium.Env[np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded("the episode has ended, or not begun: call reset")
         if self.render_mode is None:
             raise gymnasium.error.Error("the environment was made without render_mode: say rgb_array or human")
-        from .documents.arm_figure import draw
+        from .documents.figures import draw
 
         is_human = self.render_mode == "human"
         self._figure = self._figure or _figure(is_human)

@@ -24,7 +24,7 @@ import orchestrator
 from orchestrator.benchmark.results import CaseResult
 from orchestrator.codec import plain
 from orchestrator.documents import compare_page
-from orchestrator.documents.comparison import Comparison, Group, compare
+from orchestrator.documents.comparison import Comparison, Group, grouped
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.results import Results
@@ -45,7 +45,7 @@ def results_with(other: CaseResult, factor: float = 1.0, **changes) -> Results:
 
 def compared(*listed) -> Comparison:
     """Results, or documents of other kinds, side by side."""
-    return compare([(Evaluation(each) if isinstance(each, Results) else each, None) for each in listed])
+    return grouped([(Evaluation(each) if isinstance(each, Results) else each, None) for each in listed])
 
 
 def costs(group: Group) -> list[float]:
@@ -113,7 +113,7 @@ def test_an_incomplete_run_has_no_rank_and_values_are_in_si_units():
 
 @pytest.mark.parametrize("folders", [True, False])
 def test_equal_names_are_told_apart(folders):
-    (group,) = compare([(Evaluation(scaled(1)), f"runs/{number}" if folders else None) for number in range(2)])
+    (group,) = grouped([(Evaluation(scaled(1)), f"runs/{number}" if folders else None) for number in range(2)])
     names = [entry.name for entry in group.ranked]
     assert len(set(names)) == 2 and all("PID [K=1]" in name for name in names)
 
@@ -176,7 +176,7 @@ def test_documents_of_all_kinds_stand_in_one_comparison(tmp_path):
     assert found[0].entries[0].folder == tmp_path
     assert [group.ranked[0].cost for group in found[2:4]] == [99.0, 90.0]
     assert found.document() == plain(found.document()) and "Evaluations" in repr(found)
-    assert compare([]).summary().tables == () and len(page_html(compare([]).page())) > 0
+    assert grouped([]).summary().tables == () and len(page_html(grouped([]).page())) > 0
     assert [tab.id for tab in found.page().panels] == ["leaderboard", "bounds", "bars", "overlay", "seeds"]
 
 
@@ -189,5 +189,5 @@ def test_what_is_known_of_v_of_a_controller_stands_on_one_axis():
     expected = [("scorecard", listed[0].results.cost), ("scorecard", 180.0), ("found", 200.0)]
     assert marks == [*expected, ("sampled", listed[3].cost.bound)]
     assert not compare_page.bounds([("a", listed[0]), ("b", listed[1])])
-    page = page_html(compare([(each, None) for each in listed]).page())
+    page = page_html(grouped([(each, None) for each in listed]).page())
     assert "V, found and sampled" in page and "found by a search of 1200 whole cases" in page

@@ -18,8 +18,7 @@ from orchestrator.documents.commands import simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import BoundRecord, SampleTimeRecord
 from orchestrator.documents.recording import MOTION_INTERVALS, ROWS
-from orchestrator.documents.results import LoopDelay
-from orchestrator.documents.run import contradictions
+from orchestrator.documents.results import LoopDelay, contradictions
 from orchestrator.documents.scorecard import facts
 from orchestrator.documents.wording import collapsed, remarks, requirement_rows
 from orchestrator.loop.trajectory import Status

@@ -16,13 +16,12 @@ from support.reports import RECORDINGS, results_of, scaled, stored
 from support.results import TABLE_2, everything, result, trajectory
 
 from orchestrator.codec import to_json
-from orchestrator.documents import files, trajectory_files
-from orchestrator.documents.case_table import cases_csv, parquet_bytes
+from orchestrator.documents import files, simulations
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
 from orchestrator.documents.recording import MOTION, OBSERVED, thin
-from orchestrator.documents.run import mat_bytes
+from orchestrator.documents.results import cases_csv, mat_bytes, parquet_bytes
 from orchestrator.documents.spread import Spread
 from orchestrator.errors import EnvironmentFault
 from orchestrator.loop.scenario import Chirp, Pulse, Scenario
@@ -169,11 +168,11 @@ def test_a_trajectory_in_every_format_is_the_same(tmp_path):
     signals = trajectory(error_x=lambda t: 1e-3 * np.sin(t), torque=(lambda t: 0.1 * t, 2.0), duration=1.0)
     links = {name: np.zeros(signals.time.size) for name in OBSERVED}
     scenario = Scenario((), 1, 0.25e-3, chirp=Chirp((1.0, 2.0), 0.0, 1.0, 0.0, 15.0), pulse=Pulse((3.0, 4.0), 0.5, 0.6))
-    table = trajectory_files.columns(replace(signals, extra=links), scenario)
+    table = simulations.columns(replace(signals, extra=links), scenario)
     assert table["F_z [N]"].max() == 4.0 and table["F_x [N]"][table["time [s]"] < 0.5].max() == 0.0
     np.testing.assert_allclose(table["u_d[2] [N.m]"], 2 * table["u_d[1] [N.m]"])
     for ending in ("csv", "npz", "mat"):
-        getattr(trajectory_files, f"write_{ending}")(table, tmp_path / f"a.{ending}")
+        getattr(simulations, f"write_{ending}")(table, tmp_path / f"a.{ending}")
     rows = list(csv.DictReader((tmp_path / "a.csv").open(newline="")))
     mat = loadmat(tmp_path / "a.mat", squeeze_me=True)
     with np.load(tmp_path / "a.npz") as npz:
@@ -187,10 +186,10 @@ def test_a_trajectory_in_every_format_is_the_same(tmp_path):
 
 def test_a_plot_shows_errors_in_mm_and_torques(tmp_path):
     signals = trajectory(error_x=3e-3, torque=(1.0, 2.0), duration=1.0)
-    figure = trajectory_files.plot(signals, Scenario((), 1, 0.25e-3), "costs $5 and $6")
+    figure = simulations.plot(signals, Scenario((), 1, 0.25e-3), "costs $5 and $6")
     tops = [[line.get_ydata().max() for line in axes.lines] for axes in figure.axes]
     assert tops[0][0] == pytest.approx(3.0) and tops[1] == [1.0, 2.0]
-    trajectory_files.write_plot(figure, tmp_path / "plot.png")
+    simulations.write_plot(figure, tmp_path / "plot.png")
     assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -317,7 +317,7 @@ class Benchmark(Testbed, Displayable):
         Raises :class:`InputError` for a case that does not exist, :class:`FmuError` if an FMU fails before the first
         sample, :class:`Crash` if the simulation's process ends before the simulation.
         """
-        from .simulating import simulate
+        from .simulation import simulate
 
         return simulate(self, Controller.of(controller), case)
 
@@ -332,7 +332,7 @@ class Benchmark(Testbed, Displayable):
         Raises :class:`InputError` for a case that does not exist or cannot be had so, :class:`EnvironmentFault` where
         there is no C compiler.
         """
-        from .simulating import export_ssp
+        from .simulation import export_ssp
 
         export_ssp(self, Controller.of(controller), case, Path(file), order)
         return Path(file)

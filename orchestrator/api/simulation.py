@@ -1,33 +1,46 @@
-"""The result of a single simulation, as a user holds it."""
+"""One case: simulated, with the result as a user holds it, or written for another tool."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 from msgspec.structs import asdict
 
+from ..benchmark import cases as case_list
 from ..benchmark.case import Case
-from ..benchmark.results import CaseResult, Kind, Rules
+from ..benchmark.linearization import rest
+from ..benchmark.metrics import AT_THE_END, case_result
+from ..benchmark.results import CaseResult, Kind, Rules, rules
+from ..benchmark.scorecard import kind
 from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, Struct, pack, unpack
 from ..documents.document import Displayable
 from ..documents.files import check_result, write_bytes
 from ..entry import entered
 from ..errors import InputError
-from ..loop.trajectory import Ending, Trajectory
+from ..fmi.archive import open_archive
+from ..loop.trajectory import Ending, Status, Trajectory
+from ..pairing.built_in import built_in
+from ..pairing.controller import Controller
+from ..pairing.pairing import simulate_case
+from ..pairing.plant import AUTO, NATIVE, PYTHON
+from ..pairing.testbed import Testbed
 from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
 from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, Unit
 
-# Imports inside functions: Matplotlib and pandas are loaded by those who need them.
+# Imports inside functions: Matplotlib, pandas, lxml and Numba are loaded by those who need them.
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+    from ..documents.ssp import Order
 
 UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), TORQUE) | {"B5": MILLIMETRE, "B6": SECOND, "B7": MILLIMETRE}
 UNITS |= {"recovery": SECOND, "limit_cycle": MICROMETRE, "rest_error": MILLIMETRE}
@@ -128,7 +141,7 @@ class Simulation(Displayable):
 
     def columns(self) -> Mapping[str, np.ndarray]:
         """All signals by name with unit, each of shape (N + 1,); torques of the last instant, not computed, are NaN."""
-        from ..documents.trajectory_files import columns
+        from ..documents.simulations import columns
 
         return columns(self.trajectory, self.case.scenario)
 
@@ -140,7 +153,7 @@ class Simulation(Displayable):
 
     def plot(self, figure: Figure | None = None) -> Figure:
         """TCP error [mm] and torques [Nm] over time, in the paper's axes, in ``figure`` or a new one."""
-        from ..documents.trajectory_files import plot
+        from ..documents.simulations import plot
 
         return plot(self.trajectory, self.case.scenario, self.title, figure)
 
@@ -191,7 +204,7 @@ class Simulation(Displayable):
 
 def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] | None = None) -> Page:
     """The page of simulations by name, their signals over each other; ``commands`` repeat them."""
-    from ..documents.simulation_page import PlottedSimulation, page
+    from ..documents.simulations import PlottedSimulation, page
 
     repeat = commands or {}
     first, *others = simulations.values()
@@ -257,3 +270,47 @@ def _figure(simulation: Simulation, name: str, unit: Unit) -> Cell:
     if value is None:
         return None
     return Value(value, unit=unit, beyond=">" if name == "B6" and figures.settled is False else "")
+
+
+def simulate(testbed: Testbed, controller: Controller, case: Case | str) -> Simulation:
+    """See :meth:`.Benchmark.simulate`."""
+    pairing, sampled = testbed.sampled(controller, case)
+    scenario = sampled.scenario
+    simulated = simulate_case(pairing, testbed.rules, sampled)
+    ending, cut_short = simulated.trajectory.ending, scenario.duration < sampled.test.duration
+    result = case_result(sampled, simulated.judgement)
+    if cut_short:  # what is judged at the end of a test is judged at another time here, which means nothing
+        figures = msgspec.structs.replace(result.measurements, **dict.fromkeys(AT_THE_END))
+        changes = {"status": ending.status, "message": ending.message, "measurements": figures, "judged_until": None}
+        result = msgspec.structs.replace(result, **changes)
+    plain = case_list.case(testbed.rules, sampled.configuration, sampled.system, sampled.test, testbed.seed).scenario
+    # The controller's sample time alone makes no other case: an evaluation has it, too.
+    varied = replace(plain, sample_time=scenario.sample_time) != scenario
+    verdict = "no verdict" if cut_short and ending.status is Status.DONE else kind(result, testbed.rules.stability)
+    return Simulation(
+        sampled,
+        pairing.controller.name,
+        simulated.trajectory,
+        result,
+        varied,
+        verdict,
+        rules(testbed.rules),
+        cut_short,
+    )
+
+
+def export_ssp(testbed: Testbed, controller: Controller, case: Case | str, file: Path, order: Order) -> None:
+    """See :meth:`.Benchmark.export_ssp`."""
+    from ..documents.ssp import package
+    from ..loop.controller import Steady  # loads Numba
+
+    check_result(file)
+    if testbed.plant not in (AUTO, PYTHON, NATIVE):
+        message = f"The package holds the benchmark's manipulator, in the place of {testbed.plant}: leave that out."
+        raise InputError(message, "no-ssp", testbed.plant)
+    pairing, sampled = testbed.sampled(controller, case)
+    scenario, pose = sampled.scenario, sampled.configuration
+    at = rest(dict(scenario.parameters), (pose.q_a1, pose.q_a2))
+    plant, imperfections = (open_archive(built_in(name)) for name in ("FlexibleManipulatorNative", "Imperfections"))
+    steady = Steady(at.q_m, at.u_m, at.q_a)
+    write_bytes(file, package(plant, imperfections, pairing.controller, pairing.setup, scenario, steady, order))

@@ -23,6 +23,8 @@ from .output import tell_written
 from .study import StudyCommand, study_of
 from .values import Parser
 
+# Imports inside functions: pyarrow and SciPy are loaded by those who need them.
+
 EXAMPLES = """examples:
   python -m orchestrator.evaluate                              the paper's PID
   python -m orchestrator.evaluate my_controller.fmu            your controller
@@ -35,6 +37,11 @@ EXAMPLES = """examples:
   python -m orchestrator.evaluate my_controller.fmu --dry-run  how many cases there are, and how long they take
 """
 
+
+NO_TRAJECTORIES = (
+    "An evaluation without --no-report keeps trajectories, except of cases that hung, crashed or ended before the "
+    "force."
+)
 
 IDLE_OPTIONS = ("only", "seeds", "force", "keep_going", "output_dir", "no_report", "figures", "parquet", "mat", "json",
                 "form", "dry_run")  # fmt: skip
@@ -83,40 +90,6 @@ def _files(document: Evaluation | Spread, folder: Path, given: argparse.Namespac
     return [CASES, *recorded, *write_files(document, folder, given)]
 
 
-class EvaluateCommand(StudyCommand):
-    """The command ``evaluate``; it can also list the cases."""
-
-    def run(
-        self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path, study: Study[Any]
-    ) -> int:
-        """See :meth:`.StudyCommand.run`."""
-        if given.list:
-            print("\n".join(case.id for case in bench.cases))
-            return 0
-        return super().run(bench, controller, given, folder, study)
-
-
-main = EvaluateCommand(
-    EvaluationStudy,
-    "Evaluate a controller FMU on the flexible-manipulator benchmark.",
-    EXAMPLES,
-    options=_options,
-    study=_study,
-    check=_check,
-    several_seeds=True,
-    on_event=_on_event,
-    files=_files,
-).main
-
-
-# Imports inside functions: pyarrow and SciPy are loaded by those who need them.
-
-NO_TRAJECTORIES = (
-    "An evaluation without --no-report keeps trajectories, except of cases that hung, crashed or ended before the "
-    "force."
-)
-
-
 def add_files(parser: argparse.ArgumentParser) -> None:
     """Options for files beside ``results.json`` and ``cases.csv``."""
     group = parser.add_argument_group("files of an evaluation")
@@ -144,13 +117,13 @@ def write_files(evaluation: Evaluation, folder: Path, given: argparse.Namespace)
     written: list[str] = []
     left_out: list[str] = []
     if given.parquet:
-        from ..documents.case_table import parquet_bytes
+        from ..documents.results import parquet_bytes
 
         write_bytes(folder / PARQUET, parquet_bytes(evaluation.results))
         written.append(PARQUET)
     if given.mat:
         if evaluation.recordings:
-            from ..documents.run import mat_bytes
+            from ..documents.results import mat_bytes
 
             write_bytes(folder / MAT, mat_bytes(evaluation))
         (written if evaluation.recordings else left_out).append(MAT)
@@ -162,3 +135,29 @@ def write_files(evaluation: Evaluation, folder: Path, given: argparse.Namespace)
         print(f"not written, as {folder} has no trajectories for them: {', '.join(left_out)}", file=sys.stderr)
         print(NO_TRAJECTORIES, file=sys.stderr)
     return written
+
+
+class EvaluateCommand(StudyCommand):
+    """The command ``evaluate``; it can also list the cases."""
+
+    def run(
+        self, bench: Benchmark, controller: Controller, given: argparse.Namespace, folder: Path, study: Study[Any]
+    ) -> int:
+        """See :meth:`.StudyCommand.run`."""
+        if given.list:
+            print("\n".join(case.id for case in bench.cases))
+            return 0
+        return super().run(bench, controller, given, folder, study)
+
+
+main = EvaluateCommand(
+    EvaluationStudy,
+    "Evaluate a controller FMU on the flexible-manipulator benchmark.",
+    EXAMPLES,
+    options=_options,
+    study=_study,
+    check=_check,
+    several_seeds=True,
+    on_event=_on_event,
+    files=_files,
+).main

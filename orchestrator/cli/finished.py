@@ -152,7 +152,7 @@ def compare(arguments: Sequence[str] | None = None) -> int:
     )
     given = parser.parse_args(arguments)
     listed = finished(given.runs)
-    compared = comparison.compare([(document, path) for document, path in listed])
+    compared = comparison.grouped([(document, path) for document, path in listed])
     if given.dry_run:
         print("\n".join(printable(f"{group.title}: {len(group.entries)}") for group in compared))
         return 0

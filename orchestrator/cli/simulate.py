@@ -15,7 +15,7 @@ from ..api.benchmark import Benchmark
 from ..api.simulation import Simulation, beside, overlay
 from ..benchmark.case import Case
 from ..benchmark.variation import MAX_BITS, MAX_DURATION, Variation
-from ..documents import case_file, trajectory_files
+from ..documents import case_file, simulations
 from ..documents.files import prepare_folder, write_bytes, write_text
 from ..documents.results import Results
 from ..errors import InputError
@@ -135,9 +135,9 @@ def _write(bench: Benchmark, number: int, simulation: Simulation, folder: Path, 
     end = f"-{number + 1}" if number else ""
     table = simulation.columns()
     writers = {
-        f"trajectory{end}.npz": (True, trajectory_files.write_npz),
-        f"trajectory{end}.csv": (given.csv, trajectory_files.write_csv),
-        f"trajectory{end}.mat": (given.mat, trajectory_files.write_mat),
+        f"trajectory{end}.npz": (True, simulations.write_npz),
+        f"trajectory{end}.csv": (given.csv, simulations.write_csv),
+        f"trajectory{end}.mat": (given.mat, simulations.write_mat),
     }
     written = [name for name, (asked, _) in writers.items() if asked]
     for name in written:
@@ -148,7 +148,7 @@ def _write(bench: Benchmark, number: int, simulation: Simulation, folder: Path, 
         write_bytes(folder / record, case_file.packed(bench.rules, *contents))
         written.append(record)
     picture = f"trajectory{end}.png"
-    trajectory_files.write_plot(simulation.plot(), folder / picture)
+    simulations.write_plot(simulation.plot(), folder / picture)
     return [*written, picture]
 
 

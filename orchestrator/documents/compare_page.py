@@ -10,7 +10,7 @@ from ..benchmark.spread import Statistic
 from ..views.plot import Axis, Band, Bars, Colour, Level, Plot, Scatter, Symbol, Window, dash, hue
 from ..views.table import Choice, Commands, Note, Panel, Part
 from ..views.units import number
-from . import case_plots, workspace
+from . import case_plots
 from .case_plots import Curve
 from .commands import recording_command
 from .comparability import same_controller
@@ -18,6 +18,7 @@ from .document import Comparable
 from .evaluation import Evaluation
 from .recording import Recording, largest_error, thinned
 from .reliability import Reliability
+from .report_page import workspace
 from .robustness import Robustness
 from .spread import Spread
 
@@ -47,7 +48,7 @@ def panels(named: Named, everything: Sequence[tuple[str, Comparable]] = ()) -> t
         if len(runs) > 1:
             first = next(iter(runs.values())).results
             scores = {label: run.results.configurations for label, run in runs.items()}
-            made.append(Panel("difference", "Workspace", workspace.parts(first.plant, first.rules, scores)))
+            made.append(Panel("difference", "Workspace", workspace(first.plant, first.rules, scores)))
         made.append(Panel("overlay", "Worst cases", (_overlay(runs),)))
     spreads = {
         f"{place}. {name}": document

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
 from ..codec import plain
+from ..entry import results
 from ..text import shortened
 from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, VerdictCell, shown
 from ..views.table import plain as number_in
@@ -144,7 +145,18 @@ class Comparison(Displayable, Sequence[Group]):
         return f"Comparison({'; '.join(lines)})"
 
 
-def compare(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
+def compare(documents: Iterable[Comparable]) -> Comparison:
+    """Evaluations, and other results of the benchmark, in groups that may be ranked together.
+
+    A group holds those of one kind under equal conditions: benchmark version, protocol, rules, seed, sample time and
+    plant; of each kind the largest group comes first. Its ``ranked`` entries are in order, those that meet all
+    requirements first, then by V. Raises :class:`InputError` for what is no result.
+    """
+    entered = results("documents", documents)
+    return grouped([(document, getattr(document, "folder", None)) for document in entered])
+
+
+def grouped(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
     """The documents in groups, those of one kind together, and of each kind the largest group first."""
     listed = names([(document.head.controller, folder) for document, folder in documents])
     everything = [(name, document) for name, (document, _) in zip(listed, documents, strict=True)]

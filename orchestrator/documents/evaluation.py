@@ -12,11 +12,10 @@ from ..benchmark.results import ConfigurationScore, CriterionScore, Requirement
 from ..entry import entered
 from ..views.table import VERDICTS, Page, Summary
 from . import report_page, scorecard
-from .case_table import Cases, case_table
 from .document import Comparable, Completeness, Rank, Row
 from .files import prepare_folder
 from .head import Head
-from .run import Run, load_run, save_run
+from .results import Cases, Run, case_table, load_run, save_run
 from .wording import without_cost
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Figures 3, 4 and 8 to 12 of the paper, of this run: PDF and SVG for a paper, PNG for a look."""
+"""Figures 3, 4 and 8 to 12 of the paper, of this run: PDF and SVG for a paper, PNG for a look; and the arm."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from plant_fmu.flexible_manipulator import dynamics
 from plant_fmu.flexible_manipulator.coefficients import Joint
 from plant_fmu.flexible_manipulator.coefficients import joint as joint_of
 
+from ..loop.scenario import Pair
 from ..views import drawing
 from ..views.drawing import SIZE
-from ..views.plot import Axis, Line, Plot, Window, hue
+from ..views.plot import Axis, Colour, Line, Plot, Window, hue
 from ..views.units import TORQUE, Unit
 from . import case_plots
 from .case_plots import Curve
 from .files import prepare_folder, write_bytes
 from .recording import EXAMPLE, SYSTEMS, Recording, largest_error, part_of
-from .run import Run
-from .trajectory_files import interpreted
+from .results import Run
+from .simulations import interpreted
 
 ARC_MINUTE = Unit("rad", "arcmin", 180.0 * 60.0 / math.pi)
 SPEED = Unit("rad/s", "rad/s")
@@ -123,3 +124,29 @@ def window(entry: Recording, name: str) -> tuple[float, float]:
     """The time shown [s] of a criterion: from shortly before the force to the settling time, or up to the force."""
     begin, end = entry.about.window
     return (begin - 0.2, end + 3.0) if name == "B5" else (0.0, begin)
+
+
+MAGNIFIED = 100.0
+"""Factor on the deviations of the link angles: the tool moves by millimetres, the arm is metres long."""
+
+METRE = Unit("m", "m")
+
+
+def draw(figure: Figure, links: Pair, rest: Pair, q_a: Pair, words: str) -> None:
+    """Draw the arm with these lengths of its ``links`` [m] into ``figure``, which is cleared: grey at the link angles
+    ``rest``, and at ``q_a`` [rad], magnified; ``words`` stand above it."""
+    figure.clear()
+    reach = 1.1 * sum(links)
+    shown = (rest[0] + MAGNIFIED * (q_a[0] - rest[0]), rest[1] + MAGNIFIED * (q_a[1] - rest[1]))
+    looks: tuple[tuple[Pair, Colour, float], ...] = ((rest, "muted", 3.5), (shown, "one", 7.0))
+    lines = tuple(Line("", *joints(links, angles), hue, width=width, symbol="ring") for angles, hue, width in looks)
+    x, z = (Axis(name, METRE, -reach, reach) for name in "xz")
+    plot = Plot("arm", f"{words}, deviation x {MAGNIFIED:g}", x, z, lines, square=True)
+    drawing.figure(plot, into=figure, titles=True, font=9.0)
+
+
+def joints(links: Pair, q_a: Pair) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Coordinates x and z [m] of shoulder, elbow and tool at the link angles ``q_a`` [rad], eq. (9)."""
+    x, z = links[0] * math.sin(q_a[0]), links[0] * math.cos(q_a[0])
+    both = q_a[0] + q_a[1]
+    return (0.0, x, x + links[1] * math.cos(both)), (0.0, z, z - links[1] * math.sin(both))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from ..benchmark.results import CaseResult
+from ..benchmark.results import CaseResult, ConfigurationScore, Rules
 from ..benchmark.scorecard import kind, outcome
 from ..benchmark.tally import tally
 from ..loop.trajectory import Status
-from ..views.plot import HUES, Axis, Band, Bars, Level, Plot, Scatter, Symbol, Window
+from ..views.plot import HUES, Axis, Band, Bars, Heat, Layer, Level, Plot, PosedArm, Scatter, Symbol, Window
 from ..views.table import (
     Beside,
     Cell,
@@ -27,11 +27,12 @@ from ..views.table import (
     VerdictCell,
 )
 from ..views.units import MICROMETRE, SECOND, number
-from . import case_plots, scorecard, workspace
+from . import case_plots, scorecard
+from .case_plots import degrees
 from .commands import recording_command, simulate_command
+from .head import PlantRecord
 from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
-from .results import Results
-from .run import Run, contradictions
+from .results import Results, Run, contradictions
 from .wording import reason_notes, remarks
 
 WITHOUT = Note("This run was made without trajectories.")
@@ -62,10 +63,10 @@ def page(run: Run) -> Page:
     if recordings:
         commands = [recording_command(results.head, entry.about) for entry in recordings]
         case = case_plots.cases(recordings, rules, commands)
-        motion = case_plots.motion(recordings, rules, workspace.links(results.plant), commands)
+        motion = case_plots.motion(recordings, rules, links(results.plant), commands)
     panels = (
         Panel("summary", "Summary", _summary(run, shown)),
-        Panel("workspace", "Workspace", workspace.parts(results.plant, rules, {"": results.configurations})),
+        Panel("workspace", "Workspace", workspace(results.plant, rules, {"": results.configurations})),
         Panel("case", "Time plots", (case,)),
         Panel("spread", "Uncertainty", _spread(run)),
         Panel("stability", "Stability", _stability(results, shown)),
@@ -260,3 +261,52 @@ def _failures(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
     columns = (Column("case"), Column("status"), Column("time", SECOND), Column("message"))
     note = f"{words}, of {len(results.cases)} cases. A case that was skipped or lost says nothing about the controller."
     return (Note(note, warning=False), Table("Cases that did not end with done", columns, tuple(rows)))
+
+
+HEAT, ARM = "heat", "arm"
+"""Ids of the map and of the arm beside it."""
+
+
+def links(plant: PlantRecord) -> tuple[float, float]:
+    """Lengths of the arm's links [m]."""
+    return plant.nominal["l[1]"], plant.nominal["l[2]"]
+
+
+def workspace(plant: PlantRecord, rules: Rules, scores: Mapping[str, Sequence[ConfigurationScore]]) -> tuple[Part, ...]:
+    """The workspace as a map of V_k and b_i: the ``scores`` by whose they are, or differences between those of several;
+    and the arm in the pose that is pointed at."""
+    places = [*next(iter(scores.values()))]
+    columns = sorted({place.q_a1 for place in places})
+    rows = sorted({place.q_a2 for place in places}, reverse=True)
+    grid = [next((p for p in places if (p.q_a1, p.q_a2) == (column, row)), None) for row in rows for column in columns]
+    layers = tuple(layer for of, entries in scores.items() for layer in _layers(rules, of, entries, grid))
+    heat = Heat(
+        HEAT,
+        "",
+        Axis("q_a1", names=tuple(map(degrees, columns))),
+        Axis("q_a2", names=tuple(map(degrees, rows))),
+        layers,
+        tuple(None if place is None else _pose(place) for place in grid),
+        "over the link angles, q_a1 to the right, q_a2 upwards. Dots: the TCP of every configuration.",
+        "is better" if len(scores) > 1 else "",
+    )
+    poses = tuple(None if place is None else (place.q_a1, place.q_a2) for place in grid)
+    return (Beside(((heat,), (PosedArm(ARM, links(plant), HEAT, poses),)), equal=True),)
+
+
+def _pose(place: ConfigurationScore) -> str:
+    return f"configuration {place.index}: q_a1 {degrees(place.q_a1)}, q_a2 {degrees(place.q_a2)}"
+
+
+def _layers(
+    rules: Rules, of: str, scores: Sequence[ConfigurationScore], grid: Sequence[ConfigurationScore | None]
+) -> list[Layer]:
+    """V_k and each b_i of one controller over the places of the ``grid``."""
+    by_index = {score.index: score for score in scores}
+    placed = [None if place is None else by_index.get(place.index) for place in grid]
+    costs = tuple(None if score is None else score.cost for score in placed)
+    layers = [Layer("V_k, the cost of a configuration", costs, "V_k", of, rules.cost.target)]
+    for place, (name, spec) in enumerate(rules.criteria.items(), start=1):
+        values = tuple(None if score is None else score.relative.get(name) for score in placed)
+        layers.append(Layer(f"b{place}: {spec.title}, worst value / target", values, f"b{place}", of, 1.0))
+    return layers

@@ -26,9 +26,9 @@ from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
 from .recording import MOTION_INTERVALS, Recording, thinned
 from .recording import load as load_recordings
+from .report_page import links
 from .spread import Spread
 from .wording import carry_over, seed_words
-from .workspace import links
 
 SCORECARDS = (Evaluation.KIND, Spread.KIND)
 """What a search stands beside in a comparison."""

@@ -18,7 +18,7 @@ from ..benchmark.case import Case
 from ..benchmark.nominal import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
-from ..documents.case_table import CaseList
+from ..documents.results import CaseList
 from ..entry import enter_fields, entered
 from ..errors import InputError
 from ..execution import cluster

@@ -10,10 +10,11 @@ from support.reports import hunted, recording, results_of, scaled, searched, see
 from support.results import RULES, TABLE_2, everything, result, trajectory
 
 from orchestrator import Benchmark
-from orchestrator.documents import simulation_page
-from orchestrator.documents.comparison import compare
+from orchestrator.documents.comparison import grouped
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.recording import Recording
+from orchestrator.documents.simulations import PlottedSimulation
+from orchestrator.documents.simulations import page as simulation_page
 from orchestrator.loop.trajectory import Status
 from orchestrator.views.page import page_html
 from orchestrator.views.table import Note
@@ -103,7 +104,7 @@ def comparison() -> str:
     unfinished = Evaluation(results_of(everything(TABLE_2)[:1], controller={"file": "Unfinished.fmu"}))
     spreads = (seeded(gain, range(gain > 0.9, 5), file=EVIL) for gain in GAINS[:3])
     others = (*spreads, searched(GAINS[0], file=EVIL), tuned(file=EVIL), swept(4, file=EVIL))
-    return page_html(compare([(each, None) for each in (*COMPARED, unfinished, *others)]).page())
+    return page_html(grouped([(each, None) for each in (*COMPARED, unfinished, *others)]).page())
 
 
 @functools.cache
@@ -132,8 +133,8 @@ def simulations() -> str:
     for name, size, end in ((EVIL, 8e-3, 26.0), ("other.fmu --gain 2 1", 3e-3, 12.0)):
         made = trajectory(lambda t, size=size: size * np.sin(3 * t), 1e-3, (lambda t: 3 * np.sin(t), 4.0), duration=end)
         angles = {f"q_a[{axis}]": 0.1 * np.sin(made.time) for axis in (1, 2)}
-        shown.append(simulation_page.PlottedSimulation(name, case, replace(made, extra=angles), f"simulate {EVIL}"))
-    return page_html(simulation_page.page(EVIL, EVIL, RULES, shown, (Note("a remark"),)))
+        shown.append(PlottedSimulation(name, case, replace(made, extra=angles), f"simulate {EVIL}"))
+    return page_html(simulation_page(EVIL, EVIL, RULES, shown, (Note("a remark"),)))
 
 
 def show(page, name: str) -> None:

@@ -15,7 +15,7 @@ from orchestrator.benchmark.results import CaseResult, Rules
 from orchestrator.benchmark.scorecard import score
 from orchestrator.benchmark.spread import Statistic
 from orchestrator.conformance.finding import Finding, Severity
-from orchestrator.documents.comparison import compare
+from orchestrator.documents.comparison import grouped
 from orchestrator.documents.document import Displayable
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.findings import Findings
@@ -371,6 +371,6 @@ def documents(**controller: Any) -> dict[str, Displayable]:
         "verification": verified([everything(TABLE_2), some], some, some, **controller),
     }
     ranked = Evaluation(scaled(0.9, controller=controller))
-    found["comparison"] = compare([(each, None) for each in (ranked, *found.values())])
+    found["comparison"] = grouped([(each, None) for each in (ranked, *found.values())])
     found["findings"] = Findings(words, (Finding(Severity.WARNING, words, words, "Mend it."),))
     return found
