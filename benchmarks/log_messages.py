@@ -30,8 +30,11 @@ from orchestrator.fmi.archive import open_archive  # noqa: E402
 from orchestrator.fmi.slaves import Slave, load  # noqa: E402
 from orchestrator.loop.master import simulate  # noqa: E402
 from orchestrator.loop.trajectory import Status  # noqa: E402
-from orchestrator.pairing.built_in import built_in  # noqa: E402
-from orchestrator.pairing.plant import FMUS, NATIVE  # noqa: E402
+from orchestrator.pairing.built_in import (  # noqa: E402
+    FMUS,
+    NATIVE,
+    built_in,  # noqa: E402
+)
 from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 
 TARGET = 2.0

@@ -29,7 +29,7 @@ from orchestrator.fmi.archive import Archive, open_archive
 from orchestrator.fmi.connectors import bind_controller
 from orchestrator.fmi.lookup import elements, find_outputs, find_values
 from orchestrator.fmi.slaves.base import refusal as load_refusal
-from orchestrator.fmi.units import conversion
+from orchestrator.fmi.variables import conversion
 from orchestrator.loop import sampling, setup
 from orchestrator.loop import scenario as scenarios
 from orchestrator.loop.scenario import NO_DELAY, Scenario

@@ -110,7 +110,7 @@ print([name for name in ("numba", "scipy", "llvmlite") if name in sys.modules])
 def test_what_is_not_loaded_at_the_start_of_a_process_can_be_loaded_later() -> None:
     code = """
 import gc
-from orchestrator.execution.lean import lean_imports
+from orchestrator.execution.interpreter import lean_imports
 with lean_imports():
     import numba
     try:

@@ -13,7 +13,7 @@ from support.command_lines import call
 import build_fmus
 from orchestrator import Benchmark, Controller, InputError, compare
 from orchestrator.pairing import built_in as built_in_fmus
-from orchestrator.pairing.plant import choose
+from orchestrator.pairing.built_in import choose
 
 ONE = "c00.compliant.noise"
 

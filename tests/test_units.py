@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from support import refusals
 from support.descriptions import description, variable
 
-from orchestrator.fmi.units import EXPONENTS, KNOWN, conversion
-from orchestrator.fmi.variables import variables
+from orchestrator.fmi.variables import EXPONENTS, KNOWN, conversion, variables
 
 WHERE = "The controller x.fmu: q_m[1]"
 TORQUE = {"kg": 1, "m": 2, "s": -2}

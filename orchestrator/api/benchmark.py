@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ..documents.document import Displayable
 from ..entry import entered
 from ..errors import InputError
+from ..pairing.built_in import AUTO, NATIVE, PYTHON
 from ..pairing.controller import Controller, Given
-from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
 from ..views.table import Column, Summary, Table
 

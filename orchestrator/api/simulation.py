@@ -26,10 +26,9 @@ from ..entry import entered
 from ..errors import InputError
 from ..fmi.archive import open_archive
 from ..loop.trajectory import Ending, Status, Trajectory
-from ..pairing.built_in import built_in
+from ..pairing.built_in import AUTO, NATIVE, PYTHON, built_in
 from ..pairing.controller import Controller
 from ..pairing.pairing import simulate_case
-from ..pairing.plant import AUTO, NATIVE, PYTHON
 from ..pairing.testbed import Testbed
 from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
 from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, Unit

@@ -15,9 +15,8 @@ from ..errors import InputError
 from ..execution.cluster import WAIT
 from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_parameters
 from ..fmi.library import LIBRARIES
-from ..pairing.built_in import DEFAULT_CONTROLLER, DEFAULT_IN_C, PLANT, PLANT_IN_C
+from ..pairing.built_in import DEFAULT_CONTROLLER, DEFAULT_IN_C, FILE, PLANT, PLANT_IN_C
 from ..pairing.controller import Controller
-from ..pairing.plant import FILE
 from ..pairing.testbed import available_cores
 from ..text import printable
 from .values import MAX_LIMIT, assignments, connection, natural, number, seeds, setting, time

@@ -8,7 +8,7 @@ import resource
 import signal
 from contextlib import suppress
 
-from .lean import lean_imports
+from .interpreter import lean_imports
 from .sandboxed import fill_cache
 
 # Imports inside functions: the process binds itself to its parent before it loads anything.

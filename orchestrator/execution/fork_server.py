@@ -20,8 +20,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..fmi.archive import reopen
-from . import read_only
-from .lean import lean_imports
+from .interpreter import lean_imports, protect
 from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
 
@@ -50,7 +49,7 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
     workers: dict[int, _Worker] = {}
     try:
         if protected:
-            read_only.protect()
+            protect()
         adopt_orphans()
         with lean_imports():
             importlib.import_module(f"{__package__}.worker")

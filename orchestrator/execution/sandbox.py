@@ -15,8 +15,7 @@ from typing import Any
 
 from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder, user_folders
 from ..errors import InputError
-from .interpreter import flags
-from .read_only import PACKAGES
+from .interpreter import PACKAGES, flags
 
 TMPFS_BYTES = 256 * 1024**2
 """Bytes that fit into each folder that can be written into: it lies in memory."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 
-from .lean import lean_imports
+from .interpreter import lean_imports
 from .sandbox import given_folder
 
 

@@ -13,8 +13,7 @@ from fmpy.model_description import ModelDescription
 from ..codec import Scalar
 from ..errors import InputError, unknown
 from .description import NEGATED
-from .units import conversion
-from .variables import Variable, repeated_names, variables
+from .variables import Variable, conversion, repeated_names, variables
 
 ARRAY = -1
 """Index of a whole array."""

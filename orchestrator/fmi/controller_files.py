@@ -15,8 +15,7 @@ from ..codec import Scalar
 from ..errors import InputError, unknown
 from .archive import Archive
 from .lookup import elements, number, place
-from .units import EXPONENTS, factor_to_fmu_unit
-from .variables import REAL_TYPES, SET_TYPES
+from .variables import EXPONENTS, REAL_TYPES, SET_TYPES, factor_to_fmu_unit
 
 TABLES = ("map", "parameters")
 """Of a TOML file."""

@@ -17,8 +17,7 @@ from ..fmi.connectors import Binding
 from ..fmi.lookup import find_values
 from ..fmi.port import Port
 from ..fmi.slaves import Slave
-from ..fmi.units import conversion
-from ..fmi.variables import Variable
+from ..fmi.variables import Variable, conversion
 from .scenario import Pair
 from .setup import Setup, controller_binding, sample_time_parameter
 

@@ -12,8 +12,7 @@ from ..errors import InputError
 from ..fmi.archive import Archive
 from ..fmi.connectors import SAMPLE_TIME, Binding, Bound, bind_controller, canonical
 from ..fmi.lookup import find_values
-from ..fmi.units import conversion
-from ..fmi.variables import Variable, variables
+from ..fmi.variables import Variable, conversion, variables
 
 STEP = 0.25e-3
 """Sample time [s] of the paper's controllers, which those have that declare no step."""

@@ -1,5 +1,6 @@
 """The benchmark's own FMUs, built on first use and kept by what they are made from; in C in place of those in Python,
-where this machine makes them with the same bits."""
+where this machine makes them with the same bits. The manipulator is one of them, or a file.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +11,10 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Final, Literal
 
 import fmpy
 import numpy as np
@@ -22,7 +25,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.cases import case_named
 from ..benchmark.protocol import load
-from ..cache import cache_folder, source_hash
+from ..cache import cache_folder, plant_hash, source_hash
 from ..errors import BenchmarkError, EnvironmentFault, InputError
 from ..fmi.archive import Archive, open_archive
 from .pairing import Pairing, simulate
@@ -34,8 +37,13 @@ ROOT = Path(build_fmus.__file__).resolve().parent
 
 logger = logging.getLogger(__name__)
 
-
 PLANT, PLANT_IN_C = "FlexibleManipulator", "FlexibleManipulatorNative"
+
+PYTHON: Final = "python"
+NATIVE: Final = "native"
+AUTO: Final = "auto"
+FILE: Final = "file"
+FMUS = {PYTHON: PLANT, NATIVE: PLANT_IN_C}
 
 DEFAULT_IN_C = "DiagonalPID_C"
 
@@ -130,3 +138,63 @@ def _are_equal(python: Pairing, native: Pairing) -> bool:
         return False
     names = ("q_m", "X", "measured", "command", "torque")
     return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The manipulator's FMU; ``build`` is "python", "native" or "file".
+
+    ``model`` says what it computes, and is equal for both of the benchmark's own builds: the SHA-256 of their sources;
+    or of the file.
+    """
+
+    archive: Archive
+    build: Literal["python", "native", "file"]
+    model: str
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Its nominal parameters by FMI name, SI units."""
+        if self.build != FILE:
+            return NOMINAL
+        start = {variable.name: variable.start for variable in self.archive.description.modelVariables}
+        return {name: float(start[name]) for name in NOMINAL}
+
+
+def choose(given: str | Path) -> Plant:
+    """The plant that ``given`` names: "python", "native", a file, or "auto".
+
+    "auto" is the native twin if this machine makes it with the bits of the plant in Python, else the
+    latter. Raises :class:`InputError` if a file is no manipulator,
+    :class:`~orchestrator.errors.EnvironmentFault` if an FMU cannot be built.
+    """
+    if given == AUTO:
+        return _automatic()
+    if given in FMUS:
+        return _own(PYTHON if given == PYTHON else NATIVE)
+    archive = open_archive(Path(given))
+    step = archive.interface.canHandleVariableCommunicationStepSize if archive.kind == "CoSimulation" else True
+    # FMI 2.0 and 3.0 co-simulation: only with this flag may the steps differ in length.
+    if archive.major_version != "1" and not step:
+        message = (
+            f"{archive.name} does not declare canHandleVariableCommunicationStepSize, and the manipulator's steps "
+        )
+        raise InputError(f"{message}vary: events divide them.", "no-plant", archive.name)
+    with_start = {variable.name for variable in archive.description.modelVariables if variable.start is not None}
+    missing = [name for name in NOMINAL if name not in with_start]
+    if missing:
+        raise InputError(
+            f"{archive.name} is not the manipulator: it has no parameter {', '.join(missing)} with a start value.",
+            "no-plant",
+            archive.name,
+        )
+    return Plant(archive, FILE, archive.sha256)
+
+
+def _own(build: Literal["python", "native"]) -> Plant:
+    return Plant(open_archive(built_in(FMUS[build])), build, plant_hash())
+
+
+def _automatic() -> Plant:
+    archive = fastest_plant()
+    return Plant(archive, NATIVE if archive.name == f"{PLANT_IN_C}.fmu" else PYTHON, plant_hash())

@@ -24,9 +24,9 @@ from ..errors import InputError
 from ..execution import cluster
 from ..execution.job import Limits
 from ..loop.sampling import controller_sample_time
+from .built_in import AUTO, NATIVE, PYTHON, Plant, choose
 from .controller import Controller
 from .pairing import Pairing
-from .plant import AUTO, NATIVE, PYTHON, Plant, choose
 
 MAX_SEED = 2**53
 """What JSON's numbers hold exactly."""

@@ -17,9 +17,9 @@ from ..fmi.host import wine
 from ..fmi.library import WINE
 from ..loop.behaviour import CarryOver, ComputingTime
 from ..loop.setup import controller_binding, held_inputs
+from ..pairing.built_in import FILE, Plant
 from ..pairing.controller import Controller
 from ..pairing.pairing import Pairing
-from ..pairing.plant import FILE, Plant
 from ..pairing.testbed import Testbed
 from ..pairing.work import TimingRecord
 from ..version import __version__

@@ -36,7 +36,7 @@ def bubblewrap_works() -> bool:
 
 def namespaces_work() -> bool:
     """Whether a process may have user and mount namespaces of its own."""
-    return _runs([sys.executable, "-c", "from orchestrator.execution.read_only import protect as p; exit(not p())"])
+    return _runs([sys.executable, "-c", "from orchestrator.execution.interpreter import protect as p; exit(not p())"])
 
 
 def musl_gcc_works() -> bool:
