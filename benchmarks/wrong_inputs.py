@@ -216,7 +216,7 @@ def prepared() -> Iterator[Path]:
         searched().save(place / "worst")
         for target in ("run", "plan"):
             stack.enter_context(mock.patch.object(Engine, target, stopped))
-        for room in ("pairing.pairing", "api.checking", "api.linear_loop"):
+        for room in ("pairing.pairing", "api.checking", "api.linear"):
             stack.enter_context(mock.patch(f"orchestrator.{room}.run_isolated", stopped))
         stack.enter_context(mock.patch("orchestrator.cli.verify.run_clean", stopped))
         stack.enter_context(mock.patch("controller_fmu.export.state_space.c_fmu", stopped))

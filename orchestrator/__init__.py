@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from controller_fmu import controller_from_mlp, controller_from_state_space
 
     from .api.benchmark import Benchmark
-    from .api.linear_loop import LinearLoop
-    from .api.linear_model import LinearModel
+    from .api.linear import LinearLoop, LinearModel
     from .api.simulation import Simulation
     from .benchmark.variation import Variation
     from .documents.comparison import compare
@@ -60,8 +59,8 @@ _HOMES = {
     "Benchmark": ".api.benchmark",
     "Controller": ".pairing.controller",
     "Evaluation": ".documents.evaluation",
-    "LinearLoop": ".api.linear_loop",
-    "LinearModel": ".api.linear_model",
+    "LinearLoop": ".api.linear",
+    "LinearModel": ".api.linear",
     "Reliability": ".documents.reliability",
     "Robustness": ".documents.robustness",
     "Simulation": ".api.simulation",

@@ -1,4 +1,4 @@
-"""``python -m orchestrator.check``: see :mod:`orchestrator.cli.check`."""
+"""``python -m orchestrator.check``: see :mod:`orchestrator.cli.checks`."""
 
 from .cli.guard import run
 

@@ -1,4 +1,4 @@
-"""``python -m orchestrator.selftest``: see :mod:`orchestrator.cli.selftest`."""
+"""``python -m orchestrator.selftest``: see :mod:`orchestrator.cli.checks`."""
 
 from .cli.guard import run
 

@@ -98,7 +98,7 @@ for name, module in list(sys.modules.items()):
 """
 
 
-ASKING = ("benchmark/cases.py", "benchmark/nominal.py", "version.py")
+ASKING = ("benchmark/cases.py", "benchmark/linearization.py", "version.py")
 """What the program above or the package itself needs, and no worker."""
 
 

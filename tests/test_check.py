@@ -10,7 +10,7 @@ from support.edited_fmus import of_another_guid, with_functions
 from support.python_controllers import python_controller
 
 from orchestrator import Benchmark, Controller
-from orchestrator.cli import check as command
+from orchestrator.cli import checks
 from orchestrator.cli.guard import guarded, remedy
 from orchestrator.fmi import log
 
@@ -171,9 +171,7 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 
 def test_findings_as_json(capsys, quick_pid_file):
-    assert (
-        guarded(command.main, [str(quick_pid_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
-    )
+    assert guarded(checks.check, [str(quick_pid_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
     document = json.loads(capsys.readouterr().out)
     assert (document["controller"], document["verdict"]) == (quick_pid_file.name, "error")
     assert (document["findings"][-1]["what"], document["findings"][-1]["value"]) == ("no-variable", "absent")
@@ -183,7 +181,7 @@ def test_the_table_shows_names_as_they_are_and_steers_no_terminal(tmp_path, caps
     body = "print('\\x1b[2Jprinted\\x07', flush=True); os._exit(3)"
     target = tmp_path / "[red]B[green]:smile:.fmu"
     file = python_controller(tmp_path, "Painter", imports="import os", step_body=body, target=target)
-    assert guarded(command.main, [str(file)]) == 2
+    assert guarded(checks.check, [str(file)]) == 2
     captured = capsys.readouterr()
     assert captured.out.splitlines()[0] == f"{file.name}  verdict: error" and "printed" in captured.out
     assert "exit code 3" in captured.out

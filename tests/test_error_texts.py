@@ -22,7 +22,7 @@ from test_draws import ROUND
 
 import orchestrator
 from controller_fmu.export.archive import pack
-from orchestrator.benchmark import cases, draws, nominal, protocol, variation
+from orchestrator.benchmark import cases, draws, linearization, protocol, variation
 from orchestrator.cli.guard import REMEDIES, remedy
 from orchestrator.fmi import controller_files
 from orchestrator.fmi.archive import Archive, open_archive
@@ -142,9 +142,9 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: cases.case_named(PAPER, NOMINAL, 0, "c99.sticky.noise"),
         lambda: cases.case_named(PAPER, NOMINAL, 0, "c00.slimy.noise"),
         lambda: cases.configuration(PAPER, 4.0, 0.0),
-        lambda: nominal.require_integrable({"d[1]": 1e12}, PAPER.uncertainty),
-        lambda: nominal.check_changes({"m_3": 1.0}, PAPER.uncertainty),
-        lambda: nominal.check_changes({"m[1]": float("inf")}, PAPER.uncertainty),
+        lambda: linearization.require_integrable({"d[1]": 1e12}, PAPER.uncertainty),
+        lambda: linearization.check_changes({"m_3": 1.0}, PAPER.uncertainty),
+        lambda: linearization.check_changes({"m[1]": float("inf")}, PAPER.uncertainty),
         lambda: variation.Variation(duration=Fraction(-1)),
         lambda: variation.Variation(angle_bits=99),
         lambda: variation.Variation(dropout=1.5),

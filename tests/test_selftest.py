@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from support.closed_loops import simulate_all
 
-from orchestrator.api import selftest as api
+from orchestrator.api import checking as api
 from orchestrator.benchmark import bits
 from orchestrator.benchmark.bits import CASES, PAIRS, BitComparison
-from orchestrator.cli import main, selftest
+from orchestrator.cli import main
 from orchestrator.loop.scenario import Scenario
 
 
@@ -66,7 +66,7 @@ def test_a_last_bit_changes_the_hash(quick_plant_file, quick_pid_file):
 
 def test_what_differs_is_told(monkeypatch, capsys):
     other = BitComparison({"a/x": "1", "a/y": "2"}, {"a/x": "1", "a/y": "3"}, ("b",))
-    monkeypatch.setattr(selftest, "selftest", lambda: other)
+    monkeypatch.setattr(api, "selftest", lambda: other)
     assert main.main(["selftest"]) == 1
     told = capsys.readouterr().out
     assert "skipped b: there is no C compiler" in told and "differs a/y" in told and "1 of 2" in told

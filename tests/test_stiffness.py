@@ -8,7 +8,7 @@ from support.closed_loops import PAPER
 from support.manipulators import T_S, at_rest, tcp_distance
 from support.refusals import refusal
 
-from orchestrator.benchmark.nominal import require_integrable
+from orchestrator.benchmark.linearization import require_integrable
 from orchestrator.errors import InputError
 from plant_fmu.flexible_manipulator import integrator
 from plant_fmu.flexible_manipulator.integrator import STATE

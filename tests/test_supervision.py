@@ -22,9 +22,8 @@ from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import launch, supervision
 from orchestrator.execution.job import Died, Done, Limits
 from orchestrator.execution.launch import Child
-from orchestrator.execution.messages import ErrorRecord, Failed, Finished, Loaded, frame
+from orchestrator.execution.messages import ErrorRecord, Failed, Finished, Loaded, SharedTrace, frame
 from orchestrator.execution.process_tree import Use
-from orchestrator.execution.shared_trace import SharedTrace
 from orchestrator.execution.time_limit import PROCESSOR_REACHED, WAITING_REACHED
 from orchestrator.fmi.trace import CONTROLLER, NOBODY, PLANT, Place, Trace
 from orchestrator.loop.trajectory import Status

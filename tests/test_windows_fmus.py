@@ -16,7 +16,7 @@ from orchestrator.conformance.static import archive_findings
 from orchestrator.execution import launch
 from orchestrator.fmi.archive import open_archive
 from orchestrator.fmi.host import build
-from orchestrator.fmi.host.remote import PROGRAM
+from orchestrator.fmi.host.wine import PROGRAM
 from orchestrator.pairing.pairing import simulate
 
 T_S = 0.25e-3

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from ..study.dry_run import DryRun
     from ..study.engine import Engine, OnEvent
     from ..study.requests import Event, OnResult
-    from .linear_loop import LinearLoop
-    from .linear_model import LinearModel
+    from .linear import LinearLoop, LinearModel
     from .simulation import Simulation
 
     OnSeed = Callable[[int, Evaluation], None]
@@ -374,7 +373,7 @@ class Benchmark(Testbed, Displayable):
             As :meth:`case_at`; if the plant is an FMU of your own, whose equations are not known; or if the variation
             delays the measurement, drops samples or has jitter.
         """
-        from .linear_model import linear_model
+        from .linear import linear_model
 
         return linear_model(self._known(q_a, system, test, variation), sampled, delay, friction)
 
@@ -407,7 +406,7 @@ class Benchmark(Testbed, Displayable):
         FmuError, Crash
             If the FMU fails.
         """
-        from .linear_loop import linear_loop
+        from .linear import linear_loop
 
         return linear_loop(self, controller, self._known(q_a, system, test, variation), friction)
 

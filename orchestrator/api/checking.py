@@ -1,14 +1,18 @@
-"""What can be said of a controller FMU before any evaluation."""
+"""What can be said before any evaluation: of a controller FMU, and whether this machine gives the published bits."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from msgspec import structs
 
+from build_fmus import find_compiler
+
+from ..benchmark.bits import CASES, PAIRS, BitComparison, Pair, hash_of, published, short_case
 from ..benchmark.case import Case
 from ..benchmark.protocol import Protocol
 from ..codec import Struct, unpack
@@ -23,8 +27,10 @@ from ..loop.behaviour import CarryOver
 from ..loop.sampling import controller_sample_time
 from ..loop.setup import controller_binding
 from ..pairing import work
+from ..pairing.built_in import built_in
 from ..pairing.controller import Controller
-from ..pairing.pairing import FULL_LENGTH, GROUP_SIZE, Pairing
+from ..pairing.pairing import FULL_LENGTH, GROUP_SIZE, Pairing, simulate
+from ..pairing.testbed import Testbed, available_cores
 from ..study.rehearsal import computing_time, rehearse
 
 Decode = Callable[[int, bytes], Any]
@@ -135,3 +141,29 @@ def _carry_over(pairing: Pairing, case: Case) -> CarryOver:
         return rehearse(case, pairing, probe=False).carry_over
     except (Crash, FmuError, InputError):  # what is wrong, another look says
         return CarryOver.NOT_TESTED
+
+
+def selftest() -> BitComparison:
+    """Simulate the loops of :mod:`~orchestrator.benchmark.bits` and compare their hashes with the published ones.
+
+    What needs a C compiler is skipped where there is none.
+    """
+    compiler = find_compiler() is not None
+    here = [pair for pair in PAIRS if compiler or not pair.compiler]
+    skipped = tuple(pair.name for pair in PAIRS if pair not in here)
+    tasks = [(pair, id) for pair in here for id in CASES]
+    for pair in here:  # built before threads ask for it
+        built_in(pair.plant)
+        built_in(pair.controller)
+    # Threads: each waits for a process of its own, which does the work.
+    with ThreadPoolExecutor(available_cores()) as pool:
+        hashes = list(pool.map(lambda task: _hash(*task), tasks))
+    return BitComparison(
+        {f"{pair.name}/{id}": value for (pair, id), value in zip(tasks, hashes, strict=True)}, published(), skipped
+    )
+
+
+def _hash(pair: Pair, id: str) -> str:
+    testbed = Testbed(plant=built_in(pair.plant))
+    pairing, case = testbed.sampled(Controller.built_in(pair.controller), short_case(id))
+    return hash_of(simulate(pairing, case.scenario))

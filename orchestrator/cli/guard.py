@@ -120,6 +120,7 @@ HOMES = {
     **dict.fromkeys(("robustness", "reliability", "tune", "sweep"), "studies"),
     **dict.fromkeys(("report", "compare", "runs"), "finished"),
     **dict.fromkeys(("new", "build"), "controllers"),
+    **dict.fromkeys(("check", "selftest"), "checks"),
     "completion": "main",
 }
 """Modules of the commands without one of their own, in which they are functions."""

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..api.benchmark import Benchmark
-from ..api.linear_loop import MATRICES, LinearLoop
-from ..api.linear_model import LinearModel
+from ..api.linear import MATRICES, LinearLoop, LinearModel
 from ..documents.robustness import Robustness
 from ..errors import InputError
 from . import options, output

@@ -24,9 +24,8 @@ from ..fmi.library import WINE
 from . import sandbox
 from .interpreter import program
 from .job import Job
-from .messages import NUMBER, REQUEST, Described, frame, readable
+from .messages import NUMBER, REQUEST, Described, SharedTrace, frame, readable
 from .process_tree import ProcessTree, exit_code
-from .shared_trace import SharedTrace
 
 ATTEMPTS = 3
 """Fork servers that the start of a worker may cost: one may be killed for no fault of the worker's."""

@@ -19,9 +19,8 @@ from ..fmi import log, trace
 from ..fmi.archive import check_files, reopen
 from ..fmi.slaves import Slave, load
 from .isolation import Isolated
-from .messages import Failed, Finished, FmuFiles, Loaded, Order, error_record, frame, read_frame, write_all
+from .messages import Failed, Finished, FmuFiles, Loaded, Order, SharedTrace, error_record, frame, read_frame, write_all
 from .process_tree import bind_to_parent
-from .shared_trace import SharedTrace
 
 MAX_DESCRIPTORS = 65536
 

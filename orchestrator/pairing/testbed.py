@@ -15,7 +15,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL
 from ..benchmark import cases as case_list
 from ..benchmark import protocol as protocols
 from ..benchmark.case import Case
-from ..benchmark.nominal import check_changes
+from ..benchmark.linearization import check_changes
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
 from ..documents.results import CaseList

@@ -3,7 +3,7 @@
  * A request begins with five doubles: what to do and four numbers. LOAD, FIND, CALL and CONNECT have a payload, whose
  * size in bytes is the first of these; they are answered by the size of a payload (uint64) and the payload. EXCHANGE is
  * one step of the closed loop: two inputs, time, step [s]; it is answered by four doubles: the last call (SET, STEP,
- * GET), its status, two outputs. orchestrator/fmi/host/remote.py is the other side, and loads this as a library of
+ * GET), its status, two outputs. orchestrator/fmi/host/wine.py is the other side, and loads this as a library of
  * Windows under Wine; on Linux the same source loads shared objects, for tests.
  */
 #include <stdint.h>

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import Crash, InputError
 from .. import log
 from .. import port as ports
-from ..host.remote import CONNECT, Ask, Function, Library
+from ..host.wine import CONNECT, Ask, Function, Library
 from ..port import Port
 from ..variables import Variable
 from .base import Slave, Values
