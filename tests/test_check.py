@@ -171,7 +171,9 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 
 def test_findings_as_json(capsys, quick_pid_file):
-    assert guarded(checks.check, [str(quick_pid_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
+    assert (
+        guarded(checks.check, [str(quick_pid_file), "--json", "--map", "q_m[1]=absent", "--map", "q_m[2]=q_m[2]"]) == 2
+    )
     document = json.loads(capsys.readouterr().out)
     assert (document["controller"], document["verdict"]) == (quick_pid_file.name, "error")
     assert (document["findings"][-1]["what"], document["findings"][-1]["value"]) == ("no-variable", "absent")

@@ -1,5 +1,5 @@
-"""The equations of motion (2)-(11) linearized at rest in closed form, and sampled as the loop samples them; and whether the
-plant's integration, with fixed substeps, can follow changes of the nominal parameters."""
+"""The equations of motion (2)-(11) linearized at rest in closed form, and sampled as the loop samples them; and whether
+the plant's integration, with fixed substeps, can follow changes of the nominal parameters."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What slaves of all standards have in common: the life cycle, how it fails, why a loader refuses a library, and modules
-of FMUs in Python, which are kept apart."""
+"""What slaves of all standards have in common: the life cycle, how it fails, why a loader refuses a library, and that
+FMUs in Python keep to their own modules."""
 
 from __future__ import annotations
 
