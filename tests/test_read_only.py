@@ -18,7 +18,7 @@ def test_a_controller_cannot_change_the_package_nor_the_libraries(plant_file, pi
 
 
 def test_all_packages_are_below_what_is_protected():
-    folders = [Path(each) for each in interpreter.folders()]
+    folders = [Path(each) for each in interpreter.read_only_folders()]
     for module in (orchestrator, flexible_manipulator, pytest):
         assert any(folder in Path(module.__file__).resolve().parents for folder in folders)
     assert not any(one in other.parents for one in folders for other in folders)

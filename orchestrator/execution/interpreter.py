@@ -96,7 +96,7 @@ CAPSET_VERSION = 0x20080522
 """_LINUX_CAPABILITY_VERSION_3."""
 
 
-def folders() -> tuple[str, ...]:
+def read_only_folders() -> tuple[str, ...]:
     """What is to be read-only: real paths of folders that exist, none inside another."""
     libraries = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts"))
     packages = (str(PACKAGE.parent / name) for name in PACKAGES)
@@ -112,7 +112,7 @@ def protect() -> bool:
     """
     if sys.platform != "linux":
         return False
-    chosen = folders()
+    chosen = read_only_folders()
     pid = os.fork()
     if pid == 0:
         done = False
