@@ -63,8 +63,8 @@ def with_variables(count: int, name: str = "plant.block[%d].gain"):
 def test_names_are_not_parsed_by_a_grammar_nor_spelled_at_each_binding(tmp_path, monkeypatch):
     """FMPy's grammar took 5 ms for each name, and each instance of a controller is bound."""
     monkeypatch.setattr("lark.Lark", None)
-    spelled = []
-    monkeypatch.setattr(connectors, "spelling", lambda *given: spelled.append(given) or connectors.spelling(*given))
+    spelled, spelling = [], connectors.spelling
+    monkeypatch.setattr(connectors, "spelling", lambda *given: spelled.append(given) or spelling(*given))
     file = tmp_path / "many.fmu"
     file.write_bytes(pack(with_variables(2000)))
     description = read_description(file)

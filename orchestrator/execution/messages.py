@@ -25,6 +25,9 @@ from ..fmi.log import Log
 from ..fmi.trace import Place, Trace
 from ..text import printable
 
+if sys.platform == "linux":
+    import fcntl
+
 T = TypeVar("T")
 
 CHUNK = 1 << 20
@@ -233,11 +236,7 @@ class Inbox:
         return data
 
 
-if sys.platform == "linux":
-    import fcntl
-
-
-SIZE = trace.SIZE + log.SIZE
+SHARED_BYTES = trace.SIZE + log.SIZE
 
 
 class SharedTrace:
@@ -248,7 +247,7 @@ class SharedTrace:
 
     def __init__(self, file: int | None = None) -> None:
         self.file = _unnamed_file() if file is None else file
-        self._memory = mmap.mmap(self.file, SIZE)
+        self._memory = mmap.mmap(self.file, SHARED_BYTES)
         self._whole = memoryview(self._memory)
         self.buffer, self.log_buffer = self._whole[: trace.SIZE], self._whole[trace.SIZE :]
 
@@ -273,13 +272,13 @@ class SharedTrace:
 
 
 def _unnamed_file() -> int:
-    """Descriptor of a file of SIZE bytes. On Linux it cannot be cut, which would end whoever reads its memory."""
+    """Descriptor of a file of this size. On Linux it cannot be cut, which would end whoever reads its memory."""
     if sys.platform == "linux":
         # A worker that cuts the file would end its owner by SIGBUS, at the next look.
         file = os.memfd_create("trace", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-        os.ftruncate(file, SIZE)
+        os.ftruncate(file, SHARED_BYTES)
         fcntl.fcntl(file, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)
         return file
     with tempfile.TemporaryFile() as fresh:
-        fresh.truncate(SIZE)
+        fresh.truncate(SHARED_BYTES)
         return os.dup(fresh.fileno())
