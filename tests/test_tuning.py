@@ -230,7 +230,7 @@ def test_a_sweep_is_a_line_a_map_or_a_table():
 def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):
     tuned().save(tmp_path / "tuning")
     swept(4).save(tmp_path / "sweep")
-    assert report([str(tmp_path / "tuning")]) == report.main([str(tmp_path / "sweep"), "--json"]) == 0
+    assert report([str(tmp_path / "tuning")]) == report([str(tmp_path / "sweep"), "--json"]) == 0
     printed = capsys.readouterr().out
     assert "Parameters" in printed and '"flexible-manipulator-sweep/' in printed
     names = ({"tuning.json", "report.html"}, {"sweep.json", "sweep.csv", "sweep.svg", "report.html"})
