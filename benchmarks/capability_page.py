@@ -1,4 +1,4 @@
-"""The tables of docs/capabilities.md, from orchestrator/fmi/capabilities.py.
+"""The tables of docs/capabilities.md, from orchestrator/fmi/description.py.
 
 python benchmarks/capability_page.py             writes them between their marks
 """
@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.marked_tables import with_table  # noqa: E402
-from orchestrator.fmi.capabilities import FLAGS, KINDS, VARIABLES, Capability  # noqa: E402
+from orchestrator.fmi.description import FLAGS, KINDS, VARIABLES, Capability  # noqa: E402
 
 PAGE = ROOT / "docs" / "capabilities.md"
 MAKER = "benchmarks/capability_page.py"

@@ -17,8 +17,8 @@ from support.refusals import refusal
 import build_fmus
 from benchmarks import capability_page
 from orchestrator.fmi.archive import open_archive
-from orchestrator.fmi.capabilities import CAPABILITIES, FLAGS, VARIABLES, declared, refuse_unsupported
 from orchestrator.fmi.connectors import bind_controller
+from orchestrator.fmi.description import CAPABILITIES, FLAGS, VARIABLES, declared, refuse_unsupported
 from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.loop.sampling import controller_sample_time
 

@@ -13,15 +13,8 @@ from support.results import trajectory
 import build_fmus
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import one_pass
-from orchestrator.benchmark.metrics import (
-    AT_THE_END,
-    continuation_if_in_doubt,
-    doubtful,
-    expected,
-    judge,
-    measure,
-    with_latest_end,
-)
+from orchestrator.benchmark.doubt import doubtful, with_latest_end
+from orchestrator.benchmark.metrics import AT_THE_END, continuation_if_in_doubt, expected, judge, measure
 from orchestrator.benchmark.scorecard import kind, outcome
 from orchestrator.codec import Malformed
 from orchestrator.loop.trajectory import Ending, Status

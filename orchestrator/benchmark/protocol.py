@@ -134,8 +134,8 @@ class Stability(Struct):
     Looked at are the last ``limit_cycle_windows`` windows, as many as fit. A motion that has fallen, from each to the
     next, below the share ``ring_down`` is no limit cycle. A motion of ``doubtful`` [m] and more that has not fallen
     below the share ``dying`` from each window to the next leaves a doubt, unless it is a limit cycle for sure (see
-    :mod:`.metrics`): then the case is simulated until ``longest`` [s], if that is later than its end. The controller
-    has recovered from the force when the TCP error stays below ``recovery_error`` [m].
+    :mod:`.doubt`): then the case is simulated until ``longest`` [s], if that is later than its end. The controller has
+    recovered from the force when the TCP error stays below ``recovery_error`` [m].
     """
 
     limit_cycle: Positive

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import with_latest_end
+from ..benchmark.doubt import with_latest_end
 from ..benchmark.protocol import Protocol
 from ..codec import Struct, pack
 from ..documents.recording import OBSERVED

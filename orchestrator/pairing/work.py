@@ -15,15 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..benchmark.case import Case
-from ..benchmark.metrics import (
-    AT_THE_END,
-    Measured,
-    continuation_if_in_doubt,
-    expected,
-    judge,
-    measure,
-    with_latest_end,
-)
+from ..benchmark.doubt import with_latest_end
+from ..benchmark.metrics import AT_THE_END, Measured, continuation_if_in_doubt, expected, judge, measure
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import Judgement
 from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
