@@ -24,10 +24,10 @@ from ..errors import InputError
 from ..text import printable
 from ..views.table import Cell, Column, Summary, Table
 from . import output
-from .evaluate import add_files, check_files, write_files
 from .guard import EXIT_OK
-from .studies import sweep_files
 from .values import Parser
+
+# Imports inside functions: only `report` writes what the commands of the studies write, which take a second to load.
 
 Loaded = Evaluation | Spread | Robustness | Reliability | Tuning | Sweep | Verification
 
@@ -80,6 +80,8 @@ judged since cases were skipped or lost"""
 
 def report(arguments: Sequence[str] | None = None) -> int:
     """Show finished results again: tables, report, figures. Nothing is simulated."""
+    from .evaluate import add_files, check_files, write_files
+
     parser = Parser("report", "Show finished results of any kind again, from the files they wrote.", REPORT_EXAMPLES)
     parser.add_argument(
         "runs", nargs="+", type=Path, metavar="FOLDER", help="a folder of results, such as runs/DiagonalPID-paper"
@@ -114,6 +116,8 @@ def report(arguments: Sequence[str] | None = None) -> int:
 
 
 def _write(document: Loaded, folder: Path, without: bool) -> list[str]:
+    from .studies import sweep_files
+
     written = (
         [] if without or not isinstance(document, Sweep) else list(sweep_files(document, folder, argparse.Namespace()))
     )
