@@ -2,7 +2,7 @@
 
     python benchmarks/linear_bound.py                docs/linear_bound.json and the table in
                                                      controller_fmu/robust_linear/README.md, for all poses of the
-                                                     protocol ``strict``: some 15 s of processor time each; needs a C
+                                                     protocol ``strict``: some 45 s of processor time each; needs a C
                                                      compiler
     python benchmarks/linear_bound.py --poses 0 18   these poses, numbered as in ``strict``; others are kept
     python benchmarks/linear_bound.py --table        the table anew
@@ -46,7 +46,7 @@ from scipy.optimize import linprog  # noqa: E402
 from scipy.signal import fftconvolve  # noqa: E402
 from scipy.special import erf  # noqa: E402
 
-from benchmarks.cone_program import ConeProgram, Minimum, Quadratic, Size  # noqa: E402
+from benchmarks.cone_program import Ball, ConeProgram, Minimum, Size  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator import Benchmark, Controller, LinearModel, Variation  # noqa: E402
 from orchestrator.benchmark import loop_analysis  # noqa: E402
@@ -198,18 +198,6 @@ class Laws:
         """Where the elements of Q for the torque of ``axis`` (0 or 1) are."""
         return slice(2 * axis * self.samples, 2 * (axis + 1) * self.samples)
 
-    def start(self, program: ConeProgram, elements: np.ndarray) -> np.ndarray:
-        """A point inside ``program``, with these ``elements`` of Q or smaller ones."""
-        while True:
-            x = np.append(elements, [0.0, *(1e-2 + 1.1 * np.linalg.norm(elements[self.part(a)]) for a in (0, 1))])
-            vectors = program.slack(x)[1]
-            x[program.level] = 1.1 * np.linalg.norm(vectors, axis=1).max()
-            while program.linear.size and (program.linear @ x + program.offsets).min() <= 0.0:
-                x[program.level] *= 1.5
-            if program.inside(x):
-                return x
-            elements = 0.9 * elements
-
     def sensitivity(self, elements: np.ndarray, axis: int) -> np.ndarray:
         """What S of ``axis`` does to motions of the torque: its matrix, lower triangular, shape (samples, samples)."""
         answer = np.zeros(self.samples)
@@ -219,27 +207,26 @@ class Laws:
         found: np.ndarray = toeplitz(answer, np.zeros(self.samples))
         return found
 
-    def limit(self, axis: int, motion: np.ndarray) -> Quadratic:
+    def limit(self, axis: int, motion: np.ndarray) -> Ball:
         """That S of ``axis`` makes a ``motion`` at most ``SENSITIVITY`` times larger; shape (samples,)."""
         loops = [-fftconvolve(self.own.g[:, b, axis], motion)[: self.samples] / self.sigma for b in (0, 1)]
-        moved = np.hstack([toeplitz(each, np.zeros(self.samples)) for each in loops])
-        size = float(motion @ motion)
-        return Quadratic(self.part(axis), moved.T @ moved, moved.T @ motion, size, SENSITIVITY**2 * size)
+        moved = np.hstack([toeplitz(loop, np.zeros(self.samples)) for loop in loops])
+        return Ball(self.part(axis), moved, motion, SENSITIVITY * float(np.linalg.norm(motion)))
 
     def insensitive(self, program: ConeProgram) -> Minimum:
         """The minimum with |S| of each axis at most ``SENSITIVITY``: motions that S makes largest are added until it
         exceeds that by no more than ``EXCESS``, or for ``ROUNDS``. Each minimum on the way is a lower one."""
-        found = program.minimize(self.start(program, np.zeros(self.elements)))
+        minimum = program.minimize()
         for _ in range(ROUNDS):
-            before = len(program.quadratics)
+            before = len(program.balls)
             for axis in (0, 1):
-                _, gains, motions = np.linalg.svd(self.sensitivity(found.x[: self.elements], axis))
+                _, gains, motions = np.linalg.svd(self.sensitivity(minimum.x[: self.elements], axis))
                 worst = motions[:EACH][gains[:EACH] > SENSITIVITY * (1.0 + EXCESS)]
-                program.quadratics += [self.limit(axis, motion) for motion in worst]
-            if len(program.quadratics) == before:
+                program.balls += [self.limit(axis, motion) for motion in worst]
+            if len(program.balls) == before:
                 break
-            found = program.minimize(self.start(program, found.x[: self.elements]))
-        return found
+            minimum = program.minimize()
+        return minimum
 
     def yielding(self, program: ConeProgram) -> ConeProgram:
         """``program`` with the inequality of :func:`yields` at all ``RATES`` and directions of the force.
@@ -258,7 +245,7 @@ class Laws:
                 row = np.append(np.einsum("c,cdn,d->n", d, by_force, d), [z**-self.samples / unit, 0.0, 0.0])
                 rows.append(unit * row)
                 offsets.append(unit * float(d @ (alone - still) @ d))
-        return replace(program, linear=np.array(rows), offsets=np.array(offsets), quadratics=[])
+        return replace(program, linear=np.array(rows), offsets=np.array(offsets), balls=[])
 
 
 def transfer(system: StateSpace, rate: float) -> np.ndarray:
@@ -335,7 +322,7 @@ def at_pose(bench: Benchmark, member: Benchmark, controller: Controller, pose: t
     laws = Laws(model, bench)
     limits = -room - at_rest, room - at_rest
     minima = {}
-    minima["linear"] = laws.program().minimize(laws.start(laws.program(), np.zeros(laws.elements)))
+    minima["linear"] = laws.program().minimize()
     minima["sensitive"] = laws.insensitive(laws.program())
     minima["yielding"] = laws.insensitive(laws.yielding(laws.program()))
     return {

@@ -94,6 +94,12 @@ def pair(name: str, value: Any) -> tuple[float, float]:
     return finite(name, first), finite(name, second)
 
 
+def limits(name: str, value: Any) -> tuple[float, float]:
+    """Two limits; an infinite one is none."""
+    first, second = _two(name, value, "two numbers")
+    return real(name, first), real(name, second)
+
+
 def time(name: str, value: Any) -> Fraction:
     """A time [s]; a float counts as the decimal number that it prints as."""
     # An array without a dimension is no np.floating; [()] takes its number out.
@@ -241,6 +247,7 @@ RULES: dict[str, Enter] = {
     "str": text,
     "str | Path": path,
     "Pair": pair,
+    "Limits": limits,
     "Delays": times,
     "Fraction": time,
     "Fraction | float | str": time,

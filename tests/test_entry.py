@@ -337,6 +337,13 @@ def test_what_cannot_be_negative_is_refused_by_its_name(change):
     assert Variation(gain=(-1.0, 1.0), force=-5.0, chirp_amplitude=(-1.0, 1.0))
 
 
+def test_a_limit_may_be_infinite():
+    """``simulate --torque-limit inf inf``, and the limit of an ideal loop given once more."""
+    bench = Benchmark("quick")
+    varied = bench.varied(bench.cases[0], Variation(torque_limit=np.array([np.inf, 35.0])))
+    assert varied.scenario.drive.limit == (np.inf, 35.0)
+
+
 @pytest.mark.parametrize(
     ("method", "given", "near"),
     [

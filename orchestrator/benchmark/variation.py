@@ -11,7 +11,7 @@ from plant_fmu.flexible_manipulator.formulas import ANGLE_MAX, hypot
 
 from ..entry import enter_fields
 from ..errors import InputError
-from ..loop.scenario import Chirp, Delays, Drive, Noise, Pair, Pulse, Scenario, Sensor, force
+from ..loop.scenario import Chirp, Delays, Drive, Limits, Noise, Pair, Pulse, Scenario, Sensor, force
 from .protocol import Protocol
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ class Variation:
     ``undisturbed`` removes chirp and force, and ``ideal`` noise, quantization, saturation and delay, except those that
     are given. ``angle_bits`` and ``torque_bits`` are the quantizers' steps as powers of two, 0 for none; ``delay`` is
     that from controller to motor, T_d included. ``dropout`` is the probability that the torques of a sample are lost,
-    and ``jitter`` the largest time by which a measurement is taken too early.
+    ``jitter`` the largest time by which a measurement is taken too early, and an infinite ``torque_limit`` none.
     """
 
     undisturbed: bool = False
@@ -45,7 +45,7 @@ class Variation:
     noise_power: float | None = None
     angle_bits: int | None = None
     torque_bits: int | None = None
-    torque_limit: Pair | None = None
+    torque_limit: Limits | None = None
     delay: Delays | None = None
     sensor_delay: Delays | None = None
     dropout: float | None = None

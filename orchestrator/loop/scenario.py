@@ -24,6 +24,7 @@ from plant_fmu.flexible_manipulator.formulas import sin_cos
 from ..errors import InputError
 
 Pair = tuple[float, float]
+Limits = tuple[float, float]
 Delays = tuple[Fraction, Fraction]
 
 NO_DELAY: Delays = (Fraction(0), Fraction(0))
@@ -56,7 +57,7 @@ class Drive:
     ``dropout``, those of both axes together."""
 
     gain: Pair = (1.0, 1.0)
-    limit: Pair = (math.inf, math.inf)
+    limit: Limits = (math.inf, math.inf)
     quantum: Pair = (0.0, 0.0)
     delay: Delays = NO_DELAY
     dropout: float = 0.0
