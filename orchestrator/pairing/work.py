@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..benchmark.case import Case
+from ..benchmark.case import Case, JudgedCase
 from ..benchmark.doubt import with_latest_end
 from ..benchmark.metrics import AT_THE_END, Measured, continuation_if_in_doubt, expected, judge, measure
-from ..benchmark.protocol import Protocol
+from ..benchmark.protocol import JudgingTables, Protocol
 from ..benchmark.results import Judgement
 from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
@@ -233,7 +233,7 @@ def _check(protocol: Protocol, case: Case, judgement: Judgement) -> None:
     check_judgement(protocol, case, judgement)
 
 
-def check_judgement(protocol: Protocol, case: Case, judgement: Judgement) -> None:
+def check_judgement(protocol: JudgingTables, case: JudgedCase, judgement: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
     names, figures, end = judgement.measurements.names, expected(protocol, case), case.end
     early = figures - AT_THE_END if judgement.time > end else frozenset[str]()  # it failed after the case's own end
@@ -355,7 +355,8 @@ def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) 
 
 def _judged(plant: Slave, controller: Slave, task: CaseTask, observe: tuple[str, ...] = ()) -> Simulated:
     """The case of a task, simulated until its end leaves no doubt. What is measured there is not measured again."""
-    protocol, case = task.protocol, task.case
+    protocol: JudgingTables = task.protocol
+    case: JudgedCase = task.case
     measured: Measured | None = None
 
     def look(trajectory: Trajectory) -> Scenario | None:
