@@ -6,7 +6,7 @@ import pytest
 from hostile.runs import HANG_LIMIT, STRUCK, bench, run, short_cases
 from hostile.windows import left_of_wine, library, windows_fmu
 
-from orchestrator.execution import supervision
+from orchestrator.execution import worker_life
 from orchestrator.execution.job import Limits
 
 pytestmark = pytest.mark.needs("wine", "mingw", "x86_64-linux")
@@ -78,7 +78,7 @@ def test_a_fault_has_its_status(fault, native_plant_file, tmp_path):
 
 @pytest.mark.parametrize("fault", HANGS)
 def test_a_hang_is_a_timeout(fault, native_plant_file, tmp_path, no_slack, monkeypatch):
-    monkeypatch.setattr(supervision, "START_TIMEOUT", 2.0)
+    monkeypatch.setattr(worker_life, "START_TIMEOUT", 2.0)
     found, message = outcome(native_plant_file, windows_fmu(tmp_path, fault), HANG_LIMIT)
     assert found == "timeout", message
     assert no_wine_left()

@@ -4,14 +4,20 @@ import math
 import os
 import socket
 from contextlib import contextmanager
+from dataclasses import replace
+from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.closed_loops import quiet
 
-from orchestrator.codec import pack
+from orchestrator.codec import Malformed, pack
+from orchestrator.documents.recording import OBSERVED
 from orchestrator.errors import BenchmarkError, EnvironmentFault, FmuError, InputError
 from orchestrator.execution.messages import (
+    MAX_TEXT,
     OVERHEAD,
     Failed,
     Finished,
@@ -26,8 +32,44 @@ from orchestrator.execution.messages import (
     read_frame,
     readable,
 )
+from orchestrator.loop.trajectory import Ending, Status, blank
+from orchestrator.pairing import work
 
 LARGEST = 1000
+
+
+@pytest.mark.parametrize("seconds", [Fraction(1, 4000), Fraction(26), Fraction(60)])
+def test_a_whole_trajectory_fits_into_the_largest_message(seconds):
+    """With words of an ending as long as they come; and not much more fits."""
+    scenario = quiet(seconds)
+    rows = {name: shape[0] for name, shape in blank(scenario.samples).shapes[0].items()}
+    assert set(rows.values()) == {scenario.samples, scenario.samples + 1}
+    worst = replace(
+        blank(scenario.samples, OBSERVED), ending=Ending(Status.ERROR, 60.0, "x" * MAX_TEXT, 2**53, "y" * 500)
+    )
+    size, largest = len(pack(worst)), work.largest_trajectory(scenario)
+    assert size <= largest <= size + (1 << 16)
+    assert work.trajectory(scenario.samples, OBSERVED, pack(worst)).shapes == worst.shapes
+
+
+@pytest.mark.parametrize("name", [*blank(2).shapes[0], *OBSERVED])
+@pytest.mark.parametrize("shape", [(), (3,), (2, 2), (3, 2), (3, 3), (4, 2), (0, 2)])
+def test_a_signal_of_another_size_is_refused(name, shape):
+    found = blank(2, OBSERVED)
+    expected = {**found.shapes[0], **found.shapes[1]}[name]
+    other = {name: np.zeros(shape)}
+    sent = pack(replace(found, extra=found.extra | other) if name in OBSERVED else replace(found, **other))
+    if shape == expected:
+        assert work.trajectory(2, OBSERVED, sent).shapes == found.shapes
+    else:
+        with pytest.raises(Malformed):
+            work.trajectory(2, OBSERVED, sent)
+
+
+@pytest.mark.parametrize("extra", [{}, dict.fromkeys((*OBSERVED, "X"), np.zeros(3)), dict.fromkeys("ab", np.zeros(3))])
+def test_other_outputs_than_asked_for_are_refused(extra):
+    with pytest.raises(Malformed):
+        work.trajectory(2, OBSERVED, pack(replace(blank(2), extra=extra)))
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import math
 import re
+import zlib
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
@@ -244,3 +245,18 @@ def test_a_file_of_its_own_needs_the_papers_value_of_each_criterion(tmp_path):
 def test_poses_outside_the_workspace_are_refused(q_a1, q_a2, name):
     error = refusal(cases.configuration, PAPER, math.radians(q_a1), math.radians(q_a2))
     assert (error.what, error.where) == ("outside-workspace", name)
+
+
+@pytest.mark.parametrize("name", protocol.names())
+@pytest.mark.parametrize("seed", [0, 7, 2**63])
+def test_a_case_tells_the_seed_that_it_was_made_with(name, seed):
+    """A verification names its draws by it; also where other words follow those that all streams have."""
+    assert {cases.seed_of(case) for case in cases.cases(protocol.load(name), NOMINAL, seed)} == {seed}
+
+
+def test_the_words_of_a_seed_have_an_order_that_stays():
+    """Another one would draw other systems and noise."""
+    (first, *_) = cases.cases(protocol.load("quick"), NOMINAL, 5)
+    words = cases.SeedWords(seed=5, pose=1, system=zlib.crc32(b"compliant"), purpose=cases.NOISE)
+    assert first.system.name == "compliant"
+    assert first.scenario.sensor.noise.seed == (5, 1, words.system, 1) == tuple(words)

@@ -1,5 +1,6 @@
 """The store: what is committed survives, and what is found belongs to exactly what was asked for."""
 
+import math
 import shutil
 import sqlite3
 import subprocess
@@ -8,17 +9,23 @@ from contextlib import closing
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace as with_fields
+from support.closed_loops import case
+from support.results import trajectory
 
 from orchestrator import cache
 from orchestrator.benchmark import protocol as protocols
 from orchestrator.benchmark.cases import cases as cases_of
-from orchestrator.benchmark.metrics import case_result, expected
+from orchestrator.benchmark.metrics import case_result, continuation_if_in_doubt, expected, judge, measure
+from orchestrator.benchmark.protocol import JudgingTables
 from orchestrator.benchmark.results import Judgement, Measurements
+from orchestrator.codec import Struct
 from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.execution import store
 from orchestrator.execution.job import Limits
@@ -164,6 +171,97 @@ def test_protocols_share_the_cases_that_are_equal(own):
     for key in shared:
         one, other = quick[key], paper[key]
         assert (one.scenario, one.test.criteria) == (other.scenario, other.test.criteria)
+
+
+def motion(t):
+    """One that dies away too slowly to leave no doubt, after a jump at the force."""
+    swing = 12e-6 * np.exp(-t / 60.0) * np.sin(2 * math.pi * 5.0 * t)
+    return swing + np.where((t > 10.0) & (t < 12.0), 2e-4 * (12.0 - t), 0.0)
+
+
+JUDGED = case(3, "slippery", "gain_1"), case(3, "compliant", "disturbance"), case(3, "compliant", "noise")
+SHOWN = trajectory(error_x=motion, error_z=lambda t: 0.5 * motion(t), torque=(lambda t: 1e3 * motion(t), 0.1))
+
+
+def changed(of, path: tuple[str, ...], by: float):
+    """A struct with another value at ``path``: numbers ``by`` times as large, one word less, the other truth."""
+    name, *inner = path
+    value = getattr(of, name)
+    if inner:
+        return with_fields(of, **{name: changed(value, tuple(inner), by)})
+    match value:
+        case bool():
+            value = not value
+        case int() | float() | Fraction():
+            value = type(value)(value * Fraction(by))
+        case tuple() | str():
+            value = value[1:]
+        case dict():
+            value = dict([*value.items()][1:])
+    return with_fields(of, **{name: value})
+
+
+def paths(of) -> list[tuple[str, ...]]:
+    """Where a struct has values, those of the structs in it included."""
+    found = []
+    for field in type(of).__struct_fields__:
+        value = getattr(of, field)
+        found += [(field, *path) for path in paths(value)] if isinstance(value, Struct) else [(field,)]
+    return found
+
+
+def judgements(protocol, cases) -> list:
+    """All that is made of one simulation of each case, except its names."""
+    measures = [measure(protocol, case, SHOWN) for case in cases]
+    return [
+        (judge(protocol, case, SHOWN, measured), continuation_if_in_doubt(protocol, case, measured))
+        for case, measured in zip(cases, measures, strict=True)
+    ]
+
+
+ANY = SimpleNamespace(
+    plant=SimpleNamespace(sha256="0"),
+    controller=SimpleNamespace(sha256="1", library="native"),
+    setup=Setup(),
+    separate=False,
+)
+"""What the keys have of a pairing."""
+
+
+def assert_key_follows(protocol, cases):
+    """Whatever changes what is made of a case changes its key."""
+    before, after = stored_runs.keys(PAPER, JUDGED, ANY), stored_runs.keys(protocol, cases, ANY)
+    for old, new, one, other in zip(before, after, judgements(PAPER, JUDGED), judgements(protocol, cases), strict=True):
+        assert one == other or old != new
+    return before != after
+
+
+factors = st.sampled_from([0.25, 0.5, 0.9, 1.1, 2.0, 4.0])
+
+
+@given(st.sampled_from(paths(PAPER)), factors)
+def test_no_number_of_the_protocol_changes_a_judgement_behind_the_key(path, by):
+    changes = assert_key_follows(changed(PAPER, path, by), JUDGED)
+    assert changes or path[0] not in ("settling", "stability", "benchmark") or changed(PAPER, path, by) == PAPER
+
+
+@given(st.sampled_from(paths(JUDGED[0].test)), factors)
+def test_nothing_of_a_test_changes_a_judgement_behind_the_key(path, by):
+    assert_key_follows(PAPER, [replace(one, test=changed(one.test, path, by)) for one in JUDGED])
+
+
+def test_a_test_that_was_cut_is_not_continued_and_has_another_key():
+    """Its scenario may be that of a shorter test, which is."""
+    longer = replace(JUDGED[0], test=with_fields(JUDGED[0].test, duration=JUDGED[0].test.duration + 1))
+    (_, further), (_, none) = judgements(PAPER, [JUDGED[0], longer])
+    assert further is not None and none is None
+    assert len(keys(ANY, PAPER, [JUDGED[0], longer])) == 2
+
+
+def test_what_judges_sees_no_more_of_a_protocol_than_the_key_has():
+    names = ("settling", "stability")
+    seen = SimpleNamespace(**dict(zip(names, stored_runs._seen(PAPER, JudgingTables), strict=True)))
+    assert judgements(seen, JUDGED) == judgements(PAPER, JUDGED)
 
 
 positive = st.floats(0.0, 1e300)

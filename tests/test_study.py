@@ -6,15 +6,20 @@ import random
 from fractions import Fraction
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.refusals import refusal
 from test_search import TINY
 from test_tuning import FEW
 
 from orchestrator import Benchmark, Controller
+from orchestrator.benchmark import protocol as protocols
+from orchestrator.benchmark.cases import seed_of
 from orchestrator.benchmark.draws import Entropy
 from orchestrator.benchmark.metrics import case_result, expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.codec import unpack
+from orchestrator.documents.verification import STRICT
 from orchestrator.errors import Crash, EnvironmentFault
 from orchestrator.execution import store
 from orchestrator.execution.job import Done
@@ -45,8 +50,9 @@ from orchestrator.study.requests import (
 )
 from orchestrator.study.sweep import SweepStudy
 from orchestrator.study.tune import TuningStudy
-from orchestrator.study.verify import VerificationStudy
+from orchestrator.study.verify import Listed, VerificationStudy
 from orchestrator.study.worst_case import RobustnessStudy, worst_case
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 
 class Player:
@@ -148,6 +154,31 @@ def test_a_verification_draws_for_the_controller_and_its_references(quick):
     own, reference = player.of(Batch)
     assert own.entries[0].pairing.isolated and not reference.entries[0].pairing.isolated
     assert (reference.before, reference.total) == (len(own.entries[0].cases), 2 * len(own.entries[0].cases))
+
+
+@given(st.text("0123456789abcdef", min_size=64, max_size=64), st.sets(st.integers(0, 2**53), min_size=1, max_size=3))
+def test_the_results_of_a_verification_come_back_to_their_draws(entropy, seeds):
+    listed = Listed.of(Benchmark("quick").rules, NOMINAL, [*seeds], None, entropy)
+    entry = listed.entry(None)
+    found = listed.by_draw([on_target(entry.protocol, case, share=seed_of(case)) for case in entry.cases])
+    assert [seed for seed, _ in found] == [*seeds]
+    for (seed, results), (_, drawn) in zip(found, listed.draws, strict=True):
+        assert [result.id for result in results] == [case.id for case in drawn]
+        target = entry.protocol.criteria["B5"].target
+        assert {result.measurements.B5 for result in results} <= {None, seed * target}
+
+
+def test_a_verification_tries_the_worst_poses_in_the_same_batch(quick):
+    player = Player()
+    study = VerificationStudy(None, 2, strict=True, beside=("TunedPID",), protocol="quick")
+    found = answered(study.ask(quick, Controller()), player)
+    own, reference = player.of(Batch)
+    sizes = [len(entry.cases) for entry in own.entries]
+    assert sizes == [2 * quick.rules.case_count, protocols.load(STRICT).case_count]
+    assert sizes == [len(entry.cases) for entry in reference.entries]
+    assert [entry.witness is not None for entry in (*own.entries, *reference.entries)] == [True, False, False, False]
+    assert (own.before, own.total, reference.before, reference.total) == (0, 2 * sum(sizes), sum(sizes), 2 * sum(sizes))
+    assert found.strict.complete and found.references["TunedPID"].strict.complete
 
 
 def test_a_verification_that_is_disturbed_begins_again_with_other_draws(quick, caplog):

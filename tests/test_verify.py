@@ -8,6 +8,7 @@ import logging
 import marshal
 import math
 import os
+import re
 import shutil
 import struct
 import sys
@@ -42,7 +43,10 @@ from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
 from orchestrator.documents.verification import USUAL, Verification, deviations, differences
 from orchestrator.errors import EnvironmentFault
+from orchestrator.execution import worker
+from orchestrator.loop import master
 from orchestrator.loop.trajectory import Status
+from orchestrator.pairing import work
 from orchestrator.pairing.built_in import built_in
 from orchestrator.study import verify as verification
 from orchestrator.version import __version__
@@ -141,6 +145,15 @@ GAINS = {
 
 def test_all_cheats_are_tried():
     assert set(GAINS) == {*BODIES, *DEFINES}
+
+
+def test_the_variables_that_cheats_read_are_there():
+    """Without one, a cheat would be tried that does nothing."""
+    read = set(re.findall(r'variable\("(\w+)"\)', "".join(BODIES.values())))
+    functions = (worker.main, work._judged, master.simulate)
+    assert read and read <= {name for function in functions for name in function.__code__.co_varnames}
+    forged = set(re.findall(r'"(\w+_case)"', BODIES["forged"]))
+    assert forged == {name for name in vars(work) if name in (work.digest_case.__name__, work.begin_case.__name__)}
 
 
 @pytest.mark.parametrize("name", GAINS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Literal
+from typing import Protocol as Interface
 
 import msgspec
 
@@ -71,6 +72,38 @@ class Test(Struct):
     noise: Natural = 0
     repeats: str = ""
     poses: tuple[Natural, ...] = ()
+
+
+class JudgedTest(Interface):
+    """What of a test its cases' judgements depend on. The key of a stored case has all of it."""
+
+    @property
+    def criteria(self) -> tuple[str, ...]:
+        """B1..B7, as far as they are measured in it."""
+
+    @property
+    def requirements(self) -> tuple[str, ...]:
+        """A1..A3, as far as they are judged in it."""
+
+    @property
+    def duration(self) -> Fraction:
+        """Seconds; a scenario that is shorter is not continued in doubt."""
+
+
+class JudgedCase(Interface):
+    """The same of a case."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was simulated."""
+
+    @property
+    def test(self) -> JudgedTest:
+        """What is measured in it."""
+
+    @property
+    def end(self) -> float:
+        """The end of the case [s]."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -20,7 +21,18 @@ from .case import Case, Configuration, Disturbance, System, Test
 from .protocol import Protocol
 
 DRAWS, NOISE, JITTER = range(3)
-"""Last seed word of the random streams of a configuration and system."""
+"""The purposes of the random streams of a configuration and system."""
+
+
+class SeedWords(NamedTuple):
+    """The words that begin the seed of each stream, in their order: the ``seed`` of the draw, one more than the index
+    of the ``pose``, a checksum of the ``system``'s name, so that a protocol may list systems in any order, and the
+    ``purpose``. Others may follow."""
+
+    seed: int
+    pose: int
+    system: int
+    purpose: int
 
 
 def grid(protocol: Protocol, seed: int = 0) -> tuple[Configuration, ...]:
@@ -39,7 +51,7 @@ def grid(protocol: Protocol, seed: int = 0) -> tuple[Configuration, ...]:
 def _moved(protocol: Protocol, pose: Configuration, seed: int) -> Configuration:
     """``pose``, moved by the protocol's jitter; one beyond an end of the workspace is mirrored there."""
     reach = math.radians(protocol.jitter.pose_deg)
-    moves = stable_stream(_seed_words(seed, pose.index, "", JITTER)).uniform(-reach, reach, 2)
+    moves = stable_stream(_words(seed, pose.index, "", JITTER)).uniform(-reach, reach, 2)
     angles = []
     for angle, ends in zip(
         moves + (pose.q_a1, pose.q_a2), (protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg), strict=True
@@ -113,7 +125,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
 
     Whether its disturbance is drawn, too, or listed, the ``test`` says.
     """
-    stream = stable_stream(_seed_words(seed, index, name, DRAWS))
+    stream = stable_stream(_words(seed, index, name, DRAWS))
     deviations: dict[str, tuple[float, float]]
     if re.fullmatch(r"random_[1-9]\d*", name):
         draws = {symbol: stream.uniform(-1.0, 1.0, 2) for symbol in protocol.uncertainty}
@@ -138,7 +150,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     # Else a controller could learn its disturbance in one test, and use
     # it in the next: with state that passes from case to case.
     if jitter.tests:
-        stream = stable_stream((*_seed_words(seed, index, name, DRAWS), _checksum(test.name)))
+        stream = stable_stream((*_words(seed, index, name, DRAWS), _checksum(test.name)))
     disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
     if jitter.direction_deg or jitter.force_time:
         turn, late = stream.uniform(-1.0, 1.0, 2) * (math.radians(jitter.direction_deg), jitter.force_time)
@@ -165,7 +177,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
             noise=Noise(
                 # Band-limited white noise: the variance of a sample is P_n / T_s (docs/paper.md).
                 sigma=math.sqrt(loop.noise_power / loop.sample_time),
-                seed=(*_seed_words(seed, configuration.index, system.name, NOISE), *noise_words),
+                seed=(*_words(seed, configuration.index, system.name, NOISE), *noise_words),
             ),
             quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
         ),
@@ -217,9 +229,13 @@ def _draw(protocol: Protocol, stream: np.random.RandomState) -> Disturbance:
     return Disturbance(phi_F=phi_F, t_3=t_3, f_start=f_start, f_stop=f_stop)
 
 
-def _seed_words(seed: int, index: int, name: str, purpose: int) -> tuple[int, ...]:
-    """Words of a seed sequence. A checksum stands for the name, so that a protocol may list systems in any order."""
-    return (seed, index + 1, _checksum(name), purpose)
+def seed_of(case: Case) -> int:
+    """The seed that a case was made with."""
+    return SeedWords(*case.scenario.sensor.noise.seed[: len(SeedWords._fields)]).seed
+
+
+def _words(seed: int, index: int, name: str, purpose: int) -> SeedWords:
+    return SeedWords(seed, index + 1, _checksum(name), purpose)
 
 
 def _checksum(name: str) -> int:

@@ -15,8 +15,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from ..loop.scenario import Scenario
-from .case import Case
-from .protocol import Protocol, Stability
+from .case import JudgedCase
+from .protocol import JudgingTables, Stability
 
 MAX_RATIO = 1e6
 """Of a motion that was none a window before."""
@@ -73,7 +73,9 @@ def falls(amplitudes: Sequence[float]) -> bool:
     return all(now < before for before, now in itertools.pairwise(amplitudes))
 
 
-def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]], rest_error: float | None) -> bool:
+def doubtful(
+    protocol: JudgingTables, case: JudgedCase, windows: Sequence[Sequence[float]], rest_error: float | None
+) -> bool:
     """Whether a case that was simulated to its own end has to be simulated further.
 
     ``windows`` are the amplitudes [m] of x and of z in the last windows. There is a doubt if neither coordinate has a
@@ -91,7 +93,7 @@ def doubtful(protocol: Protocol, case: Case, windows: Sequence[Sequence[float]],
     return creeps or not all(at_rest(limits, amplitudes, left) for amplitudes in windows)
 
 
-def _left(protocol: Protocol, case: Case) -> int:
+def _left(protocol: JudgingTables, case: JudgedCase) -> int:
     """Windows between the end of ``case`` and the latest one; none if it is not simulated further in any case."""
     limits, scenario, end = protocol.stability, case.scenario, case.end
     cut = scenario.duration < case.test.duration  # its user wants no more of it
@@ -100,7 +102,7 @@ def _left(protocol: Protocol, case: Case) -> int:
     return max(int((limits.longest - end) / limits.limit_cycle_window), 0)
 
 
-def with_latest_end(protocol: Protocol, case: Case) -> Scenario:
+def with_latest_end(protocol: JudgingTables, case: JudgedCase) -> Scenario:
     """The scenario of ``case`` with the latest end that it may be simulated to."""
     if _left(protocol, case) == 0:
         return case.scenario

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..loop.scenario import Scenario
 from ..loop.trajectory import Status, Trajectory
-from .case import Case
+from .case import Case, JudgedCase
 from .doubt import doubtful, falls, ratios, with_latest_end
-from .protocol import Protocol, Stability
+from .protocol import JudgingTables, Stability
 from .results import CaseResult, Judgement, Measurements, fields_of
 
 # Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
@@ -49,13 +49,15 @@ class Measured(NamedTuple):
     windows: list[list[float]]
 
 
-def continuation_if_in_doubt(protocol: Protocol, case: Case, measured: Measured) -> Scenario | None:
+def continuation_if_in_doubt(protocol: JudgingTables, case: JudgedCase, measured: Measured) -> Scenario | None:
     """The scenario by which a case goes on that was ``measured`` at its own end; None if that leaves no doubt."""
     doubt = doubtful(protocol, case, measured.windows, measured.measurements.rest_error)
     return with_latest_end(protocol, case) if doubt else None
 
 
-def judge(protocol: Protocol, case: Case, trajectory: Trajectory, measured: Measured | None = None) -> Judgement:
+def judge(
+    protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory, measured: Measured | None = None
+) -> Judgement:
     """Status and figures of a simulated case, whose trajectory may go on after the case's own end; ``measured`` if that
     was done before."""
     ending = trajectory.ending
@@ -83,7 +85,7 @@ def case_result(case: Case, judgement: Judgement) -> CaseResult:
     )
 
 
-def expected(protocol: Protocol, case: Case) -> frozenset[str]:
+def expected(protocol: JudgingTables, case: JudgedCase) -> frozenset[str]:
     """Names of the figures that a simulation of ``case`` has when it reaches its end: those that its test asks for, as
     far as the scenario, which may have been varied, has what they are measured by."""
     scenario, limits, end = case.scenario, protocol.stability, case.end
@@ -101,7 +103,7 @@ def expected(protocol: Protocol, case: Case) -> frozenset[str]:
     return frozenset(names)
 
 
-def measure(protocol: Protocol, case: Case, trajectory: Trajectory) -> Measured:
+def measure(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -> Measured:
     """What a simulation has shown that ran to the case's end, or on to a later one; of one that failed later, the
     figures of the case's own time."""
     names, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
@@ -144,7 +146,7 @@ def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:
     return np.searchsorted(time, [end - n * limits.limit_cycle_window for n in fitting])
 
 
-def _scan(protocol: Protocol, case: Case, trajectory: Trajectory, windows: np.ndarray) -> Scan:
+def _scan(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory, windows: np.ndarray) -> Scan:
     from .one_pass import Places, scan
 
     time, scenario, limits = trajectory.time, case.scenario, protocol.stability
@@ -157,7 +159,7 @@ def _scan(protocol: Protocol, case: Case, trajectory: Trajectory, windows: np.nd
 
 
 def oscillation(
-    limits: Stability, case: Case, trajectory: Trajectory, windows: np.ndarray, amplitudes: np.ndarray
+    limits: Stability, case: JudgedCase, trajectory: Trajectory, windows: np.ndarray, amplitudes: np.ndarray
 ) -> tuple[float, float, float, float, float, float]:
     """The figures of :data:`OSCILLATION` from half the peak-to-peak of the TCP's x and z [m] in each of the
     ``windows``, without detrending.

@@ -9,6 +9,7 @@ from fractions import Fraction
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
+from typing import Protocol as Interface
 
 import msgspec
 from msgspec import inspect, structs
@@ -154,6 +155,19 @@ class Settling(Struct):
     """B6: the loop has settled when the TCP error stays below ``error`` [m]."""
 
     error: Positive
+
+
+class JudgingTables(Interface):
+    """The tables of a protocol that the judgement of a simulation depends on. What judges is given no more than these,
+    and the key of a stored case has all of them."""
+
+    @property
+    def settling(self) -> Settling:
+        """By which B6 is measured."""
+
+    @property
+    def stability(self) -> Stability:
+        """By which verdicts are given."""
 
 
 class Criterion(Struct):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import threading
 import time
@@ -11,17 +10,16 @@ from contextlib import suppress
 
 from msgspec.structs import replace
 
-from ..codec import Malformed
-from ..errors import EnvironmentFault
+from ..errors import BenchmarkError, EnvironmentFault
 from ..fmi.archive import restore
-from ..fmi.trace import CONTROLLER
 from ..text import printable
-from .job import MANY_LOGGED, Died, Done, Job, Outcome
+from .job import Died, Done, Job, Outcome
 from .launch import EXIT_TIMEOUT, LOST, Child, Process, Stopped, started
-from .messages import Failed, Finished, Garbage, Inbox, Loaded, error_of, readable
+from .messages import Garbage, Inbox, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
-from .standstill import Lookout
+from .standstill import Standstill
 from .time_limit import Stopwatch, end_within
+from .worker_life import Death, Ended, Event, Life, Looked, Printed, Received, Remains, died, on
 
 NOT_BY_CONTROLLER = "outside"
 """Code of a fault for which an isolated controller is not to blame: but it has seen its draws, so they are spent."""
@@ -34,10 +32,6 @@ MAX_LINES = 10
 
 POLL_INTERVAL = 0.2
 """Seconds between two looks at the stop signal and at what the worker uses."""
-
-START_TIMEOUT, FRESH_START_TIMEOUT = 10.0, 60.0
-"""Seconds that a worker may take to load the FMUs, on top of its first task's limit: a forked one, and one that starts
-from nothing and may have to compile."""
 
 ATTEMPTS = 3
 """Workers that may be lost to faults of the environment before that is given up."""
@@ -109,102 +103,69 @@ def _listen(child: Child, job: Job, stop: threading.Event) -> Iterator[Outcome]:
     Raises :class:`EnvironmentFault` for a process that dies before an FMU can have anything to do with it, or that
     reports such a fault itself.
     """
-    index, tail, printed, loaded = 0, b"", 0, False
-    watch, lookout = Stopwatch(child.process.tree), Lookout()
-    inbox = Inbox(child.channel, job.largest)
-    sources = [child.channel, child.output]
-    start = FRESH_START_TIMEOUT if job.sandbox and not job.isolated else START_TIMEOUT
-
-    def died(message: str, timeout: bool = False, outside: bool = False, kind: str = "") -> Died:
-        child.process.kill()
-        count, logged = child.trace.logged()
-        words = (*_lines(tail + _rest(child.output, job.limits.output)), *logged[-MAX_LINES:])
-        place = child.trace.read()
-        if timeout and count > MANY_LOGGED:
-            message += f"; it had logged {count} messages, which takes time"
-        if not loaded and place.side != CONTROLLER:
-            told = "\n  ".join((f"A simulation's process ended before it had loaded the FMUs: {message}", *words))
-            raise EnvironmentFault(told, "worker-lost")
-        # Somebody has stopped the process (SIGSTOP, a debugger): the time that passed is not the controller's.
-        outside |= timeout and watch.spent.stopped
-        return Died(index, timeout, message, kind or message, watch.elapsed, place, words, outside)
-
+    senses, life = _Senses(child, job), Life()
     while not stop.is_set():
-        ready = readable(sources, POLL_INTERVAL)
-        if child.output in ready:
-            piece = os.read(child.output, 65536)
-            tail, printed = (tail + piece)[-TAIL_BYTES:], printed + len(piece)
+        for event in senses.events():
+            before = life
+            life, answer = on(before, event, job)
+            if isinstance(answer, BenchmarkError):
+                raise answer
+            if isinstance(answer, Death):
+                yield died(life, answer, senses.remains())
+            elif isinstance(answer, Standstill):
+                job.on_standstill(life.task, answer)
+            elif answer is not None:
+                yield answer
+            if life.over:
+                return
+            if (life.task, life.loaded) != (before.task, before.loaded):
+                senses.watch.begin()
+
+
+class _Senses:
+    """What can be heard and seen of a worker, as events."""
+
+    def __init__(self, child: Child, job: Job) -> None:
+        self._child, self._job, self._tail = child, job, b""
+        self._inbox, self._sources = Inbox(child.channel, job.largest), [child.channel, child.output]
+        self.watch = Stopwatch(child.process.tree)
+
+    def events(self) -> Iterator[Event]:
+        """What happens until the next look, each found when it is asked for: what the one before has begun counts."""
+        ready = readable(self._sources, POLL_INTERVAL)
+        if self._child.output in ready:
+            piece = os.read(self._child.output, 65536)
+            self._tail = (self._tail + piece)[-TAIL_BYTES:]
             if not piece:
-                sources.remove(child.output)
-            if printed > job.limits.output:
-                told = f"it printed or logged more than {job.limits.output / 1e6:.0f} MB"
-                yield died(told, kind="it printed or logged too much")
-                return
-        if child.channel in ready:
-            closed = not inbox.receive()
-            try:
-                for message in inbox.messages():
-                    if isinstance(message, Loaded):
-                        if loaded:
-                            raise Garbage("it has loaded the FMUs twice")
-                        loaded, lookout = True, Lookout()
-                        watch.begin()
-                        continue
-                    # An FMU may write into the channel: a result before the FMUs
-                    # are loaded, or of another task, is a forged one.
-                    if message.index != index or (isinstance(message, Finished) and not loaded):
-                        raise Garbage("an outcome that is not due")
-                    if isinstance(message, Failed):
-                        if message.error.kind == "environment":
-                            raise error_of(message.error)
-                        if message.error.kind == "crash":  # of the process of an isolated controller
-                            yield died(message.error.message, outside=message.error.what == "killed")
-                        else:
-                            yield message
-                        return
-                    yield Done(index, job.decode(index, message.value), message.wall_time, child.trace.logged()[0])
-                    index, printed = index + 1, 0
-                    watch.begin()
-                    if index == len(job.tasks):
-                        return
-            except (Garbage, Malformed) as problem:
-                words = "it wrote into a channel that is not its own"
-                yield died(f"{words} ({problem})", kind=words)
-                return
-            if closed:
-                words, outside = _ending(child.process, job.sandbox)
-                yield died(words, outside=outside)
-                return
-        if watch.age > POLL_INTERVAL:
-            used = watch.look()
-            if used.memory > job.limits.memory:
-                told = f"it used {used.memory / 1e6:.0f} MB of memory; the limit is {job.limits.memory / 1e6:.0f} MB"
-                yield died(told, kind="it used too much memory")
-                return
-            if used.processes > job.limits.processes:
-                yield died(f"it started more than {job.limits.processes} processes")
-                return
-            limit, longest = job.time_limits[index], job.longest_call
-            if not loaded:
-                limit, longest = limit + start, math.inf
-            now = time.monotonic()
-            lookout = lookout.after(index, child.trace.read(), now, watch.spent)
-            told, kind = watch.spent.excess(limit)
-            if not told:
-                told, kind = lookout.here(watch.spent).excess(longest)
-            if told:
-                yield died(told, timeout=True, kind=kind)
-                return
+                self._sources.remove(self._child.output)
+            yield Printed(len(piece))
+        if self._child.channel in ready:
+            still_open = self._inbox.receive()
+            yield from self._received()
+            if not still_open:
+                yield _ending(self._child.process, self._job.sandbox)
+        if self.watch.age > POLL_INTERVAL:
+            use, now = self.watch.look(), time.monotonic()
             # What is in the channel goes first: a worker may end right after its last result.
-            code = None if child.channel in ready else child.process.exit_code(0.0)
-            if code is not None:  # whatever it has started may still hold the channel open
-                words, outside = _cause(code, job.sandbox)
-                yield died(words, outside=outside)
-                return
-            standstill = lookout.standstill(now, watch.spent, limit, longest)
-            if standstill is not None:
-                job.on_standstill(index, standstill)
-                lookout = lookout.silent()
+            code = None if self._child.channel in ready else self._child.process.exit_code(0.0)
+            # Whatever it has started may still hold the channel open.
+            end = None if code is None else _cause(code, self._job.sandbox)
+            yield Looked(now, use, self.watch.spent, self._child.trace.read(), end)
+
+    def _received(self) -> Iterator[Received]:
+        try:
+            for message in self._inbox.messages():
+                yield Received(message, self._child.trace.logged()[0])
+        except Garbage as problem:
+            yield Received(problem)
+
+    def remains(self) -> Remains:
+        """End the process; what it leaves."""
+        self._child.process.kill()
+        count, logged = self._child.trace.logged()
+        printed = _lines(self._tail + _rest(self._child.output, self._job.limits.output))
+        lines = (*printed, *logged[-MAX_LINES:])
+        return Remains(self._child.trace.read(), lines, count, self.watch.elapsed)
 
 
 def _rest(output: int, most: int) -> bytes:
@@ -219,19 +180,19 @@ def _lines(tail: bytes) -> tuple[str, ...]:
     return tuple(line[:500] for line in printable(tail).splitlines()[-MAX_LINES:])
 
 
-def _ending(process: Process, sandboxed: bool) -> tuple[str, bool]:
-    """How a process ends that has closed its channel, in words; whether somebody else may have ended it."""
+def _ending(process: Process, sandboxed: bool) -> Ended:
+    """How a process ends that has closed its channel."""
     code = end_within(EXIT_TIMEOUT, process.exit_code, process.tree)
     if code is not None:
         return _cause(code, sandboxed)
     if process.tree.is_alive():
-        return "it closed the channel of its results", False
-    return "the process that started it does not say how it ended", True
+        return Ended("it closed the channel of its results", outside=False)
+    return Ended("the process that started it does not say how it ended", outside=True)
 
 
-def _cause(exit_code: int, sandboxed: bool) -> tuple[str, bool]:
-    """How a process ended, in words; whether somebody else may have ended it."""
+def _cause(exit_code: int, sandboxed: bool) -> Ended:
+    """How a process ended."""
     if exit_code == LOST:
-        return "the process was lost with the one that started it", True
+        return Ended("the process was lost with the one that started it", outside=True)
     words, name = end_of(exit_code, sandboxed)
-    return f"the {words}", name in FOREIGN_SIGNALS
+    return Ended(f"the {words}", name in FOREIGN_SIGNALS)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -71,3 +73,31 @@ class Trajectory:
         # Not np.hypot, whose last bit is the C library's. IEEE 754 fixes the square root.
         distance: np.ndarray = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         return distance
+
+    @property
+    def shapes(self) -> tuple[dict[str, tuple[int, ...]], ...]:
+        """The shapes of its signals by name, and of those in ``extra``."""
+        return _shapes(vars(self)), _shapes(self.extra)
+
+
+def _shapes(values: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    return {name: value.shape for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def blank(samples: int, observed: Sequence[str] = ()) -> Trajectory:
+    """A trajectory of zeros with so many samples reached, and the outputs ``observed`` in ``extra``: all such have its
+    sizes."""
+    time, states, rows = (np.broadcast_to(0.0, shape) for shape in ((samples + 1,), (samples + 1, 2), (samples, 2)))
+    return Trajectory(
+        time=time,
+        q_m=states,
+        X=states,
+        extra=dict.fromkeys(observed, time),
+        measured=states,
+        given=rows,
+        command=rows,
+        torque=rows,
+        q_m_ref=(0.0, 0.0),
+        u_m0=(0.0, 0.0),
+        ending=Ending(Status.DONE, 0.0),
+    )

@@ -8,23 +8,23 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib
-from dataclasses import fields, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..benchmark.case import Case
+from ..benchmark.case import Case, JudgedCase
 from ..benchmark.doubt import with_latest_end
 from ..benchmark.metrics import AT_THE_END, Measured, continuation_if_in_doubt, expected, judge, measure
-from ..benchmark.protocol import Protocol
+from ..benchmark.protocol import JudgingTables, Protocol
 from ..benchmark.results import Judgement
 from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
 from ..documents.recording import OBSERVED, Recording, record
 from ..errors import FmuError
 from ..loop.scenario import Pair, Scenario
 from ..loop.setup import Setup
-from ..loop.trajectory import Status, Trajectory
+from ..loop.trajectory import Status, Trajectory, blank
 
 # Imports inside functions: a worker loads Numba and SciPy for the tasks that need them only.
 
@@ -233,7 +233,7 @@ def _check(protocol: Protocol, case: Case, judgement: Judgement) -> None:
     check_judgement(protocol, case, judgement)
 
 
-def check_judgement(protocol: Protocol, case: Case, judgement: Judgement) -> None:
+def check_judgement(protocol: JudgingTables, case: JudgedCase, judgement: Judgement) -> None:
     """Raise :class:`~orchestrator.codec.Malformed` for a judgement that ``case`` cannot have come to."""
     names, figures, end = judgement.measurements.names, expected(protocol, case), case.end
     early = figures - AT_THE_END if judgement.time > end else frozenset[str]()  # it failed after the case's own end
@@ -249,10 +249,9 @@ def check_judgement(protocol: Protocol, case: Case, judgement: Judgement) -> Non
 
 def largest_trajectory(scenario: Scenario) -> int:
     """Bytes that the trajectory of ``scenario`` has at most, packed."""
-    arrays = [field.name for field in fields(Trajectory) if field.type == "np.ndarray"]
-    # All but the time have a column for each axis, or for x and z.
-    columns = 2 * len(arrays) - 1 + len(OBSERVED)
-    return (scenario.samples + 2) * columns * 8 + (1 << 16)
+    shortest, longer = (len(pack(blank(samples, OBSERVED))) for samples in (0, 1))
+    # Beside what grows with the samples there are the numbers of rows, and the words of the ending.
+    return shortest + scenario.samples * (longer - shortest) + (1 << 16)
 
 
 def recording(value: bytes) -> Recording:
@@ -312,11 +311,7 @@ def _check_trajectory(samples: int, observe: tuple[str, ...], trajectory: Trajec
     # What comes from a worker may be made by the controller in it; figures, reports and NumPy would fail far from here.
     if trajectory.time.ndim != 1 or not 1 <= len(trajectory.time) <= samples + 1:
         raise Malformed("a trajectory of another length than the scenario's")
-    states = len(trajectory.time)
-    pairs = (trajectory.q_m, trajectory.X, trajectory.measured, trajectory.given, trajectory.command, trajectory.torque)
-    shapes = [(states, 2)] * 3 + [(states - 1, 2)] * 3
-    fits = set(trajectory.extra) == set(observe) and [array.shape for array in pairs] == shapes
-    if not fits or any(array.shape != (states,) for array in trajectory.extra.values()):
+    if trajectory.shapes != blank(len(trajectory.time) - 1, observe).shapes:
         raise Malformed("a trajectory of other sizes than the scenario's")
     if not (
         np.isfinite(trajectory.time).all()
@@ -355,7 +350,8 @@ def _simulate(plant: Slave, controller: Slave, *arguments: Any, **options: Any) 
 
 def _judged(plant: Slave, controller: Slave, task: CaseTask, observe: tuple[str, ...] = ()) -> Simulated:
     """The case of a task, simulated until its end leaves no doubt. What is measured there is not measured again."""
-    protocol, case = task.protocol, task.case
+    protocol: JudgingTables = task.protocol
+    case: JudgedCase = task.case
     measured: Measured | None = None
 
     def look(trajectory: Trajectory) -> Scenario | None:

@@ -6,10 +6,11 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Sequence
+from typing import Any
 
-from ..benchmark.case import Case
+from ..benchmark.case import Case, JudgedTest
 from ..benchmark.metrics import case_result
-from ..benchmark.protocol import Protocol
+from ..benchmark.protocol import JudgingTables, Protocol
 from ..benchmark.results import Judgement
 from ..cache import computing_code
 from ..codec import Malformed, NonNegative, Struct, from_json, to_json
@@ -44,7 +45,7 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         pairing.controller.sha256,
         sorted(pairing.setup.parameters.items()),
         sorted(pairing.setup.mapping.items()),
-        to_json([protocol.settling, protocol.stability]),
+        to_json(_seen(protocol, JudgingTables)),
         *((wine.version(),) if pairing.controller.library == WINE else ()),
         *(("separate",) if pairing.separate else ()),  # what came before the state was seen to pass is not used
     ]
@@ -55,10 +56,16 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
     def key(case: Case) -> str:
         digest = begin.copy()
         # repr of floats is exact, and changes with any field that is added to a scenario.
-        digest.update(repr((case.scenario, case.test.criteria, case.test.requirements)).encode())
+        digest.update(repr((case.scenario, *_seen(case.test, JudgedTest))).encode())
         return digest.hexdigest()
 
     return [key(case) for case in cases]
+
+
+def _seen(of: object, interface: type) -> list[Any]:
+    """What of an object those see that are given no more of it than an ``interface``."""
+    # Two tables named here by hand would not be all when a measurement read a third.
+    return [getattr(of, name) for name, seen in vars(interface).items() if isinstance(seen, property)]
 
 
 def load(

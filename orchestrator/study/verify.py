@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 
 from msgspec import structs
 
 from ..benchmark import protocol as protocols
+from ..benchmark.case import Case
 from ..benchmark.cases import cases
 from ..benchmark.certificate import Draw, DrawnResults, Reference, digest, overall, seeds
 from ..benchmark.draws import Entropy, fresh
@@ -27,6 +29,7 @@ from ..loop.sampling import controller_sample_time
 from ..loop.setup import effective
 from ..pairing.controller import IN_C, Controller, reference
 from ..pairing.pairing import Pairing
+from ..pairing.runs import CaseRun
 from ..pairing.testbed import Testbed
 from . import engine
 from .declaration import Study, described, option
@@ -88,6 +91,47 @@ class VerificationStudy(Study[Verification]):
         raise AssertionError("the last attempt raises or returns")
 
 
+@dataclass(frozen=True)
+class Listed:
+    """The cases of a ``protocol`` in each draw, with its seed, and the ``order`` in which all of them are run."""
+
+    protocol: Protocol
+    draws: tuple[tuple[int, tuple[Case, ...]], ...]
+    order: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls, protocol: Protocol, nominal: Mapping[str, float], seeds: Sequence[int], T_s: Fraction | None, entropy: str
+    ) -> Listed:
+        """The cases for the ``seeds``, at the sample time [s] of a controller if it is another one's."""
+        draws = tuple((seed, cases(protocol, nominal, seed, T_s)) for seed in seeds)
+        return cls(protocol, draws, tuple(mixed(entropy, sum(len(drawn) for _, drawn in draws))))
+
+    def entry(self, pairing: Pairing, failure: CaseRun | None = None) -> BatchEntry:
+        """What asks for the runs with a ``pairing``."""
+        listing = [case for _, drawn in self.draws for case in drawn]
+        in_order = tuple(listing[place] for place in self.order)
+        return BatchEntry(self.protocol, pairing, in_order, first_sample_failure=failure)
+
+    def by_draw(self, runs: Sequence[CaseRun]) -> list[tuple[int, list[CaseResult]]]:
+        """The results of each draw, with its seed, of the ``runs`` of the entry."""
+        by_place = dict(zip(self.order, runs, strict=True))
+        results = (by_place[place].result for place in range(len(runs)))
+        return [(seed, [next(results) for _ in drawn]) for seed, drawn in self.draws]
+
+
+def drawn_results(listed: Sequence[Listed], runs: Sequence[Sequence[CaseRun]]) -> DrawnResults:
+    """What the ``runs`` of each list came to: the first one is of all draws, one behind it of the worst poses."""
+    asked = [rules(one.protocol) for one in listed]
+    found = [one.by_draw(of_one) for one, of_one in zip(listed, runs, strict=True)]
+    result, *worst = map(overall, asked, found)
+    return DrawnResults(
+        **structs.asdict(result),
+        draws=tuple(Draw(seed, score(asked[0], results).cost, digest(results)) for seed, results in found[0]),
+        strict=worst[0] if worst else None,
+    )
+
+
 def _verified(
     testbed: Testbed,
     controller: Controller,
@@ -103,46 +147,26 @@ def _verified(
     isolated = replace(paired, setup=effective(paired.controller, paired.setup), isolated=True, sandbox=sandboxed)
     # Without a sandbox: the references are the benchmark's own, and nobody chose them for these draws.
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
-    protocol, listed = testbed.rules, protocols.load(STRICT) if strict else None
+    protocol = testbed.rules
     T_s = controller_sample_time(isolated.controller, protocol.sample_time, controller.given_sample_time).value
     drawn = seeds(entropy.value, isolated.controller.sha256, count, repetition)
     begin = yield Now()
     # Of another seed than the draws, of which it would show something.
     rehearsal = yield Rehearse(isolated, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)
-    total = (1 + len(others)) * (count * protocol.case_count + (listed.case_count if listed else 0))
-    done = 0
-    witness = Witness(protocol, isolated.controller.name, testbed.nominal)
+    asked = [(protocol, drawn), *([(protocols.load(STRICT), drawn[:1])] if strict else [])]
 
-    def run(asked: Protocol, pairing: Pairing, chosen: Sequence[int]) -> Requests[list[tuple[int, list[CaseResult]]]]:
-        """The results of each draw, with its seed."""
-        nonlocal done
-        interval, failure = (T_s, rehearsal.failure) if pairing is isolated else (None, None)
-        lists = [cases(asked, testbed.nominal, seed, interval) for seed in chosen]
-        listing = [case for draw in lists for case in draw]
-        order = mixed(entropy.value, len(listing))
-        in_order = tuple(listing[place] for place in order)
-        look = witness if pairing is isolated and asked is protocol else None
-        entry = BatchEntry(asked, pairing, in_order, first_sample_failure=failure, witness=look)
-        (runs,) = yield Batch((entry,), done, total)
-        done += len(runs)
-        by_place = dict(zip(order, runs, strict=True))
-        results = (by_place[place].result for place in range(len(listing)))
-        return [(seed, [next(results) for _ in draw]) for seed, draw in zip(chosen, lists, strict=True)]
+    def listed(interval: Fraction | None) -> list[Listed]:
+        return [Listed.of(one, testbed.nominal, chosen, interval, entropy.value) for one, chosen in asked]
 
-    def tried(pairing: Pairing) -> Requests[DrawnResults]:
-        by_seed, protocol_rules = (yield from run(protocol, pairing, drawn)), rules(protocol)
-        worst = (yield from run(listed, pairing, drawn[:1])) if listed else None
-        return DrawnResults(
-            **structs.asdict(overall(protocol_rules, by_seed)),
-            draws=tuple(Draw(seed, score(protocol_rules, results).cost, digest(results)) for seed, results in by_seed),
-            strict=overall(rules(listed), worst) if listed and worst else None,
-        )
-
-    result, references = (yield from tried(isolated)), {}
-    checked = yield from check(witness)
-    for name, pairing in others.items():
-        reference_results = yield from tried(pairing)
-        references[name] = Reference(**structs.asdict(reference_results), file=pairing.controller.name)
+    own, common, witness = listed(T_s), listed(None), Witness(protocol, isolated.controller.name, testbed.nominal)
+    each = sum(len(one.order) for one in own)
+    total = (1 + len(others)) * each
+    first, *more = (one.entry(isolated, rehearsal.failure) for one in own)
+    result = drawn_results(own, (yield Batch((replace(first, witness=witness), *more), 0, total)))
+    checked, references = (yield from check(witness)), {}
+    for number, (name, pairing) in enumerate(others.items(), 1):
+        runs = yield Batch(tuple(one.entry(pairing) for one in common), number * each, total)
+        references[name] = Reference(**structs.asdict(drawn_results(common, runs)), file=pairing.controller.name)
     end = yield Now()
     return Verification(
         **structs.asdict(result),

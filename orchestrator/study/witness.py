@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ..benchmark.case import Case
+from ..benchmark.cases import seed_of
 from ..benchmark.certificate import CheckedCase, Difference
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
@@ -81,7 +82,7 @@ def check(witness: Witness) -> Requests[tuple[CheckedCase, ...]]:
     """
     checked = []
     for case, content in witness.files():
-        seed = case.scenario.sensor.noise.seed[0]
+        seed = seed_of(case)
         yield Tell(CaseChecked(f"case-{seed}.{case.id}.npz", content))
         try:
             told = recheck(content)
