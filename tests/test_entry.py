@@ -102,6 +102,7 @@ SPELLED = {
     "str": word,
     "str | Path": place,
     "Pair": pair,
+    "Limits": pair,
     "Delays": with_plain(
         st.just(("0.5", "0.001")),
         lambda v: st.tuples(*map(spelled_time, v)).flatmap(
