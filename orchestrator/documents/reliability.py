@@ -31,6 +31,9 @@ class Reliability(Document, Comparable, kw_only=True):
     With the ``confidence``, the probability that a draw breaks a requirement is at most the ``bound`` of
     ``requirements``, and at most the share ``probability`` of all draws exceed the ``bound`` of a criterion, or of V of
     a draw (``cost``).
+
+    With ``only``, a part of the tests was simulated: there are the requirements and criteria whose tests are among
+    these, the tests that it names, and V if there are all criteria; else no draw is judged in ``cost``.
     """
 
     FILE: ClassVar[str] = RELIABILITY
@@ -45,6 +48,7 @@ class Reliability(Document, Comparable, kw_only=True):
     requirements: dict[str, Failing]
     criteria: dict[str, Quantile]
     cost: Quantile
+    only: tuple[str, ...] = ()
 
     @property
     def completeness(self) -> Completeness:
@@ -60,7 +64,10 @@ class Reliability(Document, Comparable, kw_only=True):
             without = [None] * (sample.judged - len(sample.values))
             if sample != quantile([*sample.values, *without], self.probability, self.confidence):
                 return "a quantile is not that of its values"
-        return "" if self.criteria.keys() == self.rules.criteria.keys() else "its criteria are not those of its rules"
+        names = self.rules.criteria.keys()
+        if self.criteria.keys() == names or (self.only and self.criteria.keys() <= names and not self.cost.judged):
+            return ""
+        return "its criteria are not those of its rules"
 
     @property
     def rank(self) -> Rank:
@@ -82,12 +89,14 @@ class Reliability(Document, Comparable, kw_only=True):
         """Probabilities of failure, quantiles, their distribution, and the failures with their commands."""
         level = f"{self.confidence:g} confidence"
         parts: list[Part] = [Facts("This sample", tuple(head_facts(self.head))), self._failing(level)]
-        parts += [self._quantiles(level), self._distribution(), *reason_notes(reliability_reasons(self))]
-        if self.cost.bound is None:
+        if self.criteria:
+            parts += [self._quantiles(level), self._distribution()]
+        parts += reason_notes(reliability_reasons(self))
+        if self.cost.judged and self.cost.bound is None:
             parts.append(Note("V has no bound: there are too few draws, or too many without a V.", warning=True))
         kicker = (
             f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.draws} independent draws, "
-            f"distribution {self.distribution}"
+            f"distribution {self.distribution}" + (f", only {', '.join(self.only)}" if self.only else "")
         )
         return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
 
@@ -108,16 +117,18 @@ class Reliability(Document, Comparable, kw_only=True):
     def _quantiles(self, level: str) -> Table:
         columns = (Column(""), Column("median"), Column("largest"), Column("bound"), Column("target"))
         rows: list[tuple[Cell, ...]] = []
-        for name, spec in self.rules.criteria.items():
-            unit, sample = SHOWN[spec.unit], self.criteria[name]
+        for name, sample in self.criteria.items():
+            spec = self.rules.criteria[name]
+            unit = SHOWN[spec.unit]
             values = (Value(value, unit=unit) for value in (sample.median, sample.largest, sample.bound, spec.target))
             rows.append((Quantity(name, unit), *values))
-        rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
+        if self.cost.judged:
+            rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
         return Table(f"Bounds that at most {self.probability:g} of all draws exceed, at {level}", columns, tuple(rows))
 
     def _distribution(self) -> Plot:
-        by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
-        quantiles = {"V": (self.cost, self.rules.cost.target)}
+        by_weight = sorted(self.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
+        quantiles = {"V": (self.cost, self.rules.cost.target)} if self.cost.judged else {}
         quantiles |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
         series = tuple(
             _exceeding(name, values, target, place) for place, (name, (values, target)) in enumerate(quantiles.items())
