@@ -33,11 +33,13 @@ from benchmarks.leaderboard_tables import PAGES, shown, standing, verdicts  # no
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator import Benchmark, Reliability  # noqa: E402
 from orchestrator.benchmark.reliability import Distribution, draws_needed  # noqa: E402
+from orchestrator.benchmark.tail import tail  # noqa: E402
 
 DATA, PAGE = ROOT / "docs" / "study.json", ROOT / "docs" / "study.md"
 PARETO, EXCEEDED = (ROOT / "docs" / "pictures" / f"study-{name}.png" for name in ("pareto", "draws"))
 RUNS = ROOT / "runs" / "study"
 MAKER, FOUND_MAKER = "benchmarks/study.py", "benchmarks/study.py from the leaderboard"
+TAIL_MAKER = "benchmarks/study.py by peaks over threshold"
 
 SEED = 20261125
 """Of the draws: neither the protocols', the tunings' nor the searches'."""
@@ -123,6 +125,29 @@ def _failing(own: Figures | None) -> tuple[str, str, str]:
     return str(own["draws"]), " ".join(failures), f"{100 * bound:.2g} %"
 
 
+def tail_table(kept: Figures) -> str:
+    """What is estimated beyond the largest draw of the larger sample, and what is known of V."""
+    own, target = kept["many"], 100.0
+    found = tail(own["V"], target, PROBABILITY, CONFIDENCE)
+    assert found is not None and found.level is not None and found.exceedance is not None
+    (worst,) = (each for each in leaderboard() if name_of(each) == RATIONED)
+    level = found.level
+    cells = (
+        f"{own['draws']} draws of `{RATIONED}`",
+        f"{max(own['V']):.1f}",
+        str(found.peaks),
+        f"{found.threshold:.1f}",
+        f"{level.estimate:.1f} ({level.low:.1f} to {level.high:.1f})",
+        f"{found.exceedance.high:.1g}",
+        f"{worst['robustness']['cost']:.1f}",
+    )
+    head = (
+        f"| V | largest draw | peaks | threshold | {100.0 * PROBABILITY:g} % of the draws exceed "
+        f"| P(V > {target:g}), at most | largest known |\n"
+    )
+    return head + 7 * "|---" + f"|\n| {' | '.join(cells)} |\n"
+
+
 def found_table() -> str:
     """What :data:`RATIONED` has on ``paper``, on ``strict``, in the own search, and what is reported beyond that."""
     (own,) = (each for each in searched() if name_of(each) == RATIONED)
@@ -150,7 +175,10 @@ def found_table() -> str:
 
 def page(text: str, kept: Figures) -> str:
     """The page of the study, ``text``, with its tables as the figures are."""
-    return with_table(with_table(text, table(kept), MAKER), found_table(), FOUND_MAKER)
+    tables = {MAKER: table(kept), TAIL_MAKER: tail_table(kept), FOUND_MAKER: found_table()}
+    for maker, made in tables.items():
+        text = with_table(text, made, maker)
+    return text
 
 
 def ordered() -> list[str]:

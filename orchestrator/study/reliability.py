@@ -12,6 +12,7 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.reliability import Distribution, Failing, Failure, draws_needed, failing, quantile
 from ..benchmark.results import CaseResult
 from ..benchmark.scorecard import outcome
+from ..benchmark.tail import tail
 from ..benchmark.tally import UNJUDGED
 from ..documents.commands import member_command, setting
 from ..documents.files import RELIABILITY
@@ -117,6 +118,14 @@ class ReliabilityStudy(Study[Reliability]):
             },
             criteria={name: quantile(values, self.probability, self.confidence) for name, values in figures.items()},
             cost=quantile(costs, self.probability, self.confidence),
+            tails={
+                name: found
+                for name, values, target in (
+                    *((name, values, protocol.criteria[name].target) for name, values in figures.items()),
+                    ("V", costs, made.rules.cost.target),
+                )
+                if (found := tail(values, target, self.probability, self.confidence)) is not None
+            },
         )
         yield Save(answer)
         return answer
