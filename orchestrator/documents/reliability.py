@@ -144,10 +144,10 @@ class Reliability(Document, Comparable, kw_only=True):
                 if found.exceedance is None
                 else (found.exceedance.estimate, found.exceedance.low, found.exceedance.high)
             )
-            levels = (Value(value, unit=unit) for value in (found.threshold, *ends))
-            rows.append((Quantity(name, unit) if unit is not NONE else name, found.peaks, *levels, *likely))
+            levels = (Value(value, unit=unit) for value in ends)
+            rows.append((Quantity(name, unit) if unit is not NONE else name, *levels, *likely))
         if rows:
-            columns = ("", "peaks", "threshold", "return level", "from", "to", "beyond target", "from", "to")
+            columns = ("", "return level", "from", "to", "beyond target", "from", "to")
             words = (
                 f"Peaks over threshold. Return level: what {self.probability:g} of all draws exceed. Beyond target: "
                 "the probability that a draw is. Both are extrapolated: what none of the draws has hit is not in them."
