@@ -22,6 +22,9 @@ from orchestrator.codec import NonNegative, Struct, from_json  # noqa: E402
 
 CLAIMS = ROOT / "docs" / "claims.json"
 
+OWN = "this project"
+"""What ``by`` begins with of a claim by the project itself, which is no independent attack."""
+
 MARGINS = ("gain", "delay")
 """What the names of margins begin with."""
 
@@ -84,10 +87,17 @@ def counting(figures: Figures, others: Sequence[Claim]) -> dict[str, Claim]:
     return {claim.figure: claim for claim in about if _goes_beyond(claim, figures["robustness"])}
 
 
+def attacks(figures: Figures, others: Sequence[Claim]) -> int:
+    """The number of attacks on a controller by others, each with a claim at least, also one that finds nothing worse
+    than the own search."""
+    about = (claim.by for claim in others if claim.controller == name_of(figures))
+    return len({by for by in about if not by.startswith(OWN)})
+
+
 def known(figures: Figures, others: Sequence[Claim]) -> Figures:
     """The ``figures`` of a controller with the worst of its own search, whose V is ``own_cost``, and of the claims: V,
-    B5 to B7, requirements, margins, and radii of at most 1 (``at_most``) where an arm within the tolerances misses the
-    target of V or fails a requirement."""
+    B5 to B7, requirements, margins, the number of ``attacks`` by others, and radii of at most 1 (``at_most``) where an
+    arm within the tolerances misses the target of V or fails a requirement."""
     search, worse = figures["robustness"], counting(figures, others)
     cost: float = (worse["V"].value if "V" in worse else None) or search["cost"]
     requirements = _replaced(search["requirements"], worse)
@@ -96,6 +106,7 @@ def known(figures: Figures, others: Sequence[Claim]) -> Figures:
     found = {
         "cost": cost,
         "own_cost": search["cost"],
+        "attacks": attacks(figures, others),
         "requirements": requirements,
         "worst_case": _replaced(search["worst_case"], worse),
         "margins": _replaced(search["margins"], worse),

@@ -38,13 +38,13 @@ def animation(name: str) -> Path:
 
 
 HEAD = "| controller | V | A1 A2 A3 | B1 Nm | B2 Nm | B3 Nm | B4 Nm | B5 mm | B6 s | B7 mm |\n" + 10 * "|---" + "|\n"
+SEARCH_HEAD = "search budget | attacks by others |"
 WORST_HEAD = (
-    "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius |\n"
-    + 12 * "|---"
-    + "|\n"
+    "| controller | V | V strict | V found | A1 A2 A3 | strict | found | B5 mm | B6 s | gain | delay ms | radius "
+    f"| {SEARCH_HEAD}\n" + 14 * "|---" + "|\n"
 )
 MAKER = "benchmarks/leaderboard.py"
-BRIEF_HEAD = "| controller | V | V found (at least) | requirements |\n" + 4 * "|---" + "|\n"
+BRIEF_HEAD = f"| controller | V | V found (at least) | requirements | {SEARCH_HEAD}\n" + 6 * "|---" + "|\n"
 
 CRITERIA = {"V": "", "B5": "m", "B6": "s", "B7": "m"}
 """The SI units of what a claim without arms can be about, beside margins."""
@@ -82,6 +82,7 @@ def worst_row(figures: Figures, name: str, *more: str) -> str:
         gains,
         delays,
         " and ".join(_reach(radius, key) for key in REACHES),
+        *_searched(found),
         *more,
     )
     return f"| {name} | {' | '.join(cells)} |\n"
@@ -109,6 +110,11 @@ def _reach(radius: Mapping[str, Any], part: str) -> str:
     return f"≤ {number(value)}" if part in radius["at_most"] else number(value)
 
 
+def _searched(found: Mapping[str, Any]) -> tuple[str, str]:
+    """What was tried: without it, a V found and "no failure found" say nothing (docs/rules.md)."""
+    return f"{found['budget']:,} in {len(found['starts'])} starts", str(found["attacks"])
+
+
 def _worst_cost(found: Mapping[str, Any], mark: str = "**") -> str:
     """The largest V known; beside it that of the own search, where others found more."""
     own = "" if found["cost"] == found["own_cost"] else f" (own search: {found['own_cost']:.1f})"
@@ -119,7 +125,8 @@ def brief(kept: Sequence[Figures]) -> str:
     """The README's table, in the order of what was found."""
     return BRIEF_HEAD + "".join(
         f"| [{name_of(each)}]({PAGES[name_of(each)]}/README.md) | {each['cost']:.1f} "
-        f"| {_worst_cost(each['robustness'], '')} | {_failing(each)} |\n"
+        f"| {_worst_cost(each['robustness'], '')} | {_failing(each)} "
+        f"| {' | '.join(_searched(each['robustness']))} |\n"
         for each in sorted(kept, key=standing)
     )
 
@@ -141,7 +148,7 @@ def leaderboard(kept: Sequence[Figures]) -> str:
         page = f"../{PAGES[name_of(each)]}/README.md"
         moving = f"[GIF](pictures/{animation(name_of(each)).name})"
         lines.append(worst_row(each, f"[{name_of(each)}]({page})", moving, f"[commands]({page}#scorecard)"))
-    return WORST_HEAD.replace("| radius |", "| radius | motion | repeat |").rstrip() + "---|---|\n" + "".join(lines)
+    return WORST_HEAD.replace(SEARCH_HEAD, f"{SEARCH_HEAD} motion | repeat |").rstrip() + "---|---|\n" + "".join(lines)
 
 
 def starts(kept: Sequence[Figures]) -> str:
@@ -153,10 +160,13 @@ def starts(kept: Sequence[Figures]) -> str:
         costs = ", ".join(f"{cost:.1f}" for cost in found["starts"])
         lines.append(
             f"| `{name_of(each)}` | {found['budget']:,} | {found['simulations']:,} | {found['own_cost']:.1f} | {costs} "
-            f"| {100.0 * (largest - smallest) / largest:.1f} % |\n"
+            f"| {100.0 * (largest - smallest) / largest:.1f} % | {found['attacks']} | {found['cost']:.1f} |\n"
         )
-    head = "| controller | budget, whole cases | simulations | V of all starts | V of each start | spread |\n"
-    return head + 6 * "|---" + "|\n" + "".join(lines)
+    head = (
+        "| controller | budget, whole cases | simulations | V of all starts | V of each start | spread "
+        "| attacks by others | V found by anybody |\n"
+    )
+    return head + 8 * "|---" + "|\n" + "".join(lines)
 
 
 def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> str:
@@ -169,7 +179,7 @@ def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> st
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
-        f"{WORST_HEAD}{worst_row(known(own, others), name)}\n{broken(repeatable)}"
+        f"{WORST_HEAD}{worst_row(known(own, others), name)}\n{broken(repeatable, known(own, others)['robustness'])}"
         f"{_seeds(own)}\n{largest(repeatable)}{_reported(reported)}"
     )
 
@@ -207,14 +217,19 @@ def _seeds(figures: Figures) -> str:
     )
 
 
-def broken(found: Mapping[str, Any]) -> str:
-    """What a search found against the requirements, with the commands."""
+def broken(found: Mapping[str, Any], known: Mapping[str, Any]) -> str:
+    """What was ``found`` against the requirements, with the commands; if nothing was, what was tried, and the largest V
+    that is ``known``."""
     failures: dict[str, tuple[Mapping[str, Any], list[str]]] = {}
     for name, entry in found["requirements"].items():
         if entry["passed"] is False:
             failures.setdefault(entry["command"], (entry, []))[1].append(name)
     if not failures:
-        return f"No system that breaks A1, A2 or A3 was found in {found['simulations']} simulations.\n"
+        return (
+            f"No system that breaks A1, A2 or A3 was found, by the own search in {found['simulations']:,} simulations "
+            f"(a budget of {found['budget']:,} whole cases, in {len(found['starts'])} starts). Attacks by others: "
+            f"{known['attacks']}. The largest V that anybody has found is {known['cost']:.1f}.\n"
+        )
     return "\n".join(
         f"**{' and '.join(names)} fail{'s' if len(names) == 1 else ''}** for a system within Table 1: {entry['kind']}, "
         f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz"

@@ -1,10 +1,13 @@
 """The figures of docs/study.md: the controllers on draws that no tuning has seen, and the time that RobustLQG rations.
 
-    python benchmarks/study.py                     300 draws of each controller, and RobustLQG without a limit on the
-                                                   time of its dither and its third feedback (20 minutes on two cores)
+    python benchmarks/study.py                     300 draws of each controller from the box and from its corners, and
+                                                   RobustLQG without a limit on the time of its dither and its third
+                                                   feedback (30 minutes on two cores)
     python benchmarks/study.py RobustLQG           one controller; the figures of the others stay
-    python benchmarks/study.py --probability       as many draws of RobustLQG as bound a probability of failure of 0.1 %
-                                                   (20 minutes)
+    python benchmarks/study.py --corners           only the draws from the corners
+    python benchmarks/study.py --probability       as many draws of RobustLQG from the box as bound a probability of
+                                                   failure of 0.1 % (20 minutes), and 12,000 corners for A2
+                                                   (half an hour)
     python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
 
 A draw is one arm, pose, direction of the force, sweep and noise, simulated in every test of the protocol
@@ -17,7 +20,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +33,25 @@ from benchmarks.leaderboard import built, searched_as  # noqa: E402
 from benchmarks.leaderboard_tables import PAGES, shown, standing, verdicts  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator import Benchmark, Reliability  # noqa: E402
-from orchestrator.benchmark.reliability import draws_needed  # noqa: E402
+from orchestrator.benchmark.reliability import Distribution, draws_needed  # noqa: E402
+from orchestrator.benchmark.tail import tail  # noqa: E402
 
 DATA, PAGE = ROOT / "docs" / "study.json", ROOT / "docs" / "study.md"
 PARETO, EXCEEDED = (ROOT / "docs" / "pictures" / f"study-{name}.png" for name in ("pareto", "draws"))
 RUNS = ROOT / "runs" / "study"
 MAKER, FOUND_MAKER = "benchmarks/study.py", "benchmarks/study.py from the leaderboard"
+TAIL_MAKER = "benchmarks/study.py by peaks over threshold"
 
 SEED = 20261125
 """Of the draws: neither the protocols', the tunings' nor the searches'."""
 
 DRAWS, PROBABILITY, CONFIDENCE = 300, 0.001, 0.99
+
+MANY_CORNERS, RARE = 12_000, "A2"
+"""Draws from the corners, and the requirement of :data:`RATIONED` that others found to fail in 3 of 12,032 of them."""
+
+MISSING = "—"
+"""What stands in a table for a figure that was not measured."""
 
 RATIONED, UNLIMITED = "RobustLQG", {"peak_time": 1e6, "dither_time": 1e6}
 """The controller whose time is limited, and parameters [s] that do not limit it."""
@@ -51,10 +62,12 @@ CRITERIA = {"B5": 1e3, "B6": 1.0, "B7": 1e3}
 Figures = Mapping[str, Any]
 
 
-def drawn(name: str, draws: int) -> dict[str, Any]:
-    """What a sample of a controller comes to: its failures, and V and the heaviest criteria of the draws."""
+def drawn(name: str, draws: int, distribution: Distribution = "box", only: Sequence[str] = ()) -> dict[str, Any]:
+    """What a sample of a controller comes to: its failures, and V and the heaviest criteria of the draws, if their
+    tests are simulated."""
+    folder = RUNS / "-".join((name, str(draws), distribution, *only))
     found = Benchmark(seed=SEED).reliability(
-        searched_as(name), draws=draws, confidence=CONFIDENCE, folder=RUNS / f"{name}-{draws}"
+        searched_as(name), draws=draws, distribution=distribution, only=only, confidence=CONFIDENCE, folder=folder
     )
     return {"draws": draws, "guid": built(name).archive.description.guid, **_kept(found)}
 
@@ -64,6 +77,8 @@ def _kept(found: Reliability) -> dict[str, Any]:
         name: {"failures": len({each.draw for each in entry.failures}), "bound": entry.bound}
         for name, entry in found.requirements.items()
     }
+    if not found.cost.judged:
+        return {"requirements": requirements}
     medians = {name: found.criteria[name].median for name in CRITERIA}
     return {
         "requirements": requirements,
@@ -87,22 +102,51 @@ def without_limit() -> dict[str, Any]:
 
 def table(kept: Figures) -> str:
     """What the draws of each controller come to, in the order of the leaderboard."""
-    head = "| controller | draws | A1 A2 A3 fail | at most | V, median | largest | B5 mm | B6 s | B7 mm |\n"
+    head = (
+        "| controller | draws | A1 A2 A3 fail | at most | corners | A1 A2 A3 fail | at most | V, median | largest "
+        "| B5 mm | B6 s | B7 mm | V, corners |\n"
+    )
+    rows = [(name, kept["draws"][name], kept["corners"].get(name)) for name in ordered()]
     lines = []
-    for name, own in (*((name, kept["draws"][name]) for name in ordered()), (f"{RATIONED}, more draws", kept["many"])):
-        failures = " ".join(str(entry["failures"]) for entry in own["requirements"].values())
-        bound = max(entry["bound"] for entry in own["requirements"].values())
-        medians = " | ".join(f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
-        cells = (
-            name,
-            own["draws"],
-            failures,
-            f"{100 * bound:.2g} %",
-            f"{own['median']['V']:.1f}",
-            f"{max(own['V']):.1f}",
-        )
-        lines.append(f"| {' | '.join(map(str, cells))} | {medians} |\n")
-    return head + 9 * "|---" + "|\n" + "".join(lines)
+    for name, own, corners in (*rows, (f"{RATIONED}, more draws", kept["many"], kept["many_corners"])):
+        medians = (f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
+        worst = f"{max(corners['V']):.1f}" if corners and "V" in corners else MISSING
+        cells = (name, *_failing(own), *_failing(corners), f"{own['median']['V']:.1f}", f"{max(own['V']):.1f}")
+        lines.append(f"| {' | '.join(map(str, (*cells, *medians, worst)))} |\n")
+    return head + 13 * "|---" + "|\n" + "".join(lines)
+
+
+def _failing(own: Figures | None) -> tuple[str, str, str]:
+    """The number of draws, of those that fail each requirement, and the largest bound."""
+    if own is None:
+        return 3 * (MISSING,)
+    entries = own["requirements"]
+    failures = (str(entries[name]["failures"]) if name in entries else MISSING for name in ("A1", "A2", "A3"))
+    bound = max(entry["bound"] for entry in entries.values())
+    return str(own["draws"]), " ".join(failures), f"{100 * bound:.2g} %"
+
+
+def tail_table(kept: Figures) -> str:
+    """What is estimated beyond the largest draw of the larger sample, and what is known of V."""
+    own, target = kept["many"], 100.0
+    found = tail(own["V"], target, PROBABILITY, CONFIDENCE)
+    assert found is not None and found.level is not None and found.exceedance is not None
+    (worst,) = (each for each in leaderboard() if name_of(each) == RATIONED)
+    level = found.level
+    cells = (
+        f"{own['draws']} draws of `{RATIONED}`",
+        f"{max(own['V']):.1f}",
+        str(found.peaks),
+        f"{found.threshold:.1f}",
+        f"{level.estimate:.1f} ({level.low:.1f} to {level.high:.1f})",
+        f"{found.exceedance.high:.1g}",
+        f"{worst['robustness']['cost']:.1f}",
+    )
+    head = (
+        f"| V | largest draw | peaks | threshold | {100.0 * PROBABILITY:g} % of the draws exceed "
+        f"| P(V > {target:g}), at most | largest known |\n"
+    )
+    return head + 7 * "|---" + f"|\n| {' | '.join(cells)} |\n"
 
 
 def found_table() -> str:
@@ -132,7 +176,10 @@ def found_table() -> str:
 
 def page(text: str, kept: Figures) -> str:
     """The page of the study, ``text``, with its tables as the figures are."""
-    return with_table(with_table(text, table(kept), MAKER), found_table(), FOUND_MAKER)
+    tables = {MAKER: table(kept), TAIL_MAKER: tail_table(kept), FOUND_MAKER: found_table()}
+    for maker, made in tables.items():
+        text = with_table(text, made, maker)
+    return text
 
 
 def ordered() -> list[str]:
@@ -197,24 +244,34 @@ def draw(kept: Figures) -> None:
     figure.savefig(EXCEEDED, dpi=150)
 
 
+def _keep(kept: Figures) -> None:
+    DATA.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description="Make the figures of docs/study.md.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers: {', '.join(PAGES)}")
     parser.add_argument("--draws", type=int, default=DRAWS, help=f"of each controller (default: {DRAWS})")
-    parser.add_argument("--probability", action="store_true", help="the larger sample of RobustLQG alone")
+    parser.add_argument("--corners", action="store_true", help="only the draws from the corners")
+    parser.add_argument("--probability", action="store_true", help="the larger samples of RobustLQG alone")
     parser.add_argument("--table", action="store_true", help="only from the figures that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
     kept = json.loads(DATA.read_text(encoding="utf-8"))
     if options.probability:
-        kept["many"] = drawn(RATIONED, draws_needed(PROBABILITY, CONFIDENCE))
+        if not options.corners:
+            kept["many"] = drawn(RATIONED, draws_needed(PROBABILITY, CONFIDENCE))
+        kept["many_corners"] = drawn(RATIONED, MANY_CORNERS, "corners", (RARE,))
     elif not options.table:
         for name in options.names or PAGES:
-            kept["draws"][name] = drawn(name, options.draws)
-        if RATIONED in (options.names or PAGES):
+            if not options.corners:
+                kept["draws"][name] = drawn(name, options.draws)
+            kept["corners"][name] = drawn(name, options.draws, "corners")
+            _keep(kept)
+        if RATIONED in (options.names or PAGES) and not options.corners:
             kept["time"] = without_limit()
-    DATA.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    _keep(kept)
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), kept), encoding="utf-8")
     draw(kept)
 

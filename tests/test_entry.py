@@ -225,7 +225,7 @@ FIELDS = {
     EvaluationStudy: ("only", "recordings", "keep_going", "force"),
     SpreadStudy: ("seeds",),
     RobustnessStudy: ("budget", "minutes", "protocol", "only", "restarts", "from_list", "recordings"),
-    ReliabilityStudy: ("draws", "more"),
+    ReliabilityStudy: ("draws", "more", "only"),
     TuningStudy: ("vary", "trials", "objective", "strict", "robust", "search_seed"),
     SweepStudy: ("values", "objective"),
     VerificationStudy: ("count", "strict", "protocol"),

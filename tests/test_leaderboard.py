@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from pathlib import Path
 
 import pytest
 from support.pid_fmus import built
@@ -13,15 +14,101 @@ from support.tools import require
 import build_fmus
 from benchmarks import leaderboard
 from benchmarks import leaderboard_tables as tables
-from benchmarks.claims import best_known, known, name_of
+from benchmarks.claims import Claim, best_known, known, name_of
 from orchestrator.fmi.archive import read_description
 
 KEPT = json.loads(leaderboard.FIGURES.read_text(encoding="utf-8"))
+KNOWN = {name_of(figures): figures["robustness"] for figures in best_known(KEPT)}
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    ROOT / "README.md",
+    *sorted(ROOT.glob("docs/*.md")),
+    *(ROOT / page / "README.md" for page in tables.PAGES.values()),
+]
+
+CLAIM = re.compile(
+    r"\bno (known )?failures?\b|\bno system that breaks\b|without a known failure"
+    r"|\bV found( of `\w+`)?( was| is| of)* \W*\d",
+    re.I,
+)
+"""What a search did not find, or the V that it found."""
+
+TRIED = re.compile(r"\bbudget\b|whole cases|\d simulations", re.I)
+BY_OTHERS = re.compile(r"\battack|\bothers\b|\bindependent (genetic )?search|somebody", re.I)
+"""What docs/rules.md asks for beside a claim, with the largest V that anybody has found."""
 
 
 def test_all_tables_show_the_figures_that_are_kept():
     for file, text in tables.pages(KEPT).items():
         assert file.read_text(encoding="utf-8") == text, f"python benchmarks/leaderboard.py --table mends {file}"
+
+
+def tables_of(text):
+    """The tables of a page in Markdown, each as its head and its rows, lists of cells."""
+    for block in re.findall(r"(?:^\|.*\n)+", text, re.M):
+        head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines())
+        yield head, rows
+
+
+def sayings_of(text):
+    """The paragraphs and list items of a page, without tables and commands."""
+    prose = re.sub(r"^```[\s\S]*?^```$|^(\||    |#).*$", "", text, flags=re.M)
+    return re.split(r"\n\s*\n|\n(?=- )", prose)
+
+
+def unsupported(text, subject=""):
+    """The claims of a page about the project's controllers without what the rules ask for; ``subject`` is the one that
+    is meant where none is named."""
+    found = []
+    for head, rows in tables_of(text):
+        titles = " ".join(head)
+        for row in rows:
+            named = [name for name in KNOWN if name in row[0]]
+            if not named or not (CLAIM.search(" ".join(row)) or "V found" in titles):
+                continue
+            largest = f"{KNOWN[named[0]]['cost']:.1f}" in " ".join(row)
+            full = len(row) == len(head) and all(row)
+            if not (largest and full and TRIED.search(titles) and BY_OTHERS.search(titles) and "V found" in titles):
+                found.append(" | ".join(row))
+    for saying in sayings_of(text):
+        named = [name for name in KNOWN if name in saying] or [subject] * bool(subject)
+        if named and CLAIM.search(saying):
+            largest = all(f"{KNOWN[name]['cost']:.1f}" in saying for name in named)
+            if not (largest and TRIED.search(saying) and BY_OTHERS.search(saying)):
+                found.append(saying)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_what_no_search_has_found_is_stated_with_what_was_tried(page):
+    """docs/rules.md, "What is published of a search": budget, attacks by others, and the largest value of all."""
+    subjects = {ROOT / place / "README.md": name for name, place in tables.PAGES.items()}
+    subjects[ROOT / "docs" / "study.md"] = "RobustLQG"
+    assert unsupported(page.read_text(encoding="utf-8"), subjects.get(page, "")) == []
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        "For `TunedPID` no failure is known.\n",
+        "V found of `RobustLQG` is 99.2, with a budget of 30,000 and an attack by others.\n",
+        "- `RobustLinearLQG`, without a known failure\n- others: 191.2, budget of 9,000\n",
+        "| controller | V found |\n|---|---|\n| TunedPID | 214.4 |\n",
+        "| controller | A1 | budget | attacks |\n|---|---|---|---|\n| TunedPID | no failure found | 9 | 0 |\n",
+        "| controller | V found | budget | attacks |\n|---|---|---|---|\n| TunedPID | 214.4 | | 0 |\n",
+        "| controller | V found | budget | attacks |\n|---|---|---|---|\n| RobustLQG | 99.2 | 30,000 | 2 |\n",
+    ],
+)
+def test_a_claim_alone_is_noticed(claim):
+    assert unsupported(claim)
+
+
+def test_attacks_by_others_are_counted_once_each_whatever_they_found():
+    own = KEPT[0]
+    about = {"controller": name_of(own), "cases": "", "figure": "V", "date": ""}
+    by = ("this project, from that arm", "somebody", "somebody", "somebody else")
+    found = known(own, [Claim(**about, by=each, value=1.0) for each in by])["robustness"]
+    assert found["attacks"] == 2 and found["cost"] == own["robustness"]["cost"]
 
 
 def test_its_controllers_are_built_and_have_a_page():

@@ -23,6 +23,7 @@ from orchestrator.search.draws import members
 from orchestrator.search.member import names
 from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import Batch
+from orchestrator.views.page import fragment
 
 CONFIDENCE = 0.99
 
@@ -134,6 +135,50 @@ def test_failures_quantiles_and_progress():
         ReliabilityStudy(0.5, 0.5, draws=2).ask(Benchmark("quick"), Controller()), Player(status=Status.LOST)
     )
     assert lost.completeness == "not judged" and lost.requirements["A3"].bound == 1.0
+
+
+@pytest.mark.parametrize(
+    ("only", "tests", "judged", "criteria"),
+    [
+        (("A2",), {"delay_1", "delay_2"}, ["A2"], []),
+        (("delay_1",), {"delay_1"}, ["delay_1"], []),
+        (("B1", "A1"), {"noise", "gain_1", "gain_2"}, ["A1"], ["B1", "B2"]),
+        (("A3",), {"disturbance", "gain_1", "gain_2", "delay_1", "delay_2"}, ["A1", "A2", "A3"], ["B3", "B7"]),
+        (("A3", "B1"), {test.name for test in PAPER.tests}, ["A1", "A2", "A3"], ["B1", "B7", "V"]),
+    ],
+)
+def test_only_what_is_asked_for_is_simulated_and_judged(only, tests, judged, criteria):
+    """Its figures are those of a whole sample."""
+    player = Sampled()
+    whole = answered(ReliabilityStudy(0.5, draws=40).ask(Benchmark("quick"), Controller()), Sampled())
+    found = answered(ReliabilityStudy(0.5, draws=40, only=only).ask(Benchmark("quick"), Controller()), player)
+    assert {case.test.name for batch in player.of(Batch) for entry in batch.entries for case in entry.cases} == tests
+    assert list(found.requirements) == judged and found.completeness == "complete" and not found._problem()
+    assert set(criteria) <= {*found.criteria, *(["V"] if found.cost.judged else [])}
+    assert found.criteria.items() <= whole.criteria.items() and found.only == only
+    assert found.cost in (whole.cost, quantile([], 0.5, CONFIDENCE))
+    for name in set(judged) & set(whole.requirements):
+        assert found.requirements[name] == whole.requirements[name]
+    if "delay_1" in judged:
+        assert {failure.test for failure in found.requirements["delay_1"].failures} == {"delay_1"}
+        assert found.requirements["delay_1"].bound == whole.requirements["A2"].bound
+    text = fragment(found.summary())
+    assert f"only {', '.join(only)}" in text and ("target" in text) == bool(found.criteria)
+    assert found.row(None, ())
+
+
+def test_what_is_unknown_is_refused():
+    error = refusal(answered, ReliabilityStudy(only=("delay_3",)).ask(Benchmark("quick"), Controller()), Sampled())
+    assert error.what == "no-target" and "delay_1" in error.nearest
+
+
+def test_draws_are_added_to_a_sample_of_the_same_kind_alone(tmp_path):
+    answered(ReliabilityStudy(draws=2).ask(Benchmark("quick"), Controller()), Sampled()).save(tmp_path)
+    for other in ({"distribution": "corners"}, {"only": ("A2",)}):
+        asked = ReliabilityStudy(more=1, **other).ask(Benchmark("quick"), Controller(), tmp_path)
+        assert refusal(answered, asked, Sampled()).what == "no-sample"
+    grown = answered(ReliabilityStudy(more=1).ask(Benchmark("quick"), Controller(), tmp_path), Sampled())
+    assert grown.draws == 3
 
 
 def test_numbers_that_are_none_are_refused():

@@ -16,13 +16,22 @@ def test_the_tables_show_the_figures_that_are_kept():
 
 def test_every_controller_of_the_leaderboard_has_the_same_draws():
     assert KEPT["draws"].keys() == PAGES.keys()
-    assert {own["draws"] for own in KEPT["draws"].values()} == {study.DRAWS}
+    assert {own["draws"] for own in (*KEPT["draws"].values(), *KEPT["corners"].values())} == {study.DRAWS}
 
 
 def test_the_samples_are_of_the_controllers_on_the_leaderboard():
     """Else ``python benchmarks/study.py NAME`` measures one anew."""
     guids = {name_of(each): each["guid"] for each in study.leaderboard()}
     assert {name: own["guid"] for name, own in KEPT["draws"].items()} == guids
+    assert {name: own["guid"] for name, own in KEPT["corners"].items()}.items() <= guids.items()
+
+
+def test_what_was_not_measured_is_shown_as_missing():
+    (row,) = (line for line in study.table({**KEPT, "corners": {}}).splitlines() if line.startswith("| TunedPID"))
+    assert row.count(f" {study.MISSING} ") == 4
+    part = {"draws": 12_000, "requirements": {"A2": {"failures": 3, "bound": 0.00085}}}
+    last = study.table({**KEPT, "many_corners": part}).splitlines()[-1]
+    assert "| 12000 | — 3 — | 0.085 % |" in last and last.endswith("| — |")
 
 
 def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():

@@ -36,6 +36,7 @@ RELIABILITY_EXAMPLES = """examples:
   python -m orchestrator.reliability my_controller.fmu
   python -m orchestrator.reliability my_controller.fmu --probability 0.001 --confidence 0.99
   python -m orchestrator.reliability my_controller.fmu --distribution corners
+  python -m orchestrator.reliability my_controller.fmu --distribution corners --only A2 --draws 12000
   python -m orchestrator.reliability my_controller.fmu --more 500
 
 A sample without a failure bounds the probability of a failure: 459 draws by 0.01, 4603 draws by 0.001, at 99 %

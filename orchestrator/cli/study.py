@@ -252,6 +252,9 @@ def show_plan(plan: DryRun, as_json: bool) -> int:
 def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namespace) -> str:
     """A name for the folder of the results: controller, protocol, and every setting that is not the default."""
     name = f"{controller.name}-{bench.rules.name}" + (f"-seed{bench.seed}" if bench.seed else "")
+    # Else the corners would take the place of a sample of the box.
+    distribution = getattr(given, "distribution", "box")
+    name += "" if distribution == "box" else f"-{distribution}"
     plant = bench.manipulator.model if bench.manipulator.build == "file" else ""
     only = getattr(given, "only", ())
     # What has no short name still keeps results of different settings apart, by a hash.

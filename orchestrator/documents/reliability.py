@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from ..benchmark.reliability import Distribution, Failing, Probability, Quantile, failing, quantile
+from ..benchmark.tail import Tail
 from ..codec import Natural
 from ..views.plot import Axis, Level, Line, Plot, hue
 from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value
-from ..views.units import SHOWN, number
+from ..views.units import NONE, SHOWN, number
 from .document import Comparable, Completeness, Document, Rank, Row
 from .files import RELIABILITY, REPORT
 from .wording import Reason, carry_over, head_facts, reason_notes
@@ -31,6 +32,12 @@ class Reliability(Document, Comparable, kw_only=True):
     With the ``confidence``, the probability that a draw breaks a requirement is at most the ``bound`` of
     ``requirements``, and at most the share ``probability`` of all draws exceed the ``bound`` of a criterion, or of V of
     a draw (``cost``).
+
+    With ``only``, a part of the tests was simulated: there are the requirements and criteria whose tests are among
+    these, the tests that it names, and V if there are all criteria; else no draw is judged in ``cost``.
+
+    ``tails`` estimates, by the name of a criterion or ``"V"``, what lies beyond the largest draws, where 400 draws or
+    more have a value: a :class:`.Tail`. Unlike the bounds it assumes that the draws have shown all there is to see.
     """
 
     FILE: ClassVar[str] = RELIABILITY
@@ -45,6 +52,8 @@ class Reliability(Document, Comparable, kw_only=True):
     requirements: dict[str, Failing]
     criteria: dict[str, Quantile]
     cost: Quantile
+    only: tuple[str, ...] = ()
+    tails: dict[str, Tail] = {}
 
     @property
     def completeness(self) -> Completeness:
@@ -60,7 +69,13 @@ class Reliability(Document, Comparable, kw_only=True):
             without = [None] * (sample.judged - len(sample.values))
             if sample != quantile([*sample.values, *without], self.probability, self.confidence):
                 return "a quantile is not that of its values"
-        return "" if self.criteria.keys() == self.rules.criteria.keys() else "its criteria are not those of its rules"
+        samples = {**self.criteria, "V": self.cost}
+        if any(name not in samples or not _fits(found, samples[name]) for name, found in self.tails.items()):
+            return "a tail is not that of its values"
+        names = self.rules.criteria.keys()
+        if self.criteria.keys() == names or (self.only and self.criteria.keys() <= names and not self.cost.judged):
+            return ""
+        return "its criteria are not those of its rules"
 
     @property
     def rank(self) -> Rank:
@@ -82,12 +97,14 @@ class Reliability(Document, Comparable, kw_only=True):
         """Probabilities of failure, quantiles, their distribution, and the failures with their commands."""
         level = f"{self.confidence:g} confidence"
         parts: list[Part] = [Facts("This sample", tuple(head_facts(self.head))), self._failing(level)]
-        parts += [self._quantiles(level), self._distribution(), *reason_notes(reliability_reasons(self))]
-        if self.cost.bound is None:
+        if self.criteria:
+            parts += [self._quantiles(level), *self._tails(level), self._distribution()]
+        parts += reason_notes(reliability_reasons(self))
+        if self.cost.judged and self.cost.bound is None:
             parts.append(Note("V has no bound: there are too few draws, or too many without a V.", warning=True))
         kicker = (
             f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.draws} independent draws, "
-            f"distribution {self.distribution}"
+            f"distribution {self.distribution}" + (f", only {', '.join(self.only)}" if self.only else "")
         )
         return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
 
@@ -108,16 +125,38 @@ class Reliability(Document, Comparable, kw_only=True):
     def _quantiles(self, level: str) -> Table:
         columns = (Column(""), Column("median"), Column("largest"), Column("bound"), Column("target"))
         rows: list[tuple[Cell, ...]] = []
-        for name, spec in self.rules.criteria.items():
-            unit, sample = SHOWN[spec.unit], self.criteria[name]
+        for name, sample in self.criteria.items():
+            spec = self.rules.criteria[name]
+            unit = SHOWN[spec.unit]
             values = (Value(value, unit=unit) for value in (sample.median, sample.largest, sample.bound, spec.target))
             rows.append((Quantity(name, unit), *values))
-        rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
+        if self.cost.judged:
+            rows.append(("V", self.cost.median, self.cost.largest, self.cost.bound, self.rules.cost.target))
         return Table(f"Bounds that at most {self.probability:g} of all draws exceed, at {level}", columns, tuple(rows))
 
+    def _tails(self, level: str) -> Iterator[Table]:
+        rows: list[tuple[Cell, ...]] = []
+        for name, found in self.tails.items():
+            unit = SHOWN[self.rules.criteria[name].unit] if name in self.rules.criteria else NONE
+            ends = 3 * (None,) if found.level is None else (found.level.estimate, found.level.low, found.level.high)
+            likely = (
+                3 * (None,)
+                if found.exceedance is None
+                else (found.exceedance.estimate, found.exceedance.low, found.exceedance.high)
+            )
+            levels = (Value(value, unit=unit) for value in ends)
+            rows.append((Quantity(name, unit) if unit is not NONE else name, *levels, *likely))
+        if rows:
+            columns = ("", "return level", "from", "to", "beyond target", "from", "to")
+            words = (
+                f"Peaks over threshold. Return level: what {self.probability:g} of all draws exceed. Beyond target: "
+                "the probability that a draw is. Both are extrapolated: what none of the draws has hit is not in them."
+            )
+            yield Table(f"Estimated tail, at {level}", tuple(map(Column, columns)), tuple(rows), caption=words)
+
     def _distribution(self) -> Plot:
-        by_weight = sorted(self.rules.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
-        quantiles = {"V": (self.cost, self.rules.cost.target)}
+        by_weight = sorted(self.criteria, key=lambda name: -self.rules.criteria[name].weight)[:HEAVY]
+        quantiles = {"V": (self.cost, self.rules.cost.target)} if self.cost.judged else {}
         quantiles |= {name: (self.criteria[name], self.rules.criteria[name].target) for name in by_weight}
         series = tuple(
             _exceeding(name, values, target, place) for place, (name, (values, target)) in enumerate(quantiles.items())
@@ -131,6 +170,16 @@ class Reliability(Document, Comparable, kw_only=True):
             f"{name} fails < {number(requirement.bound)}" for name, requirement in self.requirements.items()
         )
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
+
+
+def _fits(found: Tail, sample: Quantile) -> bool:
+    """Whether a tail may be that of a sample. It is not fitted again: another version of SciPy has other bits."""
+    intervals = [each for each in (found.level, found.exceedance) if each is not None]
+    return (
+        len(sample.values) == sample.judged
+        and found.peaks == sum(value > found.threshold for value in sample.values)
+        and all(each.low <= each.estimate <= each.high for each in intervals)
+    )
 
 
 def _exceeding(name: str, sample: Quantile, target: float, order: int) -> Line:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
@@ -11,11 +12,12 @@ from ..benchmark.protocol import Protocol
 from ..benchmark.reliability import Distribution, Failing, Failure, draws_needed, failing, quantile
 from ..benchmark.results import CaseResult
 from ..benchmark.scorecard import outcome
+from ..benchmark.tail import tail
 from ..benchmark.tally import UNJUDGED
 from ..documents.commands import member_command, setting
 from ..documents.files import RELIABILITY
 from ..documents.reliability import Reliability
-from ..errors import InputError
+from ..errors import InputError, unknown
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.draws import members
@@ -57,17 +59,26 @@ class ReliabilityStudy(Study[Reliability]):
         exclude="size",
     )
     more: int | None = option(None, "so many draws more than the folder has", least=1, metavar="N", exclude="size")
+    only: Sequence[str] = option(
+        (),
+        "what to simulate the tests of: A1, A2, A3, B1 to B7, or a test such as delay_2; by default everything",
+        metavar="NAME",
+    )
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Reliability]:
         """The requests of a sample, in batches of draws."""
+        protocol, nominal = testbed.rules, testbed.nominal
+        chosen = simulated(protocol, self.only)
         draws = self._count(folder)
         controller, pairing, T_s, listed = testbed.prepared(controller)
-        protocol, nominal = testbed.rules, testbed.nominal
         begin = yield Now()
         yield from rehearsed(pairing, listed[0])
         # By number, not one after the other from one stream: more draws keep those
         # that are there, and a cluster may run them in any order.
-        sample = [members(protocol, self.distribution, testbed.seed, number) for number in range(draws)]
+        sample = [
+            [member for member in members(protocol, self.distribution, testbed.seed, number) if member.test in chosen]
+            for number in range(draws)
+        ]
         by_draw: list[list[CaseResult]] = []
         total = sum(map(len, sample))
         while len(by_draw) < draws:
@@ -84,8 +95,15 @@ class ReliabilityStudy(Study[Reliability]):
         def command(member: Member) -> str:
             return member_command(setting(made), member, parameters(member, protocol, nominal))
 
-        figures = {name: [_value(name, results) for results in by_draw] for name in protocol.criteria}
-        costs = [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
+        judged = judged_by(protocol, chosen, self.only)
+        measured = [name for name in protocol.criteria if tests_of(protocol, name) <= chosen]
+        figures = {name: [_value(name, results) for results in by_draw] for name in measured}
+        # V takes all criteria: a part of them would be a smaller V.
+        costs = (
+            [_cost(protocol, {name: figures[name][number] for name in figures}) for number in range(draws)]
+            if len(measured) == len(protocol.criteria)
+            else []
+        )
         answer = Reliability(
             schema=Reliability.SCHEMA,
             head=made,
@@ -93,12 +111,21 @@ class ReliabilityStudy(Study[Reliability]):
             draws=draws,
             probability=self.probability,
             confidence=self.confidence,
+            only=tuple(self.only),
             requirements={
-                name: _failing(protocol, name, sample, by_draw, command, self.confidence)
-                for name in sorted({requirement for test in protocol.tests for requirement in test.requirements})
+                name: _failing(protocol, tests, sample, by_draw, command, self.confidence)
+                for name, tests in judged.items()
             },
             criteria={name: quantile(values, self.probability, self.confidence) for name, values in figures.items()},
             cost=quantile(costs, self.probability, self.confidence),
+            tails={
+                name: found
+                for name, values, target in (
+                    *((name, values, protocol.criteria[name].target) for name, values in figures.items()),
+                    ("V", costs, made.rules.cost.target),
+                )
+                if (found := tail(values, target, self.probability, self.confidence)) is not None
+            },
         )
         yield Save(answer)
         return answer
@@ -110,7 +137,46 @@ class ReliabilityStudy(Study[Reliability]):
         file = None if folder is None else folder / RELIABILITY
         if file is None or not file.is_file():
             raise InputError("There is no sample that draws could be added to.", "no-sample", folder or "")
-        return Reliability.load(file).draws + self.more
+        earlier = Reliability.load(file)
+        if (earlier.distribution, earlier.only) != (self.distribution, tuple(self.only)):
+            raise InputError(
+                f"The sample in {folder} has another distribution, or other tests: draws cannot be added to it.",
+                "no-sample",
+                folder or "",
+            )
+        return earlier.draws + self.more
+
+
+def tests_of(protocol: Protocol, name: str) -> set[str]:
+    """The tests that a requirement or a criterion asks for, or the test of that ``name``. Repetitions with other noise
+    are left out: each draw has its own noise."""
+    tests = [test for test in protocol.tests if not test.repeats]
+    return {test.name for test in tests if name in (test.name, *test.requirements, *test.criteria)}
+
+
+def simulated(protocol: Protocol, only: Sequence[str]) -> set[str]:
+    """The tests of what ``only`` names, or all.
+
+    Raises :class:`InputError` for a name that is no requirement, criterion or test.
+    """
+    tests = [test for test in protocol.tests if not test.repeats]
+    requirements = sorted({requirement for test in tests for requirement in test.requirements})
+    known = [*requirements, *protocol.criteria, *(test.name for test in tests)]
+    for name in only:
+        if name not in known:
+            message = f"The protocol {protocol.name} has no requirement, criterion or test {name}."
+            raise unknown(message, "no-target", protocol.name, name, known)
+    chosen = [tests_of(protocol, name) for name in only or known]
+    return set().union(*chosen)
+
+
+def judged_by(protocol: Protocol, chosen: AbstractSet[str], only: Sequence[str]) -> dict[str, set[str]]:
+    """What is judged, with its tests: each requirement all of whose tests are ``chosen``, and each test that ``only``
+    names. A requirement of which some test is left out may fail in that test, so it has no bound."""
+    requirements = sorted({requirement for test in protocol.tests for requirement in test.requirements})
+    whole = [name for name in requirements if tests_of(protocol, name) <= chosen]
+    named = [test.name for test in protocol.tests if test.name in only and test.requirements]
+    return {name: tests_of(protocol, name) for name in (*whole, *named)}
 
 
 def _value(name: str, results: Sequence[CaseResult]) -> float | None:
@@ -133,14 +199,14 @@ def _cost(protocol: Protocol, values: dict[str, float | None]) -> float | None:
 
 def _failing(
     protocol: Protocol,
-    name: str,
+    tests: AbstractSet[str],
     sample: Sequence[Sequence[Member]],
     by_draw: Sequence[Sequence[CaseResult]],
     command: Callable[[Member], str],
     confidence: float,
 ) -> Failing:
-    """How often a requirement fails in a draw; one with a test that was lost is not judged, unless another fails."""
-    tests = {test.name for test in protocol.tests if name in test.requirements}
+    """How often a draw fails in one of the ``tests``; one with a test that was lost is not judged, unless another
+    fails."""
     limits, judged = protocol.stability, 0
     failures: list[Failure] = []
     for number, (drawn, results) in enumerate(zip(sample, by_draw, strict=True)):
