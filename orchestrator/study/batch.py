@@ -277,7 +277,7 @@ def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) 
         job = beginning_job(entry.protocol, [entry.cases[number] for number in numbers], entry.pairing)
         return replace(job, give_up=alone), _Repetition(progress, numbers, job.rest(len(numbers)), whole=False)
     # What gives up after a failure must run in the order in which failures are counted.
-    numbers = numbers if alone else _longest_first(entry, numbers)
+    numbers = numbers if alone else _telling_case_first(entry, numbers)
     cases = [entry.cases[number] for number in numbers]
     ask = record_job if entry.witness is not None else digest_job
     job = ask(entry.protocol, [*cases, cases[0]], entry.pairing)
@@ -285,7 +285,7 @@ def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) 
     return replace(job, give_up=alone), _Repetition(progress, numbers, only, whole=True)
 
 
-def _longest_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:
+def _telling_case_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:
     """The numbers of a group, with a long case in front whose criteria show what becomes of its controller."""
     first = max(
         numbers, key=lambda number: (bool(entry.cases[number].test.criteria), entry.cases[number].scenario.duration)
