@@ -227,11 +227,8 @@ def _simulated(
     places: list[tuple[_Progress, list[int], set[int]]] = []
     for progress in opened:
         waiting = [] if progress.reason else progress.waiting
-        alone, left = progress.entry.patience == 1, set(waiting)
-        # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted.
-        size = max(1, len(waiting)) if alone else GROUP_SIZE
-        for first in range(0, len(waiting), size):
-            numbers = waiting[first : first + size]
+        left = set(waiting)
+        for numbers in _groups(progress.entry, waiting):
             job, repetition = _job(progress, numbers, repeat, not repetitions)
             if repetition is not None:
                 repetitions[len(jobs)] = repetition
@@ -257,6 +254,14 @@ def _simulated(
             compared = all(repetition.over for repetition in repetitions.values())
             if compared and all(progress.reason or not left for progress, _, left in places):
                 return
+
+
+def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:
+    """The numbers of the cases that share a job."""
+    # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted. It must stay
+    # in the order of the cases, in which failures are counted.
+    size = max(1, len(waiting)) if entry.patience == 1 else GROUP_SIZE
+    return (waiting[first : first + size] for first in range(0, len(waiting), size))
 
 
 def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) -> tuple[Job, _Repetition | None]:
