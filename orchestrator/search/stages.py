@@ -80,9 +80,7 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
 def _along_links(hunt: Hunt, target: Target) -> list[Member]:
     """Each arm of the list in ``target``'s test at each configuration, under forces through its joints."""
     arms = {(member.q_a, member.system): spelled(member, hunt.protocol, target.test) for member in hunt.listed}
-    return [
-        replace(member, phi_F=direction) for member in arms.values() for direction in moves.through_joints(member.q_a)
-    ]
+    return [replace(member, phi_F=direction) for member in arms.values() for direction in moves.along_arm(member.q_a)]
 
 
 def _explore(climb: Climb, target: Target) -> Asking[None]:
@@ -108,6 +106,7 @@ def _price_of_confirming(hunt: Hunt, climb: Climb) -> float:
 def _undisturbed(hunt: Hunt, members: Sequence[Member]) -> list[Member]:
     """The arms of ``members`` in the tests without a disturbance, where the other criteria are measured."""
     tests = [test for test in hunt.protocol.tests if test.criteria and not test.disturbed]
-    return list(
-        dict.fromkeys(replace(member, test=test.name, phi_F=None, sweep=None) for test in tests for member in members)
+    quiet = (
+        replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members
     )
+    return list(dict.fromkeys(quiet))
