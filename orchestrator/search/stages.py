@@ -73,12 +73,12 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
                     starters.append(spelled(member, hunt.protocol, target.test))
         # Such a force turns a motor the least: a controller that reacts to large errors may leave the arm ringing.
         if target.criterion == "B6":
-            starters += _along_links(hunt, target)
+            starters += _along_arm(hunt, target)
         yield from by_pose.begin(climb, target, starters)
 
 
-def _along_links(hunt: Hunt, target: Target) -> list[Member]:
-    """Each arm of the list in ``target``'s test at each configuration, under forces through its joints."""
+def _along_arm(hunt: Hunt, target: Target) -> list[Member]:
+    """Each arm of the list in ``target``'s test at each configuration, under forces along it."""
     arms = {(member.q_a, member.system): spelled(member, hunt.protocol, target.test) for member in hunt.listed}
     return [replace(member, phi_F=direction) for member in arms.values() for direction in moves.along_arm(member.q_a)]
 
