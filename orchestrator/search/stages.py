@@ -106,7 +106,5 @@ def _price_of_confirming(hunt: Hunt, climb: Climb) -> float:
 def _undisturbed(hunt: Hunt, members: Sequence[Member]) -> list[Member]:
     """The arms of ``members`` in the tests without a disturbance, where the other criteria are measured."""
     tests = [test for test in hunt.protocol.tests if test.criteria and not test.disturbed]
-    quiet = (
-        replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members
-    )
+    quiet = (replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members)
     return list(dict.fromkeys(quiet))
