@@ -100,7 +100,7 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
     assert [row["id"] for row in rows] == [entry.id for entry in cases]
     assert {row["B5 [m]"] for row in rows} == {"", "0.0102"}
     expected = ['said "no",\nthen died; ü', *(f"'{text}" for text in messages[1:])]
-    assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle_x [m]"] == ""
+    assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle [m]"] == ""
     assert float(rows[-7]["q_a1 [rad]"]) < 0, "a number keeps its sign"
     table = parquet.read_table(io.BytesIO(parquet_bytes(results_of(cases)))).to_pydict()
     assert table["id"] == [entry.id for entry in cases] and set(table["B5 [m]"]) == {None, 0.0102}

@@ -82,6 +82,8 @@ def member_command(setting: Setting, member: Member, parameters: Mapping[str, fl
         words += ["--phi-F", _exact(member.phi_F)]
     if member.sweep is not None:
         words += ["--chirp-frequencies", *map(_exact, member.sweep)]
+    if member.t_3 is not None:
+        words += ["--t-3", _exact(member.t_3)]
     if member.gain is not None:
         words += ["--gain", *map(_exact, member.gain)]
     if member.delay is not None:

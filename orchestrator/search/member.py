@@ -36,6 +36,8 @@ class Member:
         Direction of the force [rad]; by default the test's.
     sweep : tuple of float, optional
         Frequencies [Hz] at which the chirp begins and ends; by default the test's.
+    t_3 : float, optional
+        Time [s] at which the chirp begins; by default the test's.
     gain, delay : optional
         Loop gain, and delay from controller to motor [s], of both axes, instead of the test's.
     seed : int
@@ -50,6 +52,7 @@ class Member:
     system: str = NOMINAL
     phi_F: float | None = None
     sweep: Pair | None = None
+    t_3: float | None = None
     gain: Pair | None = None
     delay: tuple[Fraction, Fraction] | None = None
     seed: int = 0
@@ -59,7 +62,14 @@ class Member:
     def variation(self) -> Variation:
         """What it changes in its test."""
         short = self.short or Variation()
-        return replace(short, phi_F=self.phi_F, chirp_frequencies=self.sweep, gain=self.gain, delay=self.delay)
+        return replace(
+            short,
+            phi_F=self.phi_F,
+            chirp_frequencies=self.sweep,
+            t_3=self.t_3 if short.t_3 is None else short.t_3,
+            gain=self.gain,
+            delay=self.delay,
+        )
 
 
 def possible(member: Member, protocol: Protocol) -> bool:
@@ -110,6 +120,7 @@ def spelled(member: Member, protocol: Protocol, test: str) -> Member:
         test=test,
         phi_F=phi_F if member.phi_F is None else member.phi_F,
         sweep=sweep if member.sweep is None else member.sweep,
+        t_3=fixed.t_3 if member.t_3 is None else member.t_3,
     )
 
 

@@ -109,5 +109,7 @@ def _undisturbed(hunt: Hunt, members: Sequence[Member]) -> list[Member]:
     """The arms of ``members`` in the tests without a disturbance, where the other criteria are measured."""
     tests = [test for test in hunt.protocol.tests if test.criteria and not test.disturbed]
     return list(
-        dict.fromkeys(replace(member, test=test.name, phi_F=None, sweep=None) for test in tests for member in members)
+        dict.fromkeys(
+            replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members
+        )
     )

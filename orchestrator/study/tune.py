@@ -197,7 +197,7 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
         failing = {
             verdict.worst_case: None
             for name in broken
-            for verdict in evaluation.requirements[name].axes.values()
+            for _, verdict in evaluation.requirements[name].by_role(name)
             if verdict.passed is False and verdict.worst_case
         }
         named = {case.id: case for case in cases}
