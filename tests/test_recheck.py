@@ -217,6 +217,7 @@ def test_what_is_no_case_is_refused_with_a_sentence(recorded, tmp_path, capsys):
         "jitter": changed(recorded, scenario__sensor__jitter="1/8000"),
         "parameters": changed(recorded, parameters=lambda all: {**all, "g": 1.0}),
         "missing": changed(recorded, definitions={}),
+        "to 1000 directions": changed(recorded, definitions={"limit_cycle_directions": 1e9}),
     }
     for name, content in bad.items():
         (tmp_path / name).write_bytes(content)

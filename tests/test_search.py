@@ -205,7 +205,7 @@ def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
     )
 
 
-@pytest.mark.parametrize("budget", [842, 1000, 1300, 2000, 6000])
+@pytest.mark.parametrize("budget", [939, 1000, 1300, 2000, 6000])
 def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
     """With a controller that fails everything beyond some gain and delay, and V above its target near the end."""
 
@@ -250,7 +250,7 @@ def test_the_worst_member_of_each_criterion_at_each_configuration_is_told():
         (place, name) for place in range(len(POSES)) for name in ("B6", "B5", "B7")
     ]
     for peak in found:
-        assert peak.deviations.keys() == CORNER.keys() and set(peak.deviations.values()) <= {-1.0, 0.0, 1.0}
+        assert peak.deviations.keys() == CORNER.keys() and max(map(abs, peak.deviations.values())) <= 1.0
     settling = [peak for peak in found if peak.criterion == "B6"]
     assert all(
         peak.value == sum(peak.deviations[name] == CORNER[name] for name in CORNER)
@@ -479,6 +479,7 @@ def members(draw):
         deviations=tuple((name, draw(ends)) for name in names(STRICT)),
         phi_F=draw(st.none() | st.floats(-7.0, 7.0)),
         sweep=draw(st.none() | st.sampled_from([(0.0, 15.0), (15.0, 0.0)])),
+        t_3=draw(st.none() | st.floats(0.0, 1.0)),
         gain=draw(st.none() | st.tuples(st.floats(0.1, 20.0), st.just(1.0))),
         delay=draw(
             st.none() | st.tuples(st.just(Fraction(1, 4000)), st.integers(4, 160).map(lambda k: Fraction(k, 16000)))

@@ -238,11 +238,21 @@ def at(q_a, system, gain=None):
     return STRICT.case_at(tuple(map(math.radians, q_a)), system, "gain_1", Variation(gain=gain))
 
 
+DIAGONAL = STRICT.case_at(
+    (math.radians(72.0), math.radians(-180.0)),
+    "compliant",
+    "gain_2",
+    Variation(gain=(1.0, 3.5), delay=(Fraction(1, 4000), Fraction(3, 4000))),
+)
+"""A cycle of 9.9 µm in x and 7.9 µm in z."""
+
+
 @pytest.mark.slow
 @pytest.mark.needs("compiler")
 @pytest.mark.parametrize(
     ("controller", "case", "verdict", "until"),
     [
+        ("DiagonalPID_C", DIAGONAL, "limit cycle", 60.0),
         ("DiagonalPID_C", at((72.0, -50.0), "slippery", (8.25, 1.0)), "limit cycle", 60.0),
         ("DitheredLQG_C", at((-90.0, -90.0), "sticky"), "ring-down", 60.0),
         ("RobustLQG", swept(0.0, 15.0, test="disturbance_90", gain=4.5), "limit cycle", 60.0),

@@ -75,7 +75,7 @@ class TuningStudy(Study[Tuning]):
     )
     robust: int = option(
         0,
-        "search for the worst case of the best candidates, with a budget of so many whole cases each, at least the 839 "
+        "search for the worst case of the best candidates, with a budget of so many whole cases each, at least the 936 "
         "of the strict list, and count what is found",
         least=0,
         metavar="N",
