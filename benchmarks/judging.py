@@ -1,4 +1,4 @@
-"""What reading the figures off a trajectory costs: one compiled pass, beside several passes of NumPy.
+"""What reading the figures off a trajectory costs: compiled passes, beside those of NumPy.
 
     python benchmarks/judging.py              26 s of white noise as positions and torques
     python benchmarks/judging.py --rounds 50
@@ -19,25 +19,26 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
 from benchmarks.common import measure, median  # noqa: E402
-from orchestrator.benchmark.one_pass import Places, scan  # noqa: E402
+from orchestrator.benchmark.one_pass import COSINES, SINES, Places, amplitudes, scan  # noqa: E402
 
 SAMPLES, RATE = 104_000, 4000
 PLACES = Places(end=SAMPLES + 1, chirp=RATE // 2, force=10 * RATE, release=21 * RATE // 2 + 1, rest=25 * RATE)
 STARTS = np.array([SAMPLES - 3 * n * RATE for n in (4, 3, 2, 1)])
-SETTLING, RECOVERY = 0.1e-3, 20e-6
+SETTLING, RECOVERY = 0.1e-3, 50e-6
 U_M0 = 3.0, -2.0
 
 Figures = list[float]
 
 
-def in_one_pass(X: np.ndarray, torque: np.ndarray) -> Figures:
-    """The figures by :func:`scan`."""
-    found = scan(X, torque, U_M0, PLACES, STARTS, SETTLING, RECOVERY)
+def compiled(X: np.ndarray, torque: np.ndarray) -> Figures:
+    """The figures by :func:`scan` and :func:`amplitudes`."""
+    found = scan(X, torque, U_M0, PLACES, SETTLING, RECOVERY)
     errors = found.force_error, found.chirp_error, found.rest_error, found.settling, found.recovery
-    return [*found.noise, *found.torque, *errors, *found.amplitudes.ravel().tolist()]
+    windows = np.split(X, STARTS)[1:]
+    return [*found.noise, *found.torque, *errors, *(float(value) for each in windows for value in amplitudes(each))]
 
 
-def in_several_passes(X: np.ndarray, torque: np.ndarray) -> Figures:
+def by_numpy(X: np.ndarray, torque: np.ndarray) -> Figures:
     """The same figures, each by itself."""
     offset = X - X[0]
     error = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
@@ -47,8 +48,12 @@ def in_several_passes(X: np.ndarray, torque: np.ndarray) -> Figures:
     numbers = np.arange(len(error))
     last = [np.flatnonzero((numbers >= PLACES.release) & (error >= limit))[-1] for limit in (SETTLING, RECOVERY)]
     windows = np.split(X, STARTS)[1:]
-    amplitudes = [0.5 * np.ptp(window, axis=0) for window in windows]
-    return [float(value) for value in (*noise, *largest, *map(np.max, parts), *last, *np.ravel(amplitudes))]
+    sizes = [
+        0.5 * np.ptp(cosine * (window[:, 0] - window[0, 0]) + sine * (window[:, 1] - window[0, 1]))
+        for window in windows
+        for cosine, sine in zip(COSINES, SINES, strict=True)
+    ]
+    return [float(value) for value in (*noise, *largest, *map(np.max, parts), *last, *sizes)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,12 +72,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return run
 
-    ways = {"several passes (NumPy)": in_several_passes, "one pass (compiled)": in_one_pass}
+    ways = {"NumPy": by_numpy, "compiled": compiled}
     results = measure({name: timed(read) for name, read in ways.items()}, rounds)
     for name in ways:
         each = median(results, lambda times, name=name: times[name])
         print(f"{each:8.4f} µs per sample, {1e-3 * each * SAMPLES:7.2f} ms for 26 s   {name}")
-    same = in_one_pass(X, torque) == in_several_passes(X, torque)
+    same = compiled(X, torque) == by_numpy(X, torque)
     print("both give the same bits" if same else "THE FIGURES DIFFER")
     return 0 if same else 1
 

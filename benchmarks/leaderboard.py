@@ -7,6 +7,9 @@
     python benchmarks/leaderboard.py --search       after a change of search or verdicts: evaluate and search with the
                                                     native plant; spread over the seeds and computing time stay
                                                     (two hours)
+    python benchmarks/leaderboard.py --evaluate     after a change of verdicts or of a protocol's cases: evaluate on
+                                                    ``paper`` and ``strict`` with the native plant; the rest stays, and
+                                                    is shown with the version that found it (ten minutes)
     python benchmarks/leaderboard.py --same         after a change of FMUs or code that must not move a number: evaluate
                                                     all on ``paper``; where all cases are the same to the last bit,
                                                     keep the figures with the hashes of the new FMUs, else fail
@@ -82,13 +85,8 @@ def evaluate(
 
 def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[int]) -> Requests[dict[str, Any]]:
     """The study of it, made of others, whose files are in ``folder``."""
-    controller, searched, hashes = built(name), searched_as(name), {}
-    for plant in ("native", "python") if before is None else ("native",):
-        run = yield from inside(plant, EVALUATION.ask(Benchmark(plant=plant), controller))
-        hashes[plant] = hashlib.sha256((folder / plant / "cases.csv").read_bytes()).hexdigest()
-    assert len(set(hashes.values())) == 1, "the native plant gives other results"
-    results, strict = run.results, Benchmark("strict")
-    listed = yield from inside("strict", EVALUATION.ask(strict, searched))
+    searched, strict = searched_as(name), Benchmark("strict")
+    measured = yield from _evaluated(name, folder, ("native", "python") if before is None else ("native",))
     found = yield from _agreed(strict, searched, budgets)
     if before is None:
         seeds = yield from inside("seeds", SpreadStudy(SEEDS, EVALUATION).ask(Benchmark(), searched))
@@ -96,6 +94,32 @@ def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[i
         spread = json.loads(to_json(over))
     else:
         spread = before["seeds"]
+    return {
+        **measured,
+        "robustness": _found(found),
+        "seeds": spread,
+        "computing_time": measured["computing_time"] if before is None else before["computing_time"],
+    }
+
+
+def evaluated_anew(figures: Figures, folder: Path) -> dict[str, Any]:
+    """The ``figures`` of a controller with those on ``paper`` and ``strict`` as they are now; what was searched for
+    stays, with the version of the benchmark that it is of."""
+    name = name_of(figures)
+    measured = Benchmark().engine(folder / name).run(_evaluated(name, folder / name, ("native",)))
+    found = {"benchmark": figures["benchmark"], **figures["robustness"]}
+    return {**measured, **_kept(figures, "seeds", "computing_time"), "robustness": found}
+
+
+def _evaluated(name: str, folder: Path, plants: Sequence[str]) -> Requests[dict[str, Any]]:
+    """The figures of a controller on ``paper``, with these builds of the plant, and on ``strict``."""
+    controller, hashes = built(name), {}
+    for plant in plants:
+        run = yield from inside(plant, EVALUATION.ask(Benchmark(plant=plant), controller))
+        hashes[plant] = hashlib.sha256((folder / plant / "cases.csv").read_bytes()).hexdigest()
+    assert len(set(hashes.values())) == 1, "the native plant gives other results"
+    results = run.results
+    listed = yield from inside("strict", EVALUATION.ask(Benchmark("strict"), searched_as(name)))
     return {
         "guid": controller.archive.description.guid,
         "plant": _plant(),
@@ -105,11 +129,7 @@ def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[i
         **_part(results, "benchmark", "protocol", "seed"),
         **_scorecard(results),
         "strict": _scorecard(listed.results),
-        "robustness": _found(found),
-        "seeds": spread,
-        "computing_time": json.loads(to_json(results.timing.computing_time))
-        if before is None
-        else before["computing_time"],
+        "computing_time": json.loads(to_json(results.timing.computing_time)),
     }
 
 
@@ -193,11 +213,16 @@ def _found(found: Robustness) -> dict[str, Any]:
         name: kept[name] for name in ("cost", "starts", "budget", "simulations", "requirements", "margins", "radius")
     }
     means = {name: _part(found.criteria[name], "value", "unit") for name in SEARCHED}
-    return {**parts, "seed": found.head.seed, "criteria": means, "worst_case": worst}
+    head = {"benchmark": found.benchmark, "seed": found.head.seed}
+    return {**head, **parts, "criteria": means, "worst_case": worst}
 
 
 def _part(of: object, *names: str) -> dict[str, Any]:
     return {name: getattr(of, name) for name in names}
+
+
+def _kept(figures: Figures, *names: str) -> dict[str, Any]:
+    return {name: figures[name] for name in names}
 
 
 def main() -> None:
@@ -208,15 +233,18 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=ROOT / "runs" / "leaderboard", help="folder of the evaluations")
     parser.add_argument("--search", action="store_true", help="evaluate and search with the native plant, not the rest")
     parser.add_argument("--budget", type=int, help="of the search; without it, the first at which the starts agree")
+    parser.add_argument(
+        "--evaluate", action="store_true", help="evaluate with the native plant, and search for nothing"
+    )
     parser.add_argument("--same", action="store_true", help="only check that the FMUs give the cases that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
     kept = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else []
-    if options.same:
-        chosen = options.names or PAGES
-        kept = [same(each, options.runs) if name_of(each) in chosen else each for each in kept]
+    if options.same or options.evaluate:
+        chosen, renew = options.names or PAGES, same if options.same else evaluated_anew
+        kept = [renew(each, options.runs) if name_of(each) in chosen else each for each in kept]
         FIGURES.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    for name in () if options.table or options.same else options.names or PAGES:
+    for name in () if options.table or options.same or options.evaluate else options.names or PAGES:
         before = next((each for each in kept if name_of(each) == name), None) if options.search else None
         new = evaluate(name, options.runs, before, (options.budget,) if options.budget else BUDGETS)
         kept = [each for each in kept if name_of(each) != name] + [new]

@@ -82,7 +82,7 @@ def worst_row(figures: Figures, name: str, *more: str) -> str:
         gains,
         delays,
         " and ".join(_reach(radius, key) for key in REACHES),
-        *_searched(found),
+        *_searched(figures),
         *more,
     )
     return f"| {name} | {' | '.join(cells)} |\n"
@@ -110,9 +110,16 @@ def _reach(radius: Mapping[str, Any], part: str) -> str:
     return f"≤ {number(value)}" if part in radius["at_most"] else number(value)
 
 
-def _searched(found: Mapping[str, Any]) -> tuple[str, str]:
+def _searched(figures: Figures) -> tuple[str, str]:
     """What was tried: without it, a V found and "no failure found" say nothing (docs/rules.md)."""
-    return f"{found['budget']:,} in {len(found['starts'])} starts", str(found["attacks"])
+    found = figures["robustness"]
+    return f"{found['budget']:,} in {len(found['starts'])} starts{_of_version(figures)}", str(found["attacks"])
+
+
+def _of_version(figures: Figures) -> str:
+    """The version of the benchmark that a search is of, if it is not that of the other figures."""
+    version: str = figures["robustness"]["benchmark"]
+    return "" if version == figures["benchmark"] else f", {version.rpartition('-')[2]}"
 
 
 def _worst_cost(found: Mapping[str, Any], mark: str = "**") -> str:
@@ -126,7 +133,7 @@ def brief(kept: Sequence[Figures]) -> str:
     return BRIEF_HEAD + "".join(
         f"| [{name_of(each)}]({PAGES[name_of(each)]}/README.md) | {each['cost']:.1f} "
         f"| {_worst_cost(each['robustness'], '')} | {_failing(each)} "
-        f"| {' | '.join(_searched(each['robustness']))} |\n"
+        f"| {' | '.join(_searched(each))} |\n"
         for each in sorted(kept, key=standing)
     )
 
@@ -159,8 +166,9 @@ def starts(kept: Sequence[Figures]) -> str:
         smallest, largest = min(found["starts"]), max(found["starts"])
         costs = ", ".join(f"{cost:.1f}" for cost in found["starts"])
         lines.append(
-            f"| `{name_of(each)}` | {found['budget']:,} | {found['simulations']:,} | {found['own_cost']:.1f} | {costs} "
-            f"| {100.0 * (largest - smallest) / largest:.1f} % | {found['attacks']} | {found['cost']:.1f} |\n"
+            f"| `{name_of(each)}` | {found['budget']:,}{_of_version(each)} | {found['simulations']:,} "
+            f"| {found['own_cost']:.1f} | {costs} | {100.0 * (largest - smallest) / largest:.1f} % "
+            f"| {found['attacks']} | {found['cost']:.1f} |\n"
         )
     head = (
         "| controller | budget, whole cases | simulations | V of all starts | V of each start | spread "
@@ -174,12 +182,17 @@ def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> st
     the worst cases found, with the commands that repeat them; the spread over seeds."""
     own, baseline = (next(each for each in kept if name_of(each) == wanted) for wanted in (name, BASELINE))
     repeatable = known(own, [claim for claim in others if claim.command])["robustness"]
+    worst = known(own, others)
     reported = [claim for claim in counting(own, others).values() if not claim.command]
     shares = " | ".join(number(entry["share"]) for entry in own["criteria"].values())
+    version = _of_version(own).removeprefix(", v")
+    told = (
+        f"What was found, and the spread over seeds, are of version {version} of the benchmark.\n\n" if version else ""
+    )
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
-        f"{WORST_HEAD}{worst_row(known(own, others), name)}\n{broken(repeatable, known(own, others)['robustness'])}"
+        f"{WORST_HEAD}{worst_row(worst, name)}\n{told}{broken(repeatable, worst['robustness'])}"
         f"{_seeds(own)}\n{largest(repeatable)}{_reported(reported)}"
     )
 

@@ -98,7 +98,7 @@ MEANINGS = {
         "late": "delay of the force [s]",
     },
     "Stability": {
-        "limit_cycle": "A3: limit of half the peak-to-peak value of x and z [m]",
+        "limit_cycle": "A3: limit of half the largest distance between two places of the TCP [m]",
         "limit_cycle_window": "length of a window at the end of a simulation [s]",
         "ring_down": "a motion that falls below this share from each window to the next dies away",
         "recovery_error": "TCP error below which the controller has recovered from the force [m]",

@@ -3,8 +3,8 @@
     python benchmarks/verdicts.py                                    the PID on ``paper``
     python benchmarks/verdicts.py FMU.fmu ... --protocol strict      other controllers
 
-For each case: both verdicts, and half the peak-to-peak [µm] in the last four windows before its own end, and before the
-later one if it was simulated further. The last line of a controller counts the cases that were.
+For each case: both verdicts, and the amplitudes [µm] in the last four windows before its own end, and before the later
+one if it was simulated further. The last line of a controller counts the cases that were.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
 from msgspec import structs
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
 from orchestrator import Benchmark, Controller, Variation  # noqa: E402
+from orchestrator.benchmark.one_pass import amplitudes  # noqa: E402
 from orchestrator.benchmark.results import CaseResult  # noqa: E402
 from orchestrator.benchmark.scorecard import kind  # noqa: E402
 
@@ -39,13 +39,13 @@ def two_windows(result: CaseResult, bench: Benchmark) -> str:
 
 
 def windows(bench: Benchmark, controller: Controller, id: str, until: float | None) -> str:
-    """The larger amplitude of x and z in each of the last windows before ``until`` [s]."""
+    """The amplitude in each of the last windows before ``until`` [s]."""
     limits, case = bench.rules.stability, bench.case(id)
     end = Fraction(until or 0.0)
     X = bench.simulate(controller, bench.varied(case, Variation(duration=end))).X
     samples = round(limits.limit_cycle_window / case.scenario.sample_time)
     starts = [len(X) - 1 - n * samples for n in range(limits.limit_cycle_windows, 0, -1)]
-    sizes = [1e6 * float(np.ptp(X[begin : begin + samples + 1], axis=0).max()) / 2.0 for begin in starts]
+    sizes = [1e6 * float(amplitudes(X[begin : begin + samples + 1]).max()) for begin in starts]
     return f"{until:g} s: {', '.join(f'{size:.1f}' for size in sizes)} µm"
 
 

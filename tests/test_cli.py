@@ -235,7 +235,7 @@ def test_a_simulation_that_ends_before_its_test_has_no_verdict(quick_pid_file: P
     finished = call("simulate", quick_pid_file, "--duration", "10.6", "--json", folder=tmp_path)
     result = json.loads(finished.out)
     assert result["status"] == "done" and result["measurements"]["settled"] is False
-    assert not {"rest_error", "limit_cycle_x", "limit_cycle_ratio"} & set(result["measurements"])
+    assert not {"rest_error", "limit_cycle", "limit_cycle_ratio"} & set(result["measurements"])
     shown = call("simulate", quick_pid_file, "--duration", "10.6", folder=tmp_path).out
     assert "there is no verdict" in shown and "B6 [s]" in shown and "> 0." in shown and "unstable" not in shown
 

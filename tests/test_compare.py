@@ -34,7 +34,7 @@ from orchestrator.views.page import page_html
 from orchestrator.views.table import Value, VerdictCell
 from orchestrator.views.units import NONE
 
-CYCLING = result(0, "slippery", "delay_2", {}, (1e-3, 0.0))
+CYCLING = result(0, "slippery", "delay_2", {}, 1e-3)
 LOST = result(0, "compliant", "disturbance", status=Status.UNSTABLE)
 
 
@@ -74,7 +74,7 @@ def test_the_lowest_cost_is_first_and_those_that_fail_a_requirement_come_last():
 
 OTHER_LIMIT = replace(RULES, stability=replace(RULES.stability, limit_cycle=2e-5))
 UNLIKE = [
-    ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v3"),
+    ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v4"),
     ({"protocol": "quick"}, "protocol", "protocol quick, not protocol paper"),
     ({"seed": 3}, "seed", "seed 3, not seed 0"),
     ({"sample_time": SampleTimeRecord(1e-3, False)}, "sample_time", "sample time 1 ms, not sample time 0.25 ms"),

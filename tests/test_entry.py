@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path, PurePosixPath
@@ -343,6 +344,26 @@ def test_a_limit_may_be_infinite():
     bench = Benchmark("quick")
     varied = bench.varied(bench.cases[0], Variation(torque_limit=np.array([np.inf, 35.0])))
     assert varied.scenario.drive.limit == (np.inf, 35.0)
+
+
+def test_the_steps_of_the_torque_follow_its_limit():
+    """Else a limit of 5 N.m lets 5.007 pass: the nearest step of the protocol's 35 N.m."""
+    bench = Benchmark("quick")
+
+    def quantum(*variations):
+        case = bench.cases[0]
+        for variation in variations:
+            case = bench.varied(case, variation)
+        return case.scenario.drive.quantum
+
+    own, limited = Variation(duration=1), Variation(torque_limit=(5.0, 3.0))
+    assert quantum() == quantum(own) == (70.0 / 4096, 40.0 / 4096)
+    assert quantum(limited) == quantum(limited, own) == (10.0 / 4096, 6.0 / 4096)
+    assert quantum(Variation(torque_limit=(np.inf, 3.0))) == (70.0 / 4096, 6.0 / 4096), "an infinite one has no steps"
+    assert quantum(Variation(torque_limit=(np.inf, np.inf)), limited) == quantum(limited)
+    eight = Variation(torque_bits=8)
+    assert quantum(eight, limited) == quantum(limited, eight) == (10.0 / 256, 6.0 / 256)
+    assert quantum(replace(limited, torque_bits=0)) == quantum(replace(limited, ideal=True)) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,29 @@ def test_margins_are_where_the_poles_leave_the_unit_circle(loop, axis):
     assert changed(loop, delay=only(samples, 0)).stable and not changed(loop, delay=only(samples + 1, 0)).stable
 
 
+@pytest.mark.parametrize("friction", ["sticking", "sliding"])
+@pytest.mark.parametrize("K_i", [0.0, 1e-3, 1.0])
+def test_the_smallest_gain_is_found_at_which_a_slow_loop_holds(K_i, friction, monkeypatch, tmp_path):
+    """Against gravity, at 0.01 Hz and below: with a slow integrator, and with none."""
+    monkeypatch.setitem(GAINS, "K_i", (K_i, K_i))
+    A, B, C, D = pid_matrices()
+    kept = [place for place in range(len(A)) if K_i or place % 3 != 2]  # without the integrators' states
+    matrices = (A[np.ix_(kept, kept)], B[kept], C[:, kept], D)
+    file = tmp_path / "slow.json"
+    file.write_text(json.dumps({name: own.tolist() for name, own in zip("ABCD", matrices, strict=True)} | {"T_s": T_S}))
+    loop = BENCH.linear_loop(file, POSE, "random_1", friction=friction)
+    model, K = loop.model, loop.controller
+    for axis, found in enumerate(loop.margins):
+        assert 0.0 < found.gain_down < 0.01
+
+        def poles(inside, axis=axis, found=found):
+            scale = np.diag([found.gain_down * inside if place == axis else 1.0 for place in (0, 1)])
+            changed = replace(loop, model=model, controller=StateSpace(K.A, K.B, scale @ K.C, scale @ K.D, T_S))
+            return np.abs(np.linalg.eigvals(changed.closed.A)).max()
+
+        assert poles(1.1) <= 1.0 + 1e-11 < poles(0.9)
+
+
 def test_the_largest_sensitivity_is_that_of_the_states(loop):
     """S of axis 1 as the transfer from a torque added to u_m[1] to the torque that reaches the motor."""
     plant, frequency = loop.plant, loop.margins[0].frequency

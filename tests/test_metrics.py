@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.closed_loops import PAPER, case
 from support.results import trajectory
 
-from orchestrator.benchmark import metrics
+from orchestrator.benchmark import metrics, one_pass
 from orchestrator.benchmark.results import Judgement
+from orchestrator.benchmark.scorecard import kind
 from orchestrator.loop.trajectory import Ending, Status
 
 DISTURBANCE = case(3, "compliant", "disturbance")
@@ -82,23 +85,71 @@ def test_B6_of_one_that_never_leaves_or_never_settles(error, B6, settled):
     assert (pytest.approx(B6, abs=1e-12), settled) == (figures.B6, figures.settled)
 
 
+SHORTER = 1.0 - math.cos(math.pi / (2 * one_pass.DIRECTIONS))
+"""What the largest extent in some directions may lack of the largest distance, as a share."""
+
+
 @pytest.mark.parametrize("frequency", [0.5, 7.0, 45.0])
-def test_limit_cycle_is_half_the_peak_to_peak_of_each_coordinate(frequency):
+def test_limit_cycle_is_half_the_largest_distance_of_the_TCP_from_itself(frequency):
     def wave(amplitude):
         return lambda t: 3e-5 + amplitude * np.sin(2 * np.pi * frequency * t)
 
-    figures = measured(GAIN, error_x=wave(12e-6), error_z=wave(4e-6))
-    x, z = figures.limit_cycle_x, figures.limit_cycle_z
     # A peak between two samples, 0.25 ms apart, is missed by at most 1 - cos(pi f 0.25 ms).
-    missed = 1 - math.cos(math.pi * frequency * 0.25e-3)
-    assert 12e-6 * (1 - missed) - EXACT <= x <= 12e-6 + EXACT
-    assert 4e-6 * (1 - missed) - EXACT <= z <= 4e-6 + EXACT
+    missed = 1 - math.cos(math.pi * frequency * 0.25e-3) + SHORTER
+    for x, z in ((12e-6, 4e-6), (0.0, 12e-6), (-7e-6, 7e-6)):
+        size = math.hypot(x, z)
+        assert size * (1 - missed) - EXACT <= measured(GAIN, error_x=wave(x), error_z=wave(z)).limit_cycle
+        assert measured(GAIN, error_x=wave(x), error_z=wave(z)).limit_cycle <= size + EXACT
+
+
+def test_a_cycle_along_a_diagonal_is_judged_by_its_length():
+    """In neither coordinate it reaches the limit of 10 µm."""
+
+    def wave(amplitude):
+        return lambda t: amplitude * np.sin(2 * np.pi * 7.0 * t)
+
+    found = metrics.judge(PAPER, GAIN, trajectory(error_x=wave(9.5e-6), error_z=wave(6.7e-6)))
+    assert found.measurements.limit_cycle == pytest.approx(math.hypot(9.5e-6, 6.7e-6), rel=2e-3)
+    assert kind(found, PAPER.stability) == "limit cycle"
+    assert found.measurements.limit_cycle_frequency == pytest.approx(7.0, abs=0.2)
+
+
+PATHS = st.lists(st.tuples(*2 * [st.floats(-1.0, 1.0)]), min_size=2, max_size=12)
+
+
+@given(PATHS, st.floats(0.0, 2.0 * math.pi))
+def test_a_rotation_about_the_rest_changes_an_amplitude_by_the_stated_error_at_most(points, angle):
+    path = 1e-5 * np.array(points)
+    turned = path @ [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]]
+    largest = 0.5 * max(math.dist(one, other) for one in path for other in path)
+    for X in (path, turned):
+        found = one_pass.amplitudes(X + (1.2, -0.7))
+        assert largest * (1.0 - one_pass.SHORTER) - EXACT <= found.max() <= largest + EXACT
+        assert found[:: one_pass.DIRECTIONS // 2] == pytest.approx(0.5 * np.ptp(X, axis=0), abs=EXACT)
+    assert SHORTER <= one_pass.SHORTER < SHORTER + 1e-5
+
+
+def test_all_figures_of_an_oscillation_are_the_same_in_other_axes():
+    def turned(angle):
+        def signal(share, across):
+            def value(t):
+                along = np.where(t < 20.0, 60e-6, 20e-6) * np.sin(2 * np.pi * 7.0 * t)
+                return share * along + across * 3e-6 * np.cos(2 * np.pi * 7.0 * t)
+
+            return value
+
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return measured(GAIN, error_x=signal(cosine, -sine), error_z=signal(sine, cosine))
+
+    figures = [turned(angle) for angle in (0.0, 0.3, 0.75, 1.6, 2.4)]
+    for name in (*metrics.OSCILLATION, "residual_vibration"):
+        values = [getattr(found, name) for found in figures]
+        assert max(values) - min(values) <= 2.1 * one_pass.SHORTER * max(values), name
 
 
 def test_limit_cycle_looks_at_the_last_three_seconds_and_rest_error_at_the_last():
     before, within = (measured(GAIN, error_x=spike(at, 1e-3)) for at in (22.9, 23.1))
-    assert (before.limit_cycle_x, before.limit_cycle_z) == (0.0, 0.0)
-    assert (within.limit_cycle_x, within.limit_cycle_z) == pytest.approx((0.5e-3, 0.0), abs=EXACT)
+    assert before.limit_cycle == 0.0 and within.limit_cycle == pytest.approx(0.5e-3, abs=EXACT)
     assert measured(GAIN, error_z=spike(24.9, 1e-3)).rest_error == 0.0
     assert measured(GAIN, error_z=spike(25.1, 1e-3)).rest_error == pytest.approx(1e-3, abs=EXACT)
 

@@ -55,7 +55,7 @@ def ended(case, how: str):
         return case
     if how in ("limit cycle", "no rest"):
         status = Status.DONE if how == "limit cycle" else Status.UNSTABLE
-        return result(case.configuration.index, case.system, case.test, {}, (3e-5, 0.0), status)
+        return result(case.configuration.index, case.system, case.test, {}, 3e-5, status)
     status = Status.UNSTABLE if how == "left the workspace" else Status(how)
     return replace(case, status=status, message=f"it {how}", measurements=Measurements())
 
@@ -113,8 +113,9 @@ def test_a_scorecard_counts_its_cases_in_any_order(ends, chance):
         assert entry.tally.cases == len(asked)
         assert {**entry.tally.failed, **entry.tally.not_judged} == {k: n for k, n in counts.items() if k != "holds"}
         assert entry.passed is entry.tally.passed
-        assert (entry.passed is False) is any(axis.passed is False for axis in entry.axes.values())
-        assert (entry.passed is True) is all(axis.passed is True for axis in entry.axes.values())
+        parts = [verdict for _, verdict in entry.by_role(name)]
+        assert (entry.passed is False) is any(verdict.passed is False for verdict in parts)
+        assert (entry.passed is True) is all(verdict.passed is True for verdict in parts)
         if entry.passed is False:
             assert entry.tally.first == entry.worst_case and ends[entry.worst_case] in FAILURES
         elif entry.tally.first:

@@ -144,6 +144,20 @@ def test_an_honest_case_is_found_right(recorded, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)[0]["ok"] is True
 
 
+@pytest.mark.slow
+@pytest.mark.needs("compiler")
+def test_a_limit_cycle_is_judged_as_the_file_says(recorded):
+    """Files of versions up to 3 have the larger of both coordinates, and do not say so."""
+    with np.load(io.BytesIO(recorded)) as file:
+        about, X = json.loads(str(file["about"])), file["X"]
+    count = round(float(Fraction(about["scenario"]["duration"])) * 4000) + 1
+    window = X[:count][-(round(about["definitions"]["limit_cycle_window"] * 4000) + 1) :]
+    earlier = {name: value for name, value in about["definitions"].items() if name != "limit_cycle_directions"}
+    larger = 0.5 * float(np.ptp(window, axis=0).max())
+    assert recheck(changed(recorded, definitions=earlier, claimed__limit_cycle_at_end=larger)).ok
+    assert not recheck(changed(recorded, claimed__limit_cycle_at_end=larger)).ok
+
+
 def one_more(column, quantum, begin):
     def change(array):
         array[begin:, column] += quantum
@@ -217,6 +231,7 @@ def test_what_is_no_case_is_refused_with_a_sentence(recorded, tmp_path, capsys):
         "jitter": changed(recorded, scenario__sensor__jitter="1/8000"),
         "parameters": changed(recorded, parameters=lambda all: {**all, "g": 1.0}),
         "missing": changed(recorded, definitions={}),
+        "to 1000 directions": changed(recorded, definitions={"limit_cycle_directions": 1e9}),
     }
     for name, content in bad.items():
         (tmp_path / name).write_bytes(content)

@@ -86,8 +86,17 @@ def test_a_draw_depends_on_seed_and_number_alone(distribution):
     for place, (low, high) in enumerate((PAPER.workspace.q_a1_deg, PAPER.workspace.q_a2_deg)):
         assert kstest([member.q_a[place] for member in first], "uniform", (low, high - low)).pvalue > 1e-3
     assert kstest([member.phi_F for member in first], "uniform", (0.0, 2.0 * math.pi)).pvalue > 1e-3
+    assert kstest([member.t_3 for member in first], "uniform", (0.0, 1.0)).pvalue > 1e-3, "Table 1: 0.5 s +- 0.5 s"
+    assert {member.t_3 for draw in drawn for member in draw if member.test == "noise"} == {None}
     assert abs(Counter(member.sweep for member in first)[PAPER.disturbance.chirp_frequencies] - 100) < 40
     assert np.abs(np.corrcoef(values.T) - np.eye(values.shape[1])).max() < 0.35
+
+
+def test_what_a_draw_had_before_t_3_was_drawn_is_as_it_was():
+    """The figures of earlier samples stay those of the same arms."""
+    (*_, member) = members(PAPER, "corners", 3, 5)
+    assert member.q_a == (97.98751610790424, -102.26728323371643)
+    assert (member.phi_F, member.sweep, member.seed) == (0.7976208157319903, (15.0, 0.0), 1866543147)
 
 
 # The study

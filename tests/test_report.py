@@ -28,7 +28,7 @@ from orchestrator.views.terminal import show
 
 RUN = Evaluation(results_of(), RECORDINGS)
 ERROR, GOOD = Status.ERROR, everything(TABLE_2)
-CYCLING = result(4, "slippery", "delay_2", {}, (2e-5, 1e-6))
+CYCLING = result(4, "slippery", "delay_2", {}, 2e-5)
 
 
 class Page:

@@ -15,8 +15,9 @@ from support.refusals import refusal
 from support.reports import RECORDINGS, results_of, scaled, stored
 from support.results import TABLE_2, everything, result, trajectory
 
-from orchestrator.codec import to_json
+from orchestrator.codec import plain, to_json
 from orchestrator.documents import files, simulations
+from orchestrator.documents.comparability import conditions
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
@@ -40,6 +41,33 @@ def test_what_was_written_is_read_back(run):
         assert back.about == original.about
         np.testing.assert_array_equal(back.motion, original.motion)
         np.testing.assert_array_equal(back.torque, original.torque)
+
+
+def of_form_4(results):
+    """The results as versions of the benchmark up to 3 wrote them: an amplitude and a verdict for each coordinate."""
+    contents = plain(results) | {"schema": "flexible-manipulator-results/4"}
+    contents["head"]["benchmark"] = "FlexibleManipulator-v3"
+    for case in contents["cases"]:
+        if (size := case["measurements"].pop("limit_cycle", None)) is not None:
+            case["measurements"] |= {"limit_cycle_x": 0.5 * size, "limit_cycle_z": size}
+    verdict = {name: value for name, value in contents["stability"]["A3"].items() if name != "axes"}
+    contents["stability"]["A3"]["axes"] = {"x": verdict, "z": verdict}
+    return contents
+
+
+def test_results_of_version_3_are_read_and_not_ranked_with_others(run):
+    file, cycling = run.folder / files.RESULTS, result(4, "slippery", "delay_2", {}, 2e-5)
+    earlier = results_of([cycling if case.id == cycling.id else case for case in everything(TABLE_2)])
+    file.write_text(json.dumps(of_form_4(earlier)))
+    found = Evaluation.load(run.folder).results
+    assert found == replaced(earlier, head=replaced(earlier.head, benchmark="FlexibleManipulator-v3"))
+    assert found.stability["A3"].limit_cycle == 2e-5
+    difference = conditions(found.head).difference(conditions(earlier.head))
+    assert difference == "benchmark FlexibleManipulator-v3, not benchmark FlexibleManipulator-v4"
+    damaged = of_form_4(earlier)
+    damaged["cases"][5]["measurements"]["limit_cycle_x"] = "wide"
+    file.write_text(json.dumps(damaged))
+    assert refusal(Evaluation.load, run.folder).what == "damaged"
 
 
 def test_other_forms_are_refused_with_what_to_do(run):
@@ -100,7 +128,7 @@ def test_csv_has_one_row_per_case_and_no_cell_is_a_formula():
     assert [row["id"] for row in rows] == [entry.id for entry in cases]
     assert {row["B5 [m]"] for row in rows} == {"", "0.0102"}
     expected = ['said "no",\nthen died; ü', *(f"'{text}" for text in messages[1:])]
-    assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle_x [m]"] == ""
+    assert [row["message"] for row in rows[-6:]] == expected and rows[-1]["limit_cycle [m]"] == ""
     assert float(rows[-7]["q_a1 [rad]"]) < 0, "a number keeps its sign"
     table = parquet.read_table(io.BytesIO(parquet_bytes(results_of(cases)))).to_pydict()
     assert table["id"] == [entry.id for entry in cases] and set(table["B5 [m]"]) == {None, 0.0102}

@@ -76,21 +76,21 @@ def test_cost_is_the_mean_over_configurations_of_the_worst_over_systems():
     [("gain_1", "A1", "1"), ("gain_2", "A1", "2"), ("delay_1", "A2", "1"), ("delay_2", "A2", "2")],
 )
 def test_a_limit_cycle_fails_its_axis_and_A3(test, failing, axis):
-    card = scored(changed(ON_TARGET_EVERYWHERE, 6, "slippery", test, cycle=(3e-6, 18e-6)))
+    card = scored(changed(ON_TARGET_EVERYWHERE, 6, "slippery", test, cycle=18e-6))
     assert verdicts(card) == {"A1": failing != "A1", "A2": failing != "A2", "A3": False}
     failed = card.stability[failing]
     assert {name: verdict.passed for name, verdict in failed.axes.items()} == {"1": axis != "1", "2": axis != "2"}
     assert (failed.limit_cycle, failed.worst_case) == (18e-6, f"c06.slippery.{test}")
-    assert {name: verdict.passed for name, verdict in card.stability["A3"].axes.items()} == {"x": True, "z": False}
+    assert not card.stability["A3"].axes
     assert card.cost == pytest.approx(100.0), "a requirement is never averaged into V"
 
 
 @pytest.mark.parametrize(("amplitude", "holds"), [(9.999e-6, True), (10e-6, False)])
 def test_the_limit_is_ten_micrometres(amplitude, holds):
-    card = scored(changed(ON_TARGET_EVERYWHERE, 0, "sticky", "gain_1", cycle=(amplitude, 0.0)))
+    card = scored(changed(ON_TARGET_EVERYWHERE, 0, "sticky", "gain_1", cycle=amplitude))
     assert verdicts(card)["A1"] is holds
     B = {name: ON_TARGET[name] for name in ("B3", "B4", "B5", "B6", "B7")}
-    nominal = changed(ON_TARGET_EVERYWHERE, 0, "random_1", "disturbance", criteria=B, cycle=(amplitude, 0.0))
+    nominal = changed(ON_TARGET_EVERYWHERE, 0, "random_1", "disturbance", criteria=B, cycle=amplitude)
     assert verdicts(scored(nominal)) == {"A1": True, "A2": True, "A3": holds}, "the nominal loop"
 
 
@@ -117,7 +117,7 @@ def test_a_stability_case_without_measurement_fails_its_requirement(status):
 
 
 def test_a_loop_that_does_not_rest_fails_whatever_its_limit_cycle():
-    results = changed(ON_TARGET_EVERYWHERE, 2, "sticky", "gain_2", cycle=(0.0, 0.0), status=Status.UNSTABLE)
+    results = changed(ON_TARGET_EVERYWHERE, 2, "sticky", "gain_2", cycle=0.0, status=Status.UNSTABLE)
     assert verdicts(scored(results)) == {"A1": False, "A2": True, "A3": False}
 
 
@@ -130,7 +130,7 @@ def test_nothing_tried_is_nothing_passed():
 
 def drifted(index, system, test, rest_error, cycle):
     """A case that ends off its place [m], with a limit cycle of ``cycle`` [m]."""
-    measured = result(index, system, test, cycle=(cycle, 0.0), status=Status.UNSTABLE)
+    measured = result(index, system, test, cycle=cycle, status=Status.UNSTABLE)
     return replace(measured, measurements=replace(measured.measurements, rest_error=rest_error))
 
 
@@ -140,7 +140,7 @@ def drifted(index, system, test, rest_error, cycle):
     ids=["a case that fails before a larger limit cycle that is allowed", "the largest of those that fail"],
 )
 def test_the_worst_case_of_a_verdict(cycle, worst, told, rest_error):
-    results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=(cycle, 0.0))
+    results = changed(ON_TARGET_EVERYWHERE, 2, "slippery", "gain_1", cycle=cycle)
     off = drifted(0, "slippery", "gain_1", 5e-3, 0.1e-6)
     A1 = scored([off if entry.id == off.id else entry for entry in results]).stability["A1"]
     verdict = A1.axes["1"]

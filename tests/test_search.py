@@ -130,7 +130,7 @@ def test_a_controller_that_fails_only_there_is_found(planted):
             matches(member) - math.dist(member.q_a, (60.0, 20.0)) / 20.0 - abs(dict(member.deviations)["f_c[1]"] - 0.3)
         )
         small = 1e-6 * max(0.2, 1.0 + 0.1 * near)
-        return {"limit_cycle_x": 1e-4 if planted(member) else small, "limit_cycle_ratio": 1.0}
+        return {"limit_cycle": 1e-4 if planted(member) else small, "limit_cycle_ratio": 1.0}
 
     hunt = hunt_of(500, listed=False)
     hunt.limit = 500
@@ -148,7 +148,7 @@ def test_a_margin_is_searched_for_at_the_level_that_fails():
         if member.gain is None:
             return {}
         threshold = 6.0 - 3.5 * matches(member) / len(CORNER) if member.gain[0] < 5.5 else 5.5
-        return {"limit_cycle_x": 1e-5 * min(member.gain[0] / threshold, 2.0) ** 4, "limit_cycle_ratio": 1.0}
+        return {"limit_cycle": 1e-5 * min(member.gain[0] / threshold, 2.0) ** 4, "limit_cycle_ratio": 1.0}
 
     gain = next(target for target in targets(STRICT) if target.name == "gain_1")
     scale = [round(0.1 * step, 1) for step in range(11, 100)]
@@ -165,7 +165,7 @@ def test_a_requirement_fails_where_a_margin_is_smaller_than_what_it_asks_for():
     def of(member):
         late = (member.delay or (STRICT.loop.delay, STRICT.loop.delay + Fraction(15, 10000)))[1] - STRICT.loop.delay
         fails = Fraction(12, 10000) <= late < Fraction(14, 10000) or late > Fraction(18, 10000)
-        return {"limit_cycle_x": 1e-4, "limit_cycle_ratio": 1.0} if member.test == DELAY.test and fails else {}
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if member.test == DELAY.test and fails else {}
 
     hunt = hunt_of(3000)
 
@@ -205,7 +205,7 @@ def test_a_search_that_may_not_leave_its_list_finds_nothing_new():
     )
 
 
-@pytest.mark.parametrize("budget", [842, 1000, 1300, 2000, 6000])
+@pytest.mark.parametrize("budget", [939, 1000, 1300, 2000, 6000])
 def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
     """With a controller that fails everything beyond some gain and delay, and V above its target near the end."""
 
@@ -213,7 +213,7 @@ def test_a_budget_is_not_exceeded_and_what_it_cut_short_is_told(budget):
         size = max((abs(value) for _, value in member.deviations), default=1.0)
         late = member.delay is not None and max(member.delay) > Fraction(2, 1000)
         up = member.gain is not None and max(member.gain) > 3.0
-        return hidden(member) | ({"limit_cycle_x": 1e-3, "limit_cycle_ratio": 1.0} if late or up or size > 1.1 else {})
+        return hidden(member) | ({"limit_cycle": 1e-3, "limit_cycle_ratio": 1.0} if late or up or size > 1.1 else {})
 
     stages = []
     hunt = hunt_of(budget)
@@ -250,7 +250,7 @@ def test_the_worst_member_of_each_criterion_at_each_configuration_is_told():
         (place, name) for place in range(len(POSES)) for name in ("B6", "B5", "B7")
     ]
     for peak in found:
-        assert peak.deviations.keys() == CORNER.keys() and set(peak.deviations.values()) <= {-1.0, 0.0, 1.0}
+        assert peak.deviations.keys() == CORNER.keys() and max(map(abs, peak.deviations.values())) <= 1.0
     settling = [peak for peak in found if peak.criterion == "B6"]
     assert all(
         peak.value == sum(peak.deviations[name] == CORNER[name] for name in CORNER)
@@ -290,7 +290,7 @@ def test_a_short_simulation_shows_what_it_is_for(name, duration, force):
     assert (float(view.duration), view.t_1) == (duration, force)
     member = replace(spelled(Member((0.0, -90.0), target.test, system="sticky"), STRICT, target.test), short=view)
     case = case_of(member, STRICT, NOMINAL)
-    assert {target.criterion or "limit_cycle_x"} <= expected(STRICT, case)
+    assert {target.criterion or "limit_cycle"} <= expected(STRICT, case)
     assert cost(member, STRICT) == pytest.approx(duration / 26.0) and not possible(member, STRICT)
     assert case.scenario.pulse.force == case_of(replace(member, short=None), STRICT, NOMINAL).scenario.pulse.force
 
@@ -316,9 +316,7 @@ def test_what_is_not_shorter_is_no_short_simulation():
 )
 def test_a_small_motion_that_lasts_is_nearer_to_a_failure_than_a_large_one_that_dies(amplitude, ratio, near):
     def ended(amplitude, ratio):
-        figures = Measurements(
-            limit_cycle_x=amplitude, limit_cycle_z=0.0, limit_cycle_ratio=ratio, residual_vibration=amplitude
-        )
+        figures = Measurements(limit_cycle=amplitude, limit_cycle_ratio=ratio, residual_vibration=amplitude)
         return Judgement(status=Status.DONE, time=11.0, measurements=figures)
 
     assert suspect(ended(amplitude, ratio), STRICT.stability) is near
@@ -484,6 +482,7 @@ def members(draw):
         deviations=tuple((name, draw(ends)) for name in names(STRICT)),
         phi_F=draw(st.none() | st.floats(-7.0, 7.0)),
         sweep=draw(st.none() | st.sampled_from([(0.0, 15.0), (15.0, 0.0)])),
+        t_3=draw(st.none() | st.floats(0.0, 1.0)),
         gain=draw(st.none() | st.tuples(st.floats(0.1, 20.0), st.just(1.0))),
         delay=draw(
             st.none() | st.tuples(st.just(Fraction(1, 4000)), st.integers(4, 160).map(lambda k: Fraction(k, 16000)))
@@ -510,7 +509,7 @@ def test_the_command_of_a_member_makes_its_very_case(member):
 def test_members_of_the_list_are_its_very_cases():
     bench = Benchmark("strict")
     assert all(case_of(of_case(case), STRICT, bench.nominal) == case for case in bench.cases)
-    assert len(bench.cases) == STRICT.case_count == 920
+    assert len(bench.cases) == STRICT.case_count == 1028
 
 
 # The whole

@@ -302,8 +302,7 @@ def simulated(task):
         return Judgement(status=Status.UNSTABLE, time=0.1)
     limits, largest = protocol.stability, 0.9 if first <= 50.0 else 1.1
     scale = {name: entry.target for name, entry in protocol.criteria.items()}
-    scale |= dict.fromkeys(("limit_cycle_x", "limit_cycle_z"), largest * limits.limit_cycle)
-    scale["rest_error"] = limits.rest_error
+    scale |= {"limit_cycle": largest * limits.limit_cycle, "rest_error": limits.rest_error}
     names = sorted(expected(protocol, wanted.case))
     figures = {name: True if name == "settled" else chance.random() * scale.get(name, 1.0) for name in names}
     return Judgement(status=Status.DONE, time=0.1, measurements=Measurements(**figures))

@@ -88,7 +88,7 @@ def test_objective_is_the_cost_with_a_penalty_where_a_requirement_fails(quick):
     rules = quick.results.rules
 
     def with_cycles(amplitude, ratio):
-        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_at_end": amplitude}
+        cycle = {"limit_cycle": amplitude, "limit_cycle_at_end": amplitude}
         cycle |= {"limit_cycle_ratio": ratio, "limit_cycle_decay": ratio}
         return [
             case
@@ -242,7 +242,7 @@ def test_a_trial_says_which_requirement_fails_and_by_how_much(quick):
     limit = rules.stability.limit_cycle
 
     def found(amplitude):
-        cycle = {"limit_cycle_x": amplitude, "limit_cycle_z": 0.0, "limit_cycle_at_end": amplitude}
+        cycle = {"limit_cycle": amplitude, "limit_cycle_at_end": amplitude}
         cycle |= {"limit_cycle_ratio": 1.0, "limit_cycle_decay": 1.0}
         cases = [
             structs.replace(case, status=Status.DONE, measurements=structs.replace(case.measurements, **cycle))

@@ -2,9 +2,10 @@
 
 The stop time that FMUs get is the latest possible end, in all simulations.
 
-What the motion will come to, as far as its amplitudes in the last windows say, is asked of one coordinate at a time:
-``amplitudes`` [m] are half its peak-to-peak in successive windows, ``left`` is the number of windows until the latest
-time that a case is simulated to. Nothing but +, -, *, / and comparisons: the same answer on every platform.
+What the motion will come to, as far as its amplitudes in the last windows say, is asked of one direction at a time,
+since a cycle may be across a larger motion that dies out: ``amplitudes`` [m] are half the extent of the TCP's path in
+successive windows, ``left`` is the number of windows until the latest time that a case is simulated to. Nothing but +,
+-, *, / and comparisons: the same answer on every platform.
 """
 
 from __future__ import annotations
@@ -74,23 +75,23 @@ def falls(amplitudes: Sequence[float]) -> bool:
 
 
 def doubtful(
-    protocol: JudgingTables, case: JudgedCase, windows: Sequence[Sequence[float]], rest_error: float | None
+    protocol: JudgingTables, case: JudgedCase, curves: Sequence[Sequence[float]], rest_error: float | None
 ) -> bool:
     """Whether a case that was simulated to its own end has to be simulated further.
 
-    ``windows`` are the amplitudes [m] of x and of z in the last windows. There is a doubt if neither coordinate has a
-    limit cycle for sure, one of them does not come to rest for sure, or the TCP creeps to where its ``rest_error`` [m]
-    is none; and the longer simulation has not reached its end.
+    ``curves`` are, by direction, the amplitudes [m] in the last windows. There is a doubt if there is a limit cycle for
+    sure in no direction, and in one of them the motion does not come to rest for sure, or if the TCP creeps to where
+    its ``rest_error`` [m] is none; and the longer simulation has not reached its end.
     """
     limits, left = protocol.stability, _left(protocol, case)
-    if left <= 0 or not windows[0]:
+    if left <= 0 or not curves:
         return False
-    if any(lasts(limits, amplitudes, left) for amplitudes in windows):
+    if any(lasts(limits, amplitudes, left) for amplitudes in curves):
         return False
-    # In a window, the TCP moves by its peak-to-peak at most, which is twice the amplitude.
-    creep = 2.0 * left * max(amplitudes[-1] for amplitudes in windows)
+    # In a window, the TCP moves by twice the amplitude at most.
+    creep = 2.0 * left * max(amplitudes[-1] for amplitudes in curves)
     creeps = rest_error is not None and 0.0 < rest_error - limits.rest_error <= creep
-    return creeps or not all(at_rest(limits, amplitudes, left) for amplitudes in windows)
+    return creeps or not all(at_rest(limits, amplitudes, left) for amplitudes in curves)
 
 
 def _left(protocol: JudgingTables, case: JudgedCase) -> int:

@@ -22,6 +22,13 @@ import numpy as np
 LOWEST_FREQUENCY = 0.01
 """Lowest frequency of a grid [Hz]: slower than any motion of the arm under control."""
 
+LOWEST_CROSSING, BELOW = 1e-6, 400
+"""Lowest frequency [Hz] at which a margin is looked for, and frequencies from there to a grid: with a small gain, an
+integrator or gravity makes the loop drift slower than any motion under control."""
+
+SLOWEST = 1e-9
+"""A pole nearer to z = 1 than this is an integrator: at rest the loop's gain is infinite."""
+
 POINTS, AROUND_RESONANCE = 3000, 41
 """Frequencies of a grid, and those around each resonance, which may be narrower than the grid's steps."""
 
@@ -142,15 +149,20 @@ def singular_values(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins:
     """Classical margins of the loop of ``axis`` (0 or 1) with the other one closed, which must be stable."""
-    frequencies = grid(closed(plant, controller))
+    above = grid(closed(plant, controller))
+    below = np.geomspace(LOWEST_CROSSING, LOWEST_FREQUENCY, BELOW, endpoint=False)
+    frequencies = np.concatenate([below, above])
 
     def loop(at: np.ndarray) -> np.ndarray:
         return at_a_time(loop_gain(plant, controller, at), axis)
 
     values = loop(frequencies)
     real = [complex(loop(np.array([f]))[0]) for f in _crossings(lambda f: loop(f).imag, frequencies, values.imag)]
+    # At rest, and at half the sampling frequency, every response is real.
+    if not (_integrates(plant) or _integrates(controller)):
+        real.append(complex(loop(np.array([0.0]))[0].real))
     if plant.T_s is not None:
-        real.append(complex(values[-1].real))  # at half the sampling frequency every response is real
+        real.append(complex(values[-1].real))
     # The Nyquist curve crosses the negative real axis there: this factor of the gain puts the crossing at -1.
     factors = [-1.0 / value.real for value in real if value.real < 0.0]
     ones = _crossings(lambda f: np.log(np.abs(loop(f))), frequencies, np.log(np.abs(values)))
@@ -167,6 +179,12 @@ def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins
         sensitivity=float(1.0 / distance[worst]),
         frequency=float(frequencies[worst]),
     )
+
+
+def _integrates(system: StateSpace) -> bool:
+    """Whether it has a pole at rest."""
+    rest = 0.0 if system.T_s is None else 1.0
+    return bool(np.abs(np.linalg.eigvals(system.A) - rest).min(initial=np.inf) < SLOWEST)
 
 
 def _crossings(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, values: np.ndarray) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
@@ -22,8 +23,7 @@ if TYPE_CHECKING:
     from .one_pass import Scan
 
 OSCILLATION = (
-    "limit_cycle_x",
-    "limit_cycle_z",
+    "limit_cycle",
     "limit_cycle_ratio",
     "limit_cycle_frequency",
     "limit_cycle_decay",
@@ -42,16 +42,16 @@ are not."""
 
 
 class Measured(NamedTuple):
-    """The figures of a simulation, and the amplitudes [m] of x and of z in the last windows, none where no limit cycle
+    """The figures of a simulation, and by direction the amplitudes [m] in the last windows, none where no limit cycle
     is looked for."""
 
     measurements: Measurements
-    windows: list[list[float]]
+    curves: list[list[float]]
 
 
 def continuation_if_in_doubt(protocol: JudgingTables, case: JudgedCase, measured: Measured) -> Scenario | None:
     """The scenario by which a case goes on that was ``measured`` at its own end; None if that leaves no doubt."""
-    doubt = doubtful(protocol, case, measured.windows, measured.measurements.rest_error)
+    doubt = doubtful(protocol, case, measured.curves, measured.measurements.rest_error)
     return with_latest_end(protocol, case) if doubt else None
 
 
@@ -109,8 +109,7 @@ def measure(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -
     names, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
     if trajectory.ending.status is not Status.DONE:
         names -= AT_THE_END
-    windows = _windows(protocol.stability, time) if OSCILLATION[0] in names else np.zeros(0, dtype=np.int64)
-    read = _scan(protocol, case, trajectory, windows)
+    read = _scan(protocol, case, trajectory)
     values: dict[str, Any] = {
         **dict(zip(("B1", "B2", "B3", "B4"), (*read.noise, *read.torque), strict=True)),
         "B5": read.force_error,
@@ -122,31 +121,48 @@ def measure(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -
         values[settled] = last < case.scenario.samples
     if "residual_vibration" in names:
         values["residual_vibration"] = residual_vibration(time, trajectory.X, release)
-    if windows.size:
-        figures = oscillation(protocol.stability, case, trajectory, windows, read.amplitudes)
-        values.update(zip(OSCILLATION, figures, strict=True))
-    return Measured(Measurements(**{name: values[name] for name in names}), read.amplitudes.T.tolist())
+    curves: list[list[float]] = []
+    if OSCILLATION[0] in names:
+        windows = _windows(protocol.stability, time)
+        curves = _curves(trajectory.X, windows)
+        values.update(
+            zip(OSCILLATION, oscillation(protocol.stability, case, trajectory, windows[-1], curves), strict=True)
+        )
+    return Measured(Measurements(**{name: values[name] for name in names}), curves)
 
 
 def residual_vibration(time: np.ndarray, X: np.ndarray, release: float) -> float:
-    """The geometric mean [m] of half the peak-to-peak of the TCP's larger coordinate in the windows after the force has
-    ended at ``release`` [s]; ``X`` has the shape (samples, 2)."""
+    """The geometric mean [m] of the TCP's amplitudes in the windows after the force has ended at ``release`` [s]; ``X``
+    has the shape (samples, 2)."""
+    from .one_pass import amplitudes
+
     edges = np.linspace(release + VIBRATION_BEGIN, release + VIBRATION_END, VIBRATION_WINDOWS + 1)
-    places = np.searchsorted(time, edges)
-    means = [0.5 * float(np.ptp(X[begin:end], axis=0).max()) for begin, end in itertools.pairwise(places.tolist())]
+    places = np.searchsorted(time, edges).tolist()
+    means = [float(amplitudes(X[begin:end]).max()) for begin, end in itertools.pairwise(places)]
     while len(means) > 1:
         means = [math.sqrt(first * second) for first, second in zip(means[::2], means[1::2], strict=True)]
     return means[0]
 
 
-def _windows(limits: Stability, time: np.ndarray) -> np.ndarray:
+def _windows(limits: Stability, time: np.ndarray) -> list[int]:
     """The numbers of the first samples of the last windows, as many as fit into the simulation."""
     end = float(time[-1])
     fitting = [n for n in range(limits.limit_cycle_windows, 0, -1) if n * limits.limit_cycle_window <= end]
-    return np.searchsorted(time, [end - n * limits.limit_cycle_window for n in fitting])
+    begins: list[int] = np.searchsorted(time, [end - n * limits.limit_cycle_window for n in fitting]).tolist()
+    return begins
 
 
-def _scan(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory, windows: np.ndarray) -> Scan:
+def _curves(X: np.ndarray, windows: Sequence[int]) -> list[list[float]]:
+    """By direction, the amplitude [m] in each of the windows with these first samples."""
+    from .one_pass import amplitudes
+
+    ends = (*windows[1:], len(X))
+    found = [amplitudes(X[begin:end]) for begin, end in zip(windows, ends, strict=True)]
+    curves: list[list[float]] = np.array(found).T.tolist()
+    return curves
+
+
+def _scan(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -> Scan:
     from .one_pass import Places, scan
 
     time, scenario, limits = trajectory.time, case.scenario, protocol.stability
@@ -155,42 +171,48 @@ def _scan(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory, win
     release = int(np.searchsorted(time, scenario.pulse.stop, side="right"))
     places = Places(scenario.samples + 1, chirp, force, release, rest)
     errors = protocol.settling.error, limits.recovery_error
-    return scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, windows, *errors)
+    return scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, *errors)
 
 
 def oscillation(
-    limits: Stability, case: JudgedCase, trajectory: Trajectory, windows: np.ndarray, amplitudes: np.ndarray
-) -> tuple[float, float, float, float, float, float]:
-    """The figures of :data:`OSCILLATION` from half the peak-to-peak of the TCP's x and z [m] in each of the
-    ``windows``, without detrending.
+    limits: Stability, case: JudgedCase, trajectory: Trajectory, begin: int, curves: Sequence[Sequence[float]]
+) -> tuple[float, float, float, float, float]:
+    """The figures of :data:`OSCILLATION` from the ``curves``, by direction the amplitude [m] in each of the last
+    windows, the last of which has ``begin`` as its first sample; without detrending.
 
-    The amplitudes of x and z are those of the last window; after a longer simulation than the case's own, in which a
-    motion goes on until the last window and does not fall in each, the largest of all windows and of the last one of
-    the case's own. Of the larger coordinate, or of the one that does not die away: its ratio to the window before, its
-    strongest frequency [Hz], and the largest ratio of any two successive windows. Last, the larger amplitude at the
-    case's own end.
+    The amplitude of a direction is that of the last window; after a longer simulation than the case's own, in which a
+    motion goes on until the last window and does not fall in each, the largest of all windows, and of the last one of
+    the case's own if the motion did not fall in each of those, either. The first figure is the largest of these. Of its
+    direction, or of the one in which the motion does not die away: the ratio to the window before, the strongest
+    frequency [Hz], and the largest ratio of any two successive windows. Last, the largest amplitude at the case's own
+    end.
     """
-    samples, curves = case.scenario.samples + 1, amplitudes.T.tolist()
-    last = at_end = [curve[-1] for curve in curves]
-    if trajectory.time.size > samples:
-        begin = _windows(limits, trajectory.time[:samples])[-1]
-        at_end = (0.5 * np.ptp(trajectory.X[begin:samples], axis=0)).tolist()
-        # A limit cycle that begins late, or swells and shrinks, is as large as it ever was, not as in the last window.
-        goes_on = [curve[-1] >= limits.doubtful and not falls(curve) for curve in curves]
-        last = [
-            max(*curve, before) if lasting else curve[-1]
-            for curve, before, lasting in zip(curves, at_end, goes_on, strict=True)
-        ]
+    from .one_pass import COSINES, SINES
 
-    def severity(axis: int) -> tuple[bool, float]:
-        slow = max(ratios(curves[axis]), default=1.0) >= limits.ring_down
+    samples, X, time = case.scenario.samples + 1, trajectory.X, trajectory.time
+    last, own_curves = [curve[-1] for curve in curves], curves
+    if time.size > samples:
+        own_curves = _curves(X[:samples], _windows(limits, time[:samples]))
+        last = [_lasting(limits, *both) for both in zip(curves, own_curves, strict=True)]
+
+    def severity(direction: int) -> tuple[bool, float]:
+        slow = max(ratios(curves[direction]), default=1.0) >= limits.ring_down
         # A smaller motion that stays is worse than a larger one that dies away.
-        return slow and last[axis] >= limits.limit_cycle, last[axis]
+        return slow and last[direction] >= limits.limit_cycle, last[direction]
 
-    worst = max((0, 1), key=severity)
+    worst = max(range(len(curves)), key=severity)
     shares = ratios(curves[worst])
-    curve = trajectory.X[windows[-1] :, worst]
+    curve = COSINES[worst] * X[begin:, 0] + SINES[worst] * X[begin:, 1]
     # Without the mean, which would be the strongest of all.
     strongest = int(np.argmax(np.abs(np.fft.rfft(curve - curve.mean()))))
-    frequency = strongest / (curve.size * float(trajectory.time[1] - trajectory.time[0]))
-    return last[0], last[1], shares[-1], frequency, max(shares), max(at_end)
+    frequency = strongest / (curve.size * float(time[1] - time[0]))
+    return max(last), shares[-1], frequency, max(shares), max(curve[-1] for curve in own_curves)
+
+
+def _lasting(limits: Stability, amplitudes: Sequence[float], before: Sequence[float]) -> float:
+    """The amplitude [m] of a motion in one direction by its last windows and those of the case's own end ``before``."""
+    if amplitudes[-1] < limits.doubtful or falls(amplitudes):
+        return amplitudes[-1]
+    # A limit cycle that begins late, or swells and shrinks, is as large as it ever was, not as in the last window. What
+    # has died out since the case's own end was none.
+    return max(*amplitudes, 0.0 if falls(before) else before[-1])

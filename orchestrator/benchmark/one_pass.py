@@ -1,4 +1,4 @@
-"""The figures of a trajectory in one pass over its samples, compiled.
+"""The figures of a trajectory in one pass over its samples, and how far the TCP moves in a window; compiled.
 
 Nothing but +, -, *, sqrt, absolute values and comparisons, each rounded as IEEE 754 says: the same bits on every
 platform.
@@ -6,11 +6,27 @@ platform.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from plant_fmu.flexible_manipulator.formulas import sin_cos
+
 from ..jit import compiled
+
+DIRECTIONS = 32
+"""Directions in which the TCP's path is measured, at equal angles over half a turn. The line between the two points
+that are farthest apart is at most pi / 64 away from one of them: the largest extent falls short of their distance by
+at most the share :data:`SHORTER`, however the axes lie."""
+
+SHORTER = 0.00121
+"""1 - cos(pi / (2 DIRECTIONS)), rounded upwards."""
+
+# Of the benchmark's own sine, whose bits are the same everywhere.
+SINES, COSINES = (
+    np.array(column) for column in zip(*(sin_cos(math.pi * k / DIRECTIONS) for k in range(DIRECTIONS)), strict=True)
+)
 
 
 class Places(NamedTuple):
@@ -26,9 +42,8 @@ class Places(NamedTuple):
 
 class Scan(NamedTuple):
     """What :func:`scan` reads: per axis the largest distance from the start torque and the largest torque [N.m]; the
-    largest TCP errors from the force on, from the chirp to the force, and at rest [m]; the last samples after the force
-    with an error of ``settling`` and of ``recovery`` or more (-1: none); and half the peak-to-peak of x and z [m] in
-    each window, shape (windows, 2)."""
+    largest TCP errors from the force on, from the chirp to the force, and at rest [m]; and the last samples after the
+    force with an error of ``settling`` and of ``recovery`` or more (-1: none)."""
 
     noise: tuple[float, float]
     torque: tuple[float, float]
@@ -37,7 +52,6 @@ class Scan(NamedTuple):
     rest_error: float
     settling: int
     recovery: int
-    amplitudes: np.ndarray
 
 
 def scan(
@@ -45,17 +59,22 @@ def scan(
     torque: np.ndarray,
     u_m0: tuple[float, float],
     places: Places,
-    windows: np.ndarray,
     settling: float,
     recovery: float,
 ) -> Scan:
-    """Read the TCP's positions ``X`` and the torques; ``windows`` are the numbers of the windows' first samples, the
-    last of which goes on to the last sample."""
-    figures, extremes = np.zeros(7), np.empty((len(windows), 4))
-    late, later = pass_over(X, torque, u_m0, places, windows, settling, recovery, figures, extremes)
+    """Read the TCP's positions ``X``, shape (samples, 2), and the torques."""
+    figures = np.zeros(7)
+    late, later = pass_over(X, torque, u_m0, places, settling, recovery, figures)
     noise_1, noise_2, torque_1, torque_2, force, chirp, rest = figures.tolist()
-    amplitudes = 0.5 * (extremes[:, 1::2] - extremes[:, 0::2])
-    return Scan((noise_1, noise_2), (torque_1, torque_2), force, chirp, rest, late, later, amplitudes)
+    return Scan((noise_1, noise_2), (torque_1, torque_2), force, chirp, rest, late, later)
+
+
+def amplitudes(X: np.ndarray) -> np.ndarray:
+    """Half the extent [m] of the TCP's path ``X``, shape (samples, 2), in each of the DIRECTIONS; the largest is half
+    the largest distance between two points of the path."""
+    lowest, highest = np.zeros(DIRECTIONS), np.zeros(DIRECTIONS)
+    project(X, COSINES, SINES, lowest, highest)
+    return 0.5 * (highest - lowest)
 
 
 @compiled
@@ -64,16 +83,12 @@ def pass_over(
     torque: np.ndarray,
     u_m0: tuple[float, float],
     places: Places,
-    windows: np.ndarray,
     settling: float,
     recovery: float,
     figures: np.ndarray,
-    extremes: np.ndarray,
 ) -> tuple[int, int]:
-    """Fill the ``figures`` in the order of :class:`Scan`, and the smallest and largest x and z of each window; gives
-    the two last samples."""
+    """Fill the ``figures`` in the order of :class:`Scan`; gives the two last samples."""
     late = later = -1
-    window = -1
     x_0, z_0 = X[0, 0], X[0, 1]
     for k in range(X.shape[0]):
         x, z = X[k, 0], X[k, 1]
@@ -97,20 +112,25 @@ def pass_over(
                 u = torque[k, axis]
                 figures[axis] = max(figures[axis], abs(u - u_m0[axis]))
                 figures[2 + axis] = max(figures[2 + axis], abs(u))
-        if window + 1 < windows.shape[0] and k == windows[window + 1]:
-            window += 1
-            extremes[window, 0] = extremes[window, 1] = x
-            extremes[window, 2] = extremes[window, 3] = z
-        elif window >= 0:
-            extremes[window, 0] = min(extremes[window, 0], x)
-            extremes[window, 1] = max(extremes[window, 1], x)
-            extremes[window, 2] = min(extremes[window, 2], z)
-            extremes[window, 3] = max(extremes[window, 3], z)
     return late, later
+
+
+@compiled
+def project(X: np.ndarray, cosines: np.ndarray, sines: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> None:
+    """Fill the ``lowest`` and ``highest`` place of a path in each direction, seen from its first point [m]."""
+    # From there, as products of a whole metre would be rounded by 1e-16 m.
+    x_0, z_0 = X[0, 0], X[0, 1]
+    for k in range(X.shape[0]):
+        x, z = X[k, 0] - x_0, X[k, 1] - z_0
+        for n in range(cosines.shape[0]):
+            place = x * cosines[n] + z * sines[n]
+            lowest[n] = min(lowest[n], place)
+            highest[n] = max(highest[n], place)
 
 
 def warm_up() -> None:
     """Load, or once compile, the machine code for the arrays of the master loop."""
     # Not contiguous, as columns of the record are: Numba compiles for the layout as well.
     X, torque = np.zeros((2, 4))[:, 2:], np.zeros((1, 2))
-    scan(X, torque, (0.0, 0.0), Places(2, 0, 0, 0, 0), np.zeros(1, dtype=np.int64), 0.0, 0.0)
+    scan(X, torque, (0.0, 0.0), Places(2, 0, 0, 0, 0), 0.0, 0.0)
+    amplitudes(X)

@@ -19,14 +19,14 @@ from .tally import Tally, reason
 class Measurements(Struct, omit_defaults=True):
     """The figures of one simulation: those of B1..B7 that the test asks for, and in tests with a requirement the rest.
 
-    ``limit_cycle_x`` and ``limit_cycle_z`` are half the peak-to-peak of the TCP's coordinates at the end,
-    ``rest_error`` is the largest TCP error in the last second [m]. Of the larger cycle, or of the one that does not die
-    away, ``limit_cycle_ratio`` is that to the amplitude one window before, ``limit_cycle_decay`` the largest ratio of
-    any two successive windows, and ``limit_cycle_frequency`` the strongest frequency [Hz]. Where the case was simulated
-    beyond its own end to judge it, these are figures of the later end, and ``limit_cycle_at_end`` is the larger
-    amplitude at the case's own [m]. ``recovery`` is the time from the end of the force until the TCP error stays small
-    [s]. ``settled`` is False if B6 ran to the end of the case. ``residual_vibration`` is the geometric mean of the
-    TCP's amplitudes in successive windows after the force [m].
+    ``limit_cycle`` is the TCP's amplitude at the end, half the largest distance between two points of its path in a
+    window [m], ``rest_error`` the largest TCP error in the last second [m]. Of the direction in which the cycle is
+    largest, or of the one in which it does not die away, ``limit_cycle_ratio`` is that to the amplitude one window
+    before, ``limit_cycle_decay`` the largest ratio of any two successive windows, and ``limit_cycle_frequency`` the
+    strongest frequency [Hz]. Where the case was simulated beyond its own end to judge it, these are figures of the
+    later end, and ``limit_cycle_at_end`` is the amplitude at the case's own [m]. ``recovery`` is the time from the end
+    of the force until the TCP error stays small [s]. ``settled`` is False if B6 ran to the end of the case.
+    ``residual_vibration`` is the geometric mean of the TCP's amplitudes in successive windows after the force [m].
     """
 
     B1: NonNegative | None = None
@@ -37,8 +37,7 @@ class Measurements(Struct, omit_defaults=True):
     B6: NonNegative | None = None
     B7: NonNegative | None = None
     settled: bool | None = None
-    limit_cycle_x: NonNegative | None = None
-    limit_cycle_z: NonNegative | None = None
+    limit_cycle: NonNegative | None = None
     limit_cycle_ratio: NonNegative | None = None
     limit_cycle_frequency: NonNegative | None = None
     limit_cycle_decay: NonNegative | None = None
@@ -51,13 +50,6 @@ class Measurements(Struct, omit_defaults=True):
     def names(self) -> frozenset[str]:
         """The figures there are."""
         return frozenset(name for name in self.__struct_fields__ if getattr(self, name) is not None)
-
-    @property
-    def limit_cycle(self) -> float | None:
-        """The larger of the two amplitudes [m]."""
-        if self.limit_cycle_x is None or self.limit_cycle_z is None:
-            return None
-        return max(self.limit_cycle_x, self.limit_cycle_z)
 
     @property
     def slowest_decay(self) -> float | None:
@@ -175,9 +167,13 @@ class Verdict(Struct, kw_only=True):
 
 
 class Requirement(Verdict, kw_only=True):
-    """A1, A2 with a verdict per axis, A3 with one per TCP coordinate, and the verdict over all."""
+    """The verdict over all cases; A1 and A2 with one per axis as well."""
 
     axes: dict[str, Verdict]
+
+    def by_role(self, name: str) -> list[tuple[str, Verdict]]:
+        """The verdicts one by one, called such as ``A2 1``: those per axis, or else, as ``A3``, the one over all."""
+        return [(f"{name} {axis}", verdict) for axis, verdict in self.axes.items()] or [(name, self)]
 
 
 class ConfigurationScore(Struct):

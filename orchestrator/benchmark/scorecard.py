@@ -50,7 +50,7 @@ def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = No
         stability={
             "A1": _per_axis("A1", rules, results),
             "A2": _per_axis("A2", rules, results),
-            "A3": _limit_cycles("A3", rules, results),
+            "A3": _overall("A3", rules, results, {}),
         },
         configurations=tuple(_configuration(rules, group) for group in _by_configuration(results)),
     )
@@ -122,61 +122,60 @@ def _configuration(rules: Rules, results: Sequence[CaseResult]) -> Configuration
     return ConfigurationScore(index=pose.index, q_a1=pose.q_a1, q_a2=pose.q_a2, cost=_sum(shares), relative=relative)
 
 
-def kind(result: Judgement, limits: Stability, amplitude: float | None = None) -> Kind:
-    """What the simulation of ``result`` came to, with the limit cycle's ``amplitude`` [m] in place of its own."""
+def kind(result: Judgement, limits: Stability) -> Kind:
+    """What the simulation of ``result`` came to."""
     figures = result.measurements
-    size = figures.limit_cycle if amplitude is None else amplitude
     if result.status is Status.UNSTABLE:
         return "unstable"
-    if result.status is not Status.DONE or size is None:
+    if result.status is not Status.DONE or figures.limit_cycle is None:
         return "no verdict"
-    if size < limits.limit_cycle:
-        died = (figures.limit_cycle or 0.0) < limits.limit_cycle <= (figures.limit_cycle_at_end or 0.0)
-        return "ring-down" if died else "quiet"
+    if figures.limit_cycle < limits.limit_cycle:
+        return "ring-down" if (figures.limit_cycle_at_end or 0.0) >= limits.limit_cycle else "quiet"
     decay = figures.slowest_decay
     return "ring-down" if decay is not None and decay < limits.ring_down else "limit cycle"
 
 
-def outcome(result: Judgement, limits: Stability, amplitude: float | None = None) -> Outcome:
-    """How ``result`` counts for a requirement, with the limit cycle's ``amplitude`` [m] in place of its own."""
+def outcome(result: Judgement, limits: Stability) -> Outcome:
+    """How ``result`` counts for a requirement."""
     if result.status is Status.UNSTABLE:
         return "left the workspace" if result.measurements.rest_error is None else "no rest"
     if result.status is not Status.DONE:
         return ENDED[result.status]
-    ending = kind(result, limits, amplitude)
+    ending = kind(result, limits)
     if ending == "limit cycle":
         return "limit cycle"
     return "holds" if ending in HOLDING else "lost"  # what has no figure says nothing
 
 
-def _verdict(rules: Rules, candidates: Iterable[tuple[CaseResult, float | None]], expected: int) -> Verdict:
-    """Over pairs of a case and its limit-cycle amplitude [m], None if it has no such amplitude, of ``expected``."""
-    limits, pairs = rules.stability, list(candidates)
-    ended = {result.id: outcome(result, limits, value) for result, value in pairs}
-    judged = [(result, value) for result, value in pairs if ended[result.id] not in UNJUDGED]
+def _verdict(rules: Rules, results: Sequence[CaseResult], expected: int) -> Verdict:
+    """Over cases of tests of a requirement, of which ``expected`` are asked for."""
+    limits = rules.stability
+    ended = {result.id: outcome(result, limits) for result in results}
+    judged = [result for result in results if ended[result.id] not in UNJUDGED]
     if not judged:
-        first = min((result for result, _ in pairs), key=_place, default=None)
+        first = min(results, key=_place, default=None)
         return Verdict(passed=None, tally=tally(ended.values(), expected, first.id if first else ""))
 
-    def badness(pair: tuple[CaseResult, float | None]) -> tuple[bool, bool, float, tuple[int, str]]:
-        result, value = pair
-        return ended[result.id] == "holds", value is not None, -(value or 0.0), _place(result)
+    def badness(result: CaseResult) -> tuple[bool, bool, float, tuple[int, str]]:
+        size = result.measurements.limit_cycle
+        return ended[result.id] == "holds", size is not None, -(size or 0.0), _place(result)
 
-    worst, amplitude = min(judged, key=badness)
+    worst = min(judged, key=badness)
     fails = ended[worst.id] != "holds"
-    left = min((result for result, _ in pairs if ended[result.id] in UNJUDGED), key=_place, default=None)
+    left = min((result for result in results if ended[result.id] in UNJUDGED), key=_place, default=None)
     counted = tally(ended.values(), expected, worst.id if fails else left.id if left else "")
     # One realization of the noise may kick a loop into a cycle that others do not: it is told with how many it fails.
-    alike = [result for result, _ in judged if _experiment(rules, result) == _experiment(rules, worst)]
+    alike = [result for result in judged if _experiment(rules, result) == _experiment(rules, worst)]
     figures = worst.measurements
-    alone = ended[worst.id] == "no rest" and amplitude is not None and amplitude < limits.limit_cycle
+    size = figures.limit_cycle
+    alone = ended[worst.id] == "no rest" and size is not None and size < limits.limit_cycle
     return Verdict(
         passed=counted.passed,
         tally=counted,
-        limit_cycle=amplitude,
+        limit_cycle=size,
         rest_error=figures.rest_error if alone else None,
         worst_case=worst.id,
-        kind=kind(worst, limits, amplitude),
+        kind=kind(worst, limits),
         ratio=figures.limit_cycle_ratio,
         frequency=figures.limit_cycle_frequency,
         seeds_failed=sum(ended[result.id] != "holds" for result in alike),
@@ -215,33 +214,13 @@ def _expected(name: str, rules: Rules, results: Sequence[CaseResult], axis: int 
     return sum(result.test in tests for result in results) + rules.cases - len(results)
 
 
-def _overall(
-    name: str, rules: Rules, results: Sequence[CaseResult], axes: dict[str, Verdict], candidates: Iterable[CaseResult]
-) -> Requirement:
-    pairs = ((result, result.measurements.limit_cycle) for result in candidates)
-    return Requirement(**asdict(_verdict(rules, pairs, _expected(name, rules, results))), axes=axes)
+def _overall(name: str, rules: Rules, results: Sequence[CaseResult], axes: dict[str, Verdict]) -> Requirement:
+    ids = {result.id for group in _required(name, rules, results).values() for result in group}
+    chosen = [result for result in results if result.id in ids]
+    return Requirement(**asdict(_verdict(rules, chosen, _expected(name, rules, results))), axes=axes)
 
 
 def _per_axis(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
     chosen = _required(name, rules, results)
-
-    def on(axis: int) -> Verdict:
-        pairs = ((result, result.measurements.limit_cycle) for result in chosen.get(axis, ()))
-        return _verdict(rules, pairs, _expected(name, rules, results, axis))
-
-    return _overall(name, rules, results, {str(axis): on(axis) for axis in (1, 2)}, _in_order(results, chosen))
-
-
-def _limit_cycles(name: str, rules: Rules, results: Sequence[CaseResult]) -> Requirement:
-    chosen = _in_order(results, _required(name, rules, results))
-    expected = _expected(name, rules, results)
-    axes = {
-        "x": _verdict(rules, ((r, r.measurements.limit_cycle_x) for r in chosen), expected),
-        "z": _verdict(rules, ((r, r.measurements.limit_cycle_z) for r in chosen), expected),
-    }
-    return _overall(name, rules, results, axes, chosen)
-
-
-def _in_order(results: Sequence[CaseResult], chosen: dict[int, list[CaseResult]]) -> list[CaseResult]:
-    ids = {result.id for group in chosen.values() for result in group}
-    return [result for result in results if result.id in ids]
+    axes = {str(axis): _verdict(rules, chosen.get(axis, []), _expected(name, rules, results, axis)) for axis in (1, 2)}
+    return _overall(name, rules, results, axes)

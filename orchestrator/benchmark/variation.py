@@ -34,9 +34,10 @@ class Variation:
     """What is changed in a scenario, SI units; None leaves a value as it is.
 
     ``undisturbed`` removes chirp and force, and ``ideal`` noise, quantization, saturation and delay, except those that
-    are given. ``angle_bits`` and ``torque_bits`` are the quantizers' steps as powers of two, 0 for none; ``delay`` is
-    that from controller to motor, T_d included. ``dropout`` is the probability that the torques of a sample are lost,
-    ``jitter`` the largest time by which a measurement is taken too early, and an infinite ``torque_limit`` none.
+    are given. ``angle_bits`` and ``torque_bits`` are the quantizers' steps as powers of two, 0 for none. The torque's
+    steps are those of the range between the limits, also of a given ``torque_limit``; an infinite one is none, and has
+    the protocol's steps. ``delay`` is that from controller to motor, T_d included. ``dropout`` is the probability that
+    the torques of a sample are lost, ``jitter`` the largest time by which a measurement is taken too early.
     """
 
     undisturbed: bool = False
@@ -108,12 +109,9 @@ def vary(scenario: Scenario, protocol: Protocol, variation: Variation) -> Scenar
     if variation.noise_power is not None:
         # By the benchmark's sample time, whatever the controller's: the noise is the sensor's own.
         sigma = math.sqrt(variation.noise_power / scenario.longest_hold)
-    angle_quantum, torque_quantum = sensor.quantum, drive.quantum
+    angle_quantum, limit = sensor.quantum, _given(variation.torque_limit, drive.limit)
     if variation.angle_bits is not None:
         angle_quantum = _quantum(math.radians(loop.angle_range_deg), variation.angle_bits)
-    if variation.torque_bits is not None:
-        first, second = (_quantum(2 * value, variation.torque_bits) for value in loop.torque_limit)
-        torque_quantum = (first, second)
     f_start, f_stop = _given(variation.chirp_frequencies, (chirp.f_start, chirp.f_stop))
     varied = replace(
         scenario,
@@ -126,8 +124,8 @@ def vary(scenario: Scenario, protocol: Protocol, variation: Variation) -> Scenar
         ),
         drive=Drive(
             gain=_given(variation.gain, drive.gain),
-            limit=_given(variation.torque_limit, drive.limit),
-            quantum=torque_quantum,
+            limit=limit,
+            quantum=_torque_quanta(drive, limit, loop.torque_limit, variation),
             delay=_given(variation.delay, drive.delay),
             dropout=_given(variation.dropout, drive.dropout),
         ),
@@ -165,6 +163,31 @@ def _force(before: Pair, variation: Variation, planned: Pair, phi_F: float) -> P
     if variation.phi_F is None and length > 0.0:
         return size * (planned[0] / length), size * (planned[1] / length)
     return force(size, _given(variation.phi_F, phi_F))
+
+
+def _torque_quanta(before: Drive, limit: Limits, planned: Limits, variation: Variation) -> Pair:
+    """The torque's steps [N.m] with the ``limit`` in force: as many as ``before`` or as the variation has, over the
+    range of the limit, and over that of the ``planned`` one if it is infinite. By the steps of a wider range, more than
+    the limit would pass."""
+    if variation.torque_bits is None and variation.torque_limit is None:
+        return before.quantum
+    own, earlier = (_ranges(limits, planned) for limits in (limit, before.limit))
+    if variation.torque_bits is not None:
+        return _quantum(own[0], variation.torque_bits), _quantum(own[1], variation.torque_bits)
+    # Numbers of steps are powers of two, so that these quotients are exact.
+    first, second = (
+        span / (was / quantum) if quantum > 0.0 else 0.0
+        for span, was, quantum in zip(own, earlier, before.quantum, strict=True)
+    )
+    return first, second
+
+
+def _ranges(limits: Limits, planned: Limits) -> Pair:
+    """From the lower to the upper limit of each torque [N.m]."""
+    first, second = (
+        2.0 * (limit if math.isfinite(limit) else other) for limit, other in zip(limits, planned, strict=True)
+    )
+    return first, second
 
 
 def _given(value: T | None, default: T) -> T:

@@ -35,11 +35,12 @@ ARRAYS = ("q_m", "X", "given", "command", "torque")
 
 class Definitions(Struct):
     """By what the figures are defined: the error band of B6 [m], the windows at the end [s] that the largest error and
-    the limit cycle are taken from."""
+    the limit cycle are taken from, and in how many directions its amplitude is measured."""
 
     settling_error: float
     rest_window: float
     limit_cycle_window: float
+    limit_cycle_directions: int
 
 
 class CaseAbout(Struct):
@@ -77,6 +78,9 @@ def packed(
     result: CaseResult,
 ) -> bytes:
     """The bytes of a ``case.npz``."""
+    from ..benchmark.one_pass import DIRECTIONS  # with the compiler, which takes long to load
+
+    limits = protocol.stability
     figures = {name: getattr(result.measurements, name) for name in CLAIMED}
     about = CaseAbout(
         schema=SCHEMA,
@@ -86,7 +90,7 @@ def packed(
         parameters={**nominal, **dict(case.scenario.parameters)},
         scenario=case.scenario,
         definitions=Definitions(
-            protocol.settling.error, protocol.stability.rest_window, protocol.stability.limit_cycle_window
+            protocol.settling.error, limits.rest_window, limits.limit_cycle_window, limit_cycle_directions=DIRECTIONS
         ),
         status=result.status.value,
         claimed={name: value for name, value in figures.items() if value is not None},

@@ -216,6 +216,12 @@ class Document(Struct, kw_only=True):
             raise InputError(f"{file} contradicts itself: {problem}.", "damaged", file)
         return document
 
+    @classmethod
+    def _of_older(cls: type[D], form: str, text: bytes) -> D | None:
+        """What ``text`` of an older ``form`` says in this one; None if that form is not read. Raises
+        :class:`Malformed`."""
+        return None
+
     def _problem(self) -> str:
         """What is wrong with it, beyond the types of its fields; empty if nothing is."""
         return ""
@@ -235,6 +241,8 @@ def _read(file: Path, kind: type[D]) -> D:
         form = outline.schema
         if form == kind.SCHEMA:
             return from_json(text, kind)
+        if (older := kind._of_older(form, text)) is not None:
+            return older
     except Malformed as problem:
         raise InputError(f"{file} does not hold results: {problem}.", "damaged", file) from None
     name, _, number = kind.SCHEMA.rpartition("/")

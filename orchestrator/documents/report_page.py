@@ -236,10 +236,10 @@ def _stability(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
             )
         )
     caption = (
-        f"Every test with a requirement, with its limit cycle (half the peak-to-peak of a TCP coordinate at the end) "
-        f"against {number(limits.limit_cycle * 1e6)} µm. The ratio is that to the amplitude in the seconds before: a "
-        "motion that dies away is a ring-down, not a limit cycle. A test also fails where the TCP does not come to "
-        "rest."
+        "Every test with a requirement, with its limit cycle (half the largest distance between two places of the TCP "
+        f"at the end) against {number(limits.limit_cycle * 1e6)} µm. The ratio is that to the amplitude in the seconds "
+        "before: a motion that dies away is a ring-down, not a limit cycle. A test also fails where the TCP does not "
+        "come to rest."
     )
     return (limit_cycles(results), Table("Stability tests", columns, tuple(rows), caption=caption))
 

@@ -19,10 +19,10 @@ from msgspec.structs import replace
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.case import Case
-from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Requirement, Scorecard
+from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Measurements, Requirement, Scorecard
 from ..benchmark.scorecard import score
 from ..bounded import MAX_RESULT_BYTES, read
-from ..codec import Malformed, NonNegative, Struct, from_json, plain, to_json
+from ..codec import Malformed, NonNegative, Struct, convert, from_json, plain, to_json
 from ..errors import InputError
 from ..loop.trajectory import Status
 from ..views.export import csv_text
@@ -69,7 +69,7 @@ class Results(Document, kw_only=True):
     """
 
     FILE: ClassVar[str] = RESULTS
-    SCHEMA: ClassVar[str] = "flexible-manipulator-results/4"
+    SCHEMA: ClassVar[str] = "flexible-manipulator-results/5"
     DERIVED: ClassVar[tuple[str, ...]] = (CASES, TRAJECTORIES, REPORT, PARQUET, MAT, FIGURES)
 
     complete: bool
@@ -97,6 +97,10 @@ class Results(Document, kw_only=True):
         """See :attr:`.Document.completeness`."""
         return completeness(self.cases, (entry.tally for entry in self.stability.values()))
 
+    @classmethod
+    def _of_older(cls, form: str, text: bytes) -> Results | None:
+        return of_form_4(text) if form == FORM_4 else None
+
     def _problem(self) -> str:
         tests = {test.name for test in self.rules.tests}
         names = [case.id for case in self.cases]
@@ -105,6 +109,40 @@ class Results(Document, kw_only=True):
         if not set(NOMINAL) <= set(self.plant.nominal):
             return "parameters of the plant are missing"
         return "" if score(self.rules, self.cases) == self.scorecard else "its scorecard is not that of its cases"
+
+
+FORM_4 = "flexible-manipulator-results/4"
+"""Of the versions of the benchmark up to 3."""
+
+
+class MeasurementsOfForm4(Measurements):
+    """Its amplitudes [m] are half the peak-to-peak of the TCP's x and of its z; the larger one was judged."""
+
+    limit_cycle_x: NonNegative | None = None
+    limit_cycle_z: NonNegative | None = None
+
+
+class CaseOfForm4(CaseResult, kw_only=True):
+    """A case with these."""
+
+    measurements: MeasurementsOfForm4
+
+
+class ResultsOfForm4(Results, kw_only=True):
+    """Results with these; A3 has a verdict for each coordinate."""
+
+    cases: tuple[CaseOfForm4, ...]
+
+
+def of_form_4(text: bytes) -> Results:
+    """Results of the form 4 in this one: the same verdicts, by the larger amplitude. Raises :class:`Malformed`."""
+    contents = plain(from_json(text, ResultsOfForm4)) | {"schema": Results.SCHEMA}
+    for case in contents["cases"]:
+        figures = case["measurements"]
+        sizes = [figures.pop(name) for name in ("limit_cycle_x", "limit_cycle_z") if name in figures]
+        figures |= {"limit_cycle": max(sizes)} if sizes else {}
+    contents["stability"].get("A3", {})["axes"] = {}
+    return convert(contents, Results)
 
 
 LISTED = 12
@@ -165,7 +203,7 @@ def case_table(results: Results) -> dict[str, list[Any]]:
         "time [s]": [case.time for case in cases],
         **{f"{name} [{criterion.unit}]": measured(name) for name, criterion in results.criteria.items()},
         "settled": measured("settled"),
-        **{f"{name} [m]": measured(name) for name in ("limit_cycle_x", "limit_cycle_z", "rest_error")},
+        **{f"{name} [m]": measured(name) for name in ("limit_cycle", "rest_error")},
         "limit_cycle_ratio": measured("limit_cycle_ratio"),
         "limit_cycle_frequency [Hz]": measured("limit_cycle_frequency"),
         "recovery [s]": measured("recovery"),

@@ -153,7 +153,7 @@ def _row(name: str, unit: str, difference: Array, bound: float, interval: float)
 def figures(
     scenario: RecordedScenario, end: float, X: Array, torque: Array, u_m0: Array, definitions: Mapping[str, float]
 ) -> dict[str, float]:
-    """B1 to B7 of the paper's Section 6, the largest TCP error at the end, half the peak-to-peak of a last window.
+    """B1 to B7 of the paper's Section 6, the largest TCP error at the end, the amplitude in the last window.
 
     ``X`` has shape (N + 1, 2) [m], ``torque`` (N, 2) [N.m]; ``end`` [s] is that of the case itself, which a simulation
     may go on beyond. Errors are distances from where the TCP began.
@@ -172,7 +172,12 @@ def figures(
     last = min(count, len(t) - 1)
     # Of the case itself, although a simulation in doubt goes on beyond its end.
     window = X[: last + 1][t[: last + 1] >= t[last] - definitions["limit_cycle_window"] - 1e-9]
-    judged["limit_cycle_at_end"] = 0.5 * float(np.ptp(window, axis=0).max())
+    directions = int(definitions["limit_cycle_directions"])
+    extents = (
+        np.ptp((window - window[0]) @ [np.cos(angle), np.sin(angle)])
+        for angle in np.pi * np.arange(directions) / directions
+    )
+    judged["limit_cycle_at_end"] = 0.5 * float(max(extents))
     return judged
 
 

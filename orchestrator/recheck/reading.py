@@ -22,7 +22,12 @@ SCHEMA = "flexible-manipulator-case/1"
 STATES, STEPS = ("q_m", "q_a", "X", "noise"), ("given", "command", "torque")
 """Arrays with a row for each state, and for each step between two."""
 
-DEFINITIONS = ("settling_error", "rest_window", "limit_cycle_window")
+DEFINITIONS = ("settling_error", "rest_window", "limit_cycle_window", "limit_cycle_directions")
+
+COORDINATES = 2.0
+"""Directions in which a limit cycle was measured before version 4 of the benchmark, whose files do not say it: x, z."""
+
+MAX_DIRECTIONS = 1000
 
 MAX_BYTES = 256 * 1024**2
 """Bytes that the arrays of a file may have together."""
@@ -98,10 +103,17 @@ def _recorded(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Rec
         scenario=_scenario(about["scenario"], parameters),
         duration=float(Fraction(about["scenario"]["duration"])),
         arrays=arrays,
-        definitions={name: _numbers(about["definitions"])[name] for name in DEFINITIONS},
+        definitions=_definitions(about["definitions"]),
         status=str(about["status"])[:20],
         claimed=_numbers(about["claimed"]),
     )
+
+
+def _definitions(given: Mapping[str, float]) -> dict[str, float]:
+    numbers = {"limit_cycle_directions": COORDINATES, **_numbers(given)}
+    if not COORDINATES <= numbers["limit_cycle_directions"] <= MAX_DIRECTIONS:
+        raise Unreadable(f"its limit cycle is not measured in {COORDINATES:g} to {MAX_DIRECTIONS} directions")
+    return {name: numbers[name] for name in DEFINITIONS}
 
 
 def _numbers(given: Mapping[str, Any]) -> dict[str, float]:

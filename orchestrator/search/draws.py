@@ -1,4 +1,5 @@
-"""Independent draws of everything that a case leaves open: arm, pose, direction of the force, sweep, noise."""
+"""Independent draws of everything that a case leaves open: arm, pose, direction of the force, sweep and begin of the
+chirp, noise."""
 
 from __future__ import annotations
 
@@ -34,6 +35,8 @@ def members(protocol: Protocol, distribution: Distribution, seed: int, number: i
         deviations=tuple(zip(names(protocol), deviations, strict=True)),
         seed=int(stream.randint(SEEDS)),
     )
-    disturbed = replace(drawn, phi_F=float(phi_F), sweep=(low, high) if upward else (high, low))
+    # Last, so that all else of a draw is what it was before t_3 was drawn (Table 1: 0.5 s, more or less 0.5 s).
+    t_3 = float(stream.uniform(*protocol.disturbance.t_3_range))
+    disturbed = replace(drawn, phi_F=float(phi_F), sweep=(low, high) if upward else (high, low), t_3=t_3)
     tests = [test for test in protocol.tests if not test.repeats]
     return tuple(replace(disturbed if test.disturbed else drawn, test=test.name) for test in tests)

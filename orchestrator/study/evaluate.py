@@ -199,13 +199,14 @@ def shown(
 
 
 def _worst(card: Scorecard) -> dict[str, list[str]]:
-    """Cases to show with what for: worst of a criterion, and of a requirement on an axis where it fails."""
+    """Cases to show with what for: worst of a criterion, and of a requirement that fails, on each axis if it has
+    axes."""
     roles: dict[str, list[str]] = {}
     for name, criterion in card.criteria.items():
         if criterion.worst_case:
             roles.setdefault(criterion.worst_case.id, []).append(name)
     for name, requirement in card.stability.items():
-        for axis, verdict in requirement.axes.items():
+        for role, verdict in requirement.by_role(name):
             if verdict.worst_case and verdict.passed is False:
-                roles.setdefault(verdict.worst_case, []).append(f"{name} {axis}")
+                roles.setdefault(verdict.worst_case, []).append(role)
     return roles

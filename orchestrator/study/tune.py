@@ -75,7 +75,7 @@ class TuningStudy(Study[Tuning]):
     )
     robust: int = option(
         0,
-        "search for the worst case of the best candidates, with a budget of so many whole cases each, at least the 839 "
+        "search for the worst case of the best candidates, with a budget of so many whole cases each, at least the 936 "
         "of the strict list, and count what is found",
         least=0,
         metavar="N",
@@ -197,7 +197,7 @@ def _judge(goal: Testbed, controller: Controller, strict: str | Path, robust: in
         failing = {
             verdict.worst_case: None
             for name in broken
-            for verdict in evaluation.requirements[name].axes.values()
+            for _, verdict in evaluation.requirements[name].by_role(name)
             if verdict.passed is False and verdict.worst_case
         }
         named = {case.id: case for case in cases}

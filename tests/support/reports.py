@@ -178,7 +178,7 @@ def spread(size: float, system: str) -> Recording:
 
 
 RECORDINGS = (
-    recording(("B5", "B6", "A3 x")),
+    recording(("B5", "B6", "A3")),
     recording(("B7",), "c08.random_1.disturbance"),
     recording(("example",)),
     spread(8e-3, "compliant"),

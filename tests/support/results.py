@@ -49,7 +49,7 @@ def result(
     system: str,
     test: str,
     criteria: Mapping[str, float] | None = None,
-    cycle: tuple[float, float] | None = (0.0, 0.0),
+    cycle: float | None = 0.0,
     status: Status = Status.DONE,
     message: str = "",
 ) -> CaseResult:
@@ -57,9 +57,7 @@ def result(
     measured = Measurements(**(criteria or {}))
     if cycle is not None:
         lasting = {"limit_cycle_ratio": 1.0, "limit_cycle_frequency": 3.0, "recovery": 1.0}
-        measured = Measurements(
-            **(criteria or {}), **lasting, limit_cycle_x=cycle[0], limit_cycle_z=cycle[1], rest_error=0.0
-        )
+        measured = Measurements(**(criteria or {}), **lasting, limit_cycle=cycle, rest_error=0.0)
     ended = criteria is None and cycle is None
     return CaseResult(
         id=f"c{index:02d}.{system}.{test}",
