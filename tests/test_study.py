@@ -138,7 +138,7 @@ def test_a_search_stops_when_its_time_is_over(quick):
     player = Player()
     found, shown = answered(worst_case(quick, Controller(), RobustnessStudy(2000, minutes=0.01)), player)
     assert not found.complete and not found.margins and found.radius is None
-    assert found.simulations < 1000 and found.cost == 0.0 and shown
+    assert found.simulations < 1200 and found.cost == 0.0 and shown
     assert [event.stage for event in player.events(StageDone)] == ["list", "effects", "other noise"]
 
 
