@@ -28,13 +28,12 @@ from orchestrator.loop.random_streams import stable_stream
 from orchestrator.loop.trajectory import Status
 from orchestrator.search import answers, moves
 from orchestrator.search.answers import costs, effects, requirements
-from orchestrator.search.descent import Levels, descend
-from orchestrator.search.elites import ELITE, Elites, Peak
+from orchestrator.search.by_pose import ELITE, Elites, Peak
+from orchestrator.search.descent import Levels, descend, race
 from orchestrator.search.history import Ask, History
 from orchestrator.search.hunt import Hunt
 from orchestrator.search.margins import margins
 from orchestrator.search.member import Member, case_of, cost, loose, names, of_case, parameters, possible, spelled
-from orchestrator.search.race import race
 from orchestrator.search.radius import radius
 from orchestrator.search.short import brisk, short
 from orchestrator.search.stages import search

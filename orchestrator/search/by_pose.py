@@ -14,6 +14,7 @@ import zlib
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from ..benchmark.results import CaseResult
 from ..benchmark.variation import Variation
 from ..loop.random_streams import stable_stream
 from . import moves
-from .elites import Elites, Peak
 from .history import Asking, History
 from .member import Member, Pair, cost
 from .short import brisk, short
@@ -71,6 +71,48 @@ CONFIRMED = 1
 SETTLING, SLOWER, LONGEST = 3.0, 1.5, 1e3
 """Time after the force [s] that B6 is waited for at the least, in shares of the largest B6 known at the pose, and at
 the most: no test is as long. It is rounded up to whole seconds, so that few lengths differ."""
+
+
+ELITE = 6
+"""Members that are kept for each maximum."""
+
+
+class Peak(NamedTuple):
+    """The largest value of a criterion at one pose: each maximum of eq. (14) is searched for separately; or, without
+    a pose, at the poses of the workspace that are no configuration. ``niche`` is the figure that its elite is chosen
+    by: the criterion itself, or one of :func:`.niches`."""
+
+    target: Target
+    q_a: Pair | None = None
+    niche: int = 0
+
+
+@dataclass(frozen=True)
+class Elites:
+    """The best members of each peak, the best first, with their values."""
+
+    by_peak: dict[Peak, list[tuple[float, Member]]] = field(default_factory=dict)
+
+    def take(self, peak: Peak, value: float, member: Member) -> None:
+        """Keep ``member`` if it is among the best of its peak."""
+        elite = self.by_peak.setdefault(peak, [])
+        if value > -math.inf and all(member != other for _, other in elite):
+            elite.append((value, member))
+            elite.sort(key=lambda pair: -pair[0])  # stable: of equals, the first found
+            del elite[ELITE:]
+
+    def members(self, peak: Peak) -> list[Member]:
+        """The members of a peak, the best first."""
+        return [member for _, member in self.by_peak.get(peak, ())]
+
+    def largest(self, peak: Peak) -> float:
+        """The largest value of a peak; 0 if nothing is known."""
+        elite = self.by_peak.get(peak)
+        return elite[0][0] if elite else 0.0
+
+    def mean(self, target: Target, poses: Sequence[Pair]) -> float:
+        """The mean over the poses of the largest values, as in eq. (14) and (15)."""
+        return sum(self.largest(Peak(target, q_a)) for q_a in poses) / len(poses)
 
 
 @dataclass

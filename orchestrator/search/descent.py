@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,9 +25,13 @@ from . import moves
 from .history import Asking
 from .hunt import Hunt
 from .member import Member, spelled
-from .race import race
 from .short import short
 from .target import Scores, Target, fails, scores_of, suspect
+
+Scale = TypeVar("Scale")
+
+BATCH = 8
+"""Members of a race that are tried at once."""
 
 CONTENDERS = 2
 """Members of each named system, and of those that were searched, that a descent begins with."""
@@ -143,6 +147,48 @@ def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
     tried = set(hunt.afford(members))
     yield from hunt.history.results([member for member in members if member in tried])
     return [member in tried and fails(hunt.history.result_of[member], hunt.protocol.stability) for member in members]
+
+
+def race(
+    members: Sequence[Member],
+    scale: Sequence[Scale],
+    at: Callable[[Member, Scale], Member],
+    fail: Callable[[Sequence[Member]], Asking[list[bool]]],
+) -> Asking[tuple[int, Member] | None]:
+    """The first step of ``scale``, from the harmless to the harmful, at which one of ``members`` fails, and that member
+    there; None if none fails at the last.
+
+    The first member's step is found by bisection. Each other one is tried just below the smallest failing step so far,
+    and only if it fails there, its own is found. That is exact where a member that fails at a step fails beyond it,
+    too. ``at(member, step)`` changes a member, ``fail(members)`` asks which of them fail.
+    """
+    best: tuple[int, Member] | None = None
+    for first in (0, *range(1, len(members), BATCH)):
+        high = (len(scale) if best is None else best[0]) - 1
+        low = -1
+        some = members[first : first + BATCH if first else 1] if high >= 0 else []
+        failing = yield from _failing_at(some, scale, high, at, fail)
+        while failing and high - low > 1:
+            middle = (low + high) // 2
+            now = yield from _failing_at(failing, scale, middle, at, fail)
+            if now:
+                high, failing = middle, now
+            else:
+                low = middle
+        if failing:
+            best = high, at(failing[0], scale[high])
+    return best
+
+
+def _failing_at(
+    members: Sequence[Member],
+    scale: Sequence[Scale],
+    step: int,
+    at: Callable[[Member, Scale], Member],
+    fail: Callable[[Sequence[Member]], Asking[list[bool]]],
+) -> Asking[list[Member]]:
+    verdicts = yield from fail([at(member, scale[step]) for member in members])
+    return [member for member, failed in zip(members, verdicts, strict=True) if failed]
 
 
 def _plain(member: Member) -> Member:

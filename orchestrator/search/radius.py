@@ -7,12 +7,11 @@ from contextlib import suppress
 from dataclasses import replace
 
 from .answers import worst_at_each
-from .descent import contenders, failing
+from .descent import contenders, failing, race
 from .findings import Radius
 from .history import Asking
 from .hunt import Hunt, card, possible
 from .member import Member, Pair, loose
-from .race import race
 from .short import short
 from .target import Target, severity, targets
 
