@@ -88,12 +88,15 @@ def studied(name: str) -> Requests[dict[str, Any]]:
 
 
 def table(kept: Figures) -> str:
-    """V by controller and condition, with the requirements that fail."""
-    head = f"| controller | {' | '.join(f'V, {condition}' for condition in CONDITIONS)} |\n"
+    """V by controller and condition, with the requirements that fail, and the benchmark's version that they are of."""
+    head = f"| controller | version | {' | '.join(f'V, {condition}' for condition in CONDITIONS)} |\n"
     lines = (
-        f"| `{name}` | {' | '.join(_cell(kept[name][c]) for c in CONDITIONS)} |\n" for name in PAGES if name in kept
+        f"| `{name}` | {kept[name]['benchmark'].rpartition('-')[2]} "
+        f"| {' | '.join(_cell(kept[name][c]) for c in CONDITIONS)} |\n"
+        for name in PAGES
+        if name in kept
     )
-    return head + "|---" * (1 + len(CONDITIONS)) + "|\n" + "".join(lines)
+    return head + "|---" * (2 + len(CONDITIONS)) + "|\n" + "".join(lines)
 
 
 def _cell(figures: Mapping[str, Any]) -> str:
