@@ -157,8 +157,8 @@ def _curves(X: np.ndarray, windows: Sequence[int]) -> list[list[float]]:
     from .one_pass import amplitudes
 
     ends = (*windows[1:], len(X))
-    found = [amplitudes(X[begin:end]) for begin, end in zip(windows, ends, strict=True)]
-    curves: list[list[float]] = np.array(found).T.tolist()
+    by_window = [amplitudes(X[begin:end]) for begin, end in zip(windows, ends, strict=True)]
+    curves: list[list[float]] = np.array(by_window).T.tolist()
     return curves
 
 

@@ -171,13 +171,13 @@ def _torque_quanta(before: Drive, limit: Limits, planned: Limits, variation: Var
     the limit would pass."""
     if variation.torque_bits is None and variation.torque_limit is None:
         return before.quantum
-    own, earlier = (_ranges(limits, planned) for limits in (limit, before.limit))
+    spans, earlier = (_ranges(limits, planned) for limits in (limit, before.limit))
     if variation.torque_bits is not None:
-        return _quantum(own[0], variation.torque_bits), _quantum(own[1], variation.torque_bits)
+        return _quantum(spans[0], variation.torque_bits), _quantum(spans[1], variation.torque_bits)
     # Numbers of steps are powers of two, so that these quotients are exact.
     first, second = (
         span / (was / quantum) if quantum > 0.0 else 0.0
-        for span, was, quantum in zip(own, earlier, before.quantum, strict=True)
+        for span, was, quantum in zip(spans, earlier, before.quantum, strict=True)
     )
     return first, second
 
