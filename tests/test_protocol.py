@@ -198,6 +198,9 @@ TOLD = {
     f"{NAMES}criteria = ['B9']": ["the criteria of x: there is no B9, only B1, B2, B3, B4, B5, B6, B7."],
     f"{NAMES}requirements = ['A4']": ["the requirements of x: there is no A4, only A1, A2, A3."],
     "[criteria.B8]\ntarget = 1\nweight = 1\nunit = 'm'\ntitle = 'x'": ["criteria: there is no B8"],
+    "[criteria.B3]\ntarget = 1\nweight = 1\nunit = 'rad/s'\ntitle = 'x'": [
+        "criteria: the unit of B3 is N.m, not rad/s"
+    ],
     NAMES.replace("'performance'", "'absent'"): ["no set of systems 'absent'. It has: performance, "],
 }
 """Wrong files, and what the message says of them."""

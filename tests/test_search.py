@@ -295,13 +295,14 @@ def test_a_short_simulation_shows_what_it_is_for(name, duration, force):
     assert case.scenario.pulse.force == case_of(replace(member, short=None), STRICT, NOMINAL).scenario.pulse.force
 
 
-def test_a_brisk_simulation_has_the_whole_disturbance_in_a_third_of_the_time():
+def test_a_brisk_simulation_has_the_whole_disturbance_in_half_of_the_time():
     view = brisk(STRICT, B6, 3.0)
     member = replace(spelled(Member((0.0, -90.0), B6.test, system="sticky"), STRICT, B6.test), short=view)
     case, whole = (case_of(each, STRICT, NOMINAL) for each in (member, replace(member, short=None)))
-    assert case.end == 5.0 and {"B5", "B6", "B7"} <= expected(STRICT, case)
+    assert case.end == 6.5 and {"B5", "B6", "B7"} <= expected(STRICT, case)
     assert case.scenario.pulse.force == whole.scenario.pulse.force
-    assert case.scenario.chirp.stop < case.scenario.pulse.start
+    pauses = [one.scenario.pulse.start - one.scenario.chirp.stop for one in (case, whole)]
+    assert pauses == [2.0, 2.0]  # in which a controller forgets the chirp
     assert case.scenario.pulse.stop - case.scenario.pulse.start == 0.5
 
 
@@ -342,14 +343,16 @@ def test_moves_stay_within_the_uncertainty_and_the_workspace(seed):
             moves.crossed(own, other, stream),
             moves.moved(own, STRICT, stream),
             moves.with_other_force_direction(own, stream),
-            moves.with_force_through_joint(own, stream),
+            moves.with_force_along_arm(own, stream),
             moves.at_pose_by_joint(own, (-36.0, 20.0), int(stream.randint(2))),
             moves.with_other_sweep(own, STRICT),
             moves.with_other_noise(own, stream),
+            moves.with_other_chirp_start(own, STRICT, stream),
         ]
         for each in found:
             assert possible(each, STRICT) and dict(each.deviations).keys() == dict(own.deviations).keys()
             case_of(each, STRICT, NOMINAL)  # refuses what lies outside of the workspace
+        assert moves.is_along_arm(found[5]) and 0.0 <= found[-1].t_3 <= 1.0
         before = dict(own.deviations)
         assert all(value in (before[name], -1.0, 1.0) for name, value in found[0].deviations)
         assert moves.with_other_sweep(found[7], STRICT) == own

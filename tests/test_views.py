@@ -31,7 +31,7 @@ from orchestrator.documents.evaluation import Evaluation
 from orchestrator.text import printable
 from orchestrator.views import drawing
 from orchestrator.views import page as pages
-from orchestrator.views.export import CHARACTER, FORMULA, GAP, TEXT_WIDTH, csv, latex, markdown
+from orchestrator.views.export import CHARACTER, FORMS, FORMULA, GAP, TEXT_WIDTH, csv, latex, markdown
 from orchestrator.views.page import fragment, page_html, script_json
 from orchestrator.views.plot import (
     Axis,
@@ -141,7 +141,7 @@ class Html:
 
 def test_a_table_of_every_feature_in_every_view():
     views = {f"{width} characters": printed(SUMMARY, width=width) for width in (40, 110)}
-    views |= {view.__name__: view(SUMMARY.tables) for view in (latex, markdown, csv)}
+    views |= {form: write(SUMMARY.tables) for form, (_, write) in FORMS.items()}
     views["fragment"] = fragment(SUMMARY)
     text = "".join(f"==== {name}\n{view.rstrip()}\n\n" for name, view in views.items())
     assert text == snapshot("views.txt", text)

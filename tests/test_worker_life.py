@@ -22,11 +22,11 @@ from orchestrator.execution.worker_life import (
     START_TIMEOUT,
     Answer,
     Death,
-    Ended,
     Event,
     Life,
     Looked,
     Printed,
+    ProcessEnded,
     Received,
     Remains,
     died,
@@ -71,13 +71,21 @@ def failed(kind: str, index: int = 0, what: str = "") -> Received:
 
 
 def looked(
-    time: float = 1.0, memory: int = 0, processes: int = 1, end: Ended | None = None, place: Place = STEP, **spent
+    time: float = 1.0,
+    memory: int = 0,
+    processes: int = 1,
+    end: ProcessEnded | None = None,
+    place: Place = STEP,
+    **spent,
 ) -> Looked:
     """A look at a worker that has ``spent`` so much."""
     return Looked(time, Use(0.0, 0.0, memory, False, False, processes), TimeSpent(**spent), place, end)
 
 
-ABORTED, KILLED = Ended("the process was ended by SIGABRT", False), Ended("the process was ended by SIGKILL", True)
+ABORTED, KILLED = (
+    ProcessEnded("the process was ended by SIGABRT", False),
+    ProcessEnded("the process was ended by SIGKILL", True),
+)
 FORGED = [
     Received(Loaded()),
     Received(Garbage("no message")),

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from ..benchmark import cases as case_list
-from ..benchmark.case import Case
+from ..benchmark.case import CRITERIA, Case
 from ..benchmark.linearization import rest
 from ..benchmark.metrics import AT_THE_END, case_result
 from ..benchmark.results import CaseResult, Kind, Rules, rules
@@ -31,7 +31,7 @@ from ..pairing.controller import Controller
 from ..pairing.pairing import simulate_case
 from ..pairing.testbed import Testbed
 from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
-from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, TORQUE, Unit
+from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, SHOWN, Unit
 
 # Imports inside functions: Matplotlib, pandas, lxml and Numba are loaded by those who need them.
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from ..documents.ssp import Order
 
-UNITS = dict.fromkeys(("B1", "B2", "B3", "B4"), TORQUE) | {"B5": MILLIMETRE, "B6": SECOND, "B7": MILLIMETRE}
+UNITS = {name: SHOWN[unit] for name, unit in CRITERIA.items()}
 UNITS |= {"recovery": SECOND, "limit_cycle": MICROMETRE, "rest_error": MILLIMETRE}
 UNITS |= {"limit_cycle_ratio": NONE, "limit_cycle_frequency": HERTZ}
 """Units that the figures of a simulation are shown in."""

@@ -12,7 +12,9 @@ import msgspec
 from ..codec import Finite, Natural, Struct
 from ..loop.scenario import Scenario
 
-CRITERIA = ("B1", "B2", "B3", "B4", "B5", "B6", "B7")
+CRITERIA = {**dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m"), "B5": "m", "B6": "s", "B7": "m"}
+"""Names of the criteria, and the SI units in which they are measured."""
+
 REQUIREMENTS = ("A1", "A2", "A3")
 
 

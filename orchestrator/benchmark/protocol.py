@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from importlib import resources
@@ -270,6 +270,9 @@ def _check_criteria(protocol: Protocol) -> None:
     )
     for where, names in named:
         _check_names(where, names, CRITERIA)
+    for name, spec in protocol.criteria.items():
+        if spec.unit != CRITERIA[name]:
+            raise Malformed(f"criteria: the unit of {name} is {CRITERIA[name]}, not {spec.unit}")
     for test in protocol.tests:
         _check_names(f"the requirements of {test.name}", test.requirements, REQUIREMENTS)
     # Every report has the column of the paper.
@@ -277,7 +280,7 @@ def _check_criteria(protocol: Protocol) -> None:
         raise Malformed(f"reference has no value of {absent[0]}")
 
 
-def _check_names(where: str, names: Iterable[str], legal: Sequence[str]) -> None:
+def _check_names(where: str, names: Iterable[str], legal: Collection[str]) -> None:
     if wrong := [name for name in names if name not in legal]:
         raise Malformed(f"{where}: there is no {wrong[0]}, only {', '.join(legal)}")
 

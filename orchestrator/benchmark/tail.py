@@ -83,10 +83,10 @@ def tail(values: Sequence[float | None], target: float, probability: float, conf
     from scipy.stats import chi2, genpareto
 
     numbers = np.sort([value for value in values if value is not None])
-    wanted = min(math.floor(SHARE * len(numbers)), MOST)
-    if len(numbers) < len(values) or wanted < FEWEST:
+    exceeding = min(math.floor(SHARE * len(numbers)), MOST)
+    if len(numbers) < len(values) or exceeding < FEWEST:
         return None
-    threshold = float(numbers[-wanted - 1])
+    threshold = float(numbers[-exceeding - 1])
     excesses = numbers[numbers > threshold] - threshold
     # Equal values, such as a settling time of 0 s, are no peaks over themselves.
     if len(excesses) < FEWEST:
@@ -132,9 +132,9 @@ def _likelihood(excesses: np.ndarray, shapes: np.ndarray, scales: np.ndarray) ->
     shapes = np.where(np.abs(shapes) < 1e-6, 1e-6, shapes)
     with np.errstate(divide="ignore", invalid="ignore"):
         logarithms = np.log1p((shapes / scales)[..., None] * excesses).sum(axis=-1)
-        found = -len(excesses) * np.log(scales) - (1.0 / shapes + 1.0) * logarithms
+        likelihoods = -len(excesses) * np.log(scales) - (1.0 / shapes + 1.0) * logarithms
     # An excess beyond the end of the distribution has no logarithm.
-    return np.where(np.isnan(found), -np.inf, found)
+    return np.where(np.isnan(likelihoods), -np.inf, likelihoods)
 
 
 def _grid(

@@ -11,14 +11,11 @@ from typing import Any
 from ..codec import to_json
 from ..documents.document import Completeness, Displayable
 from ..text import printable
-from ..views.export import csv, latex, markdown
+from ..views.export import FORMS
 from ..views.table import Summary
 from ..views.terminal import show, terminal
 from .guard import EXIT_INCOMPLETE, EXIT_NOT_JUDGED, EXIT_OK
 from .values import Parser
-
-FORMS = {"latex": ("LaTeX (booktabs)", latex), "markdown": ("Markdown", markdown), "csv": ("CSV, SI units", csv)}
-"""How tables are written for a paper, by name."""
 
 EXITS: dict[Completeness, int] = {"complete": EXIT_OK, "incomplete": EXIT_INCOMPLETE, "not judged": EXIT_NOT_JUDGED}
 

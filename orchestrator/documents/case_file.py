@@ -22,7 +22,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..benchmark.case import Case
+from ..benchmark.case import CRITERIA, Case
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
 from ..codec import Struct, to_json
@@ -62,7 +62,7 @@ class CaseAbout(Struct):
     claimed: dict[str, float]
 
 
-CLAIMED = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "rest_error", "limit_cycle_at_end")
+CLAIMED = (*CRITERIA, "rest_error", "limit_cycle_at_end")
 
 NAME = "case.npz"
 

@@ -70,7 +70,7 @@ class Reliability(Document, Comparable, kw_only=True):
             if sample != quantile([*sample.values, *without], self.probability, self.confidence):
                 return "a quantile is not that of its values"
         samples = {**self.criteria, "V": self.cost}
-        if any(name not in samples or not _fits(found, samples[name]) for name, found in self.tails.items()):
+        if any(name not in samples or not _fits(fitted, samples[name]) for name, fitted in self.tails.items()):
             return "a tail is not that of its values"
         names = self.rules.criteria.keys()
         if self.criteria.keys() == names or (self.only and self.criteria.keys() <= names and not self.cost.judged):
@@ -136,13 +136,13 @@ class Reliability(Document, Comparable, kw_only=True):
 
     def _tails(self, level: str) -> Iterator[Table]:
         rows: list[tuple[Cell, ...]] = []
-        for name, found in self.tails.items():
+        for name, fitted in self.tails.items():
             unit = SHOWN[self.rules.criteria[name].unit] if name in self.rules.criteria else NONE
-            ends = 3 * (None,) if found.level is None else (found.level.estimate, found.level.low, found.level.high)
+            ends = 3 * (None,) if fitted.level is None else (fitted.level.estimate, fitted.level.low, fitted.level.high)
             likely = (
                 3 * (None,)
-                if found.exceedance is None
-                else (found.exceedance.estimate, found.exceedance.low, found.exceedance.high)
+                if fitted.exceedance is None
+                else (fitted.exceedance.estimate, fitted.exceedance.low, fitted.exceedance.high)
             )
             levels = (Value(value, unit=unit) for value in ends)
             rows.append((Quantity(name, unit) if unit is not NONE else name, *levels, *likely))
@@ -172,13 +172,13 @@ class Reliability(Document, Comparable, kw_only=True):
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
 
 
-def _fits(found: Tail, sample: Quantile) -> bool:
+def _fits(fitted: Tail, sample: Quantile) -> bool:
     """Whether a tail may be that of a sample. It is not fitted again: another version of SciPy has other bits."""
-    intervals = [each for each in (found.level, found.exceedance) if each is not None]
+    intervals = [interval for interval in (fitted.level, fitted.exceedance) if interval is not None]
     return (
         len(sample.values) == sample.judged
-        and found.peaks == sum(value > found.threshold for value in sample.values)
-        and all(each.low <= each.estimate <= each.high for each in intervals)
+        and fitted.peaks == sum(value > fitted.threshold for value in sample.values)
+        and all(interval.low <= interval.estimate <= interval.high for interval in intervals)
     )
 
 

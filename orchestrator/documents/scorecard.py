@@ -28,7 +28,7 @@ from .wording import (
 BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
 """Facts that a terminal shows."""
 
-CRITERIA = (
+CAPTION = (
     "Value: worst case over the systems of a configuration, averaged over the workspace, as in Table 2 of the paper. "
     "Paper: its PID. The paper's systems and directions of the force are not known: its figures compare approximately."
 )
@@ -88,7 +88,7 @@ def criteria(results: Results, shown: Mapping[str, int] | None = None) -> Table:
         )
     cost, rest = results.rules.cost, (None,) * 3
     total = ("V", "Cost, eq. (15)", Value(results.cost), cost.target, cost.paper, *rest)
-    return Table("Worst case, averaged over the workspace", columns, tuple(rows), (total,), CRITERIA)
+    return Table("Worst case, averaged over the workspace", columns, tuple(rows), (total,), CAPTION)
 
 
 def row(results: Results) -> Row:

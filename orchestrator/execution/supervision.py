@@ -19,7 +19,7 @@ from .messages import Garbage, Inbox, readable
 from .process_tree import FOREIGN_SIGNALS, end_of
 from .standstill import Standstill
 from .time_limit import Stopwatch, end_within
-from .worker_life import Death, Ended, Event, Life, Looked, Printed, Received, Remains, died, on
+from .worker_life import Death, Event, Life, Looked, Printed, ProcessEnded, Received, Remains, died, on
 
 NOT_BY_CONTROLLER = "outside"
 """Code of a fault for which an isolated controller is not to blame: but it has seen its draws, so they are spent."""
@@ -180,19 +180,19 @@ def _lines(tail: bytes) -> tuple[str, ...]:
     return tuple(line[:500] for line in printable(tail).splitlines()[-MAX_LINES:])
 
 
-def _ending(process: Process, sandboxed: bool) -> Ended:
+def _ending(process: Process, sandboxed: bool) -> ProcessEnded:
     """How a process ends that has closed its channel."""
     code = end_within(EXIT_TIMEOUT, process.exit_code, process.tree)
     if code is not None:
         return _cause(code, sandboxed)
     if process.tree.is_alive():
-        return Ended("it closed the channel of its results", outside=False)
-    return Ended("the process that started it does not say how it ended", outside=True)
+        return ProcessEnded("it closed the channel of its results", outside=False)
+    return ProcessEnded("the process that started it does not say how it ended", outside=True)
 
 
-def _cause(exit_code: int, sandboxed: bool) -> Ended:
+def _cause(exit_code: int, sandboxed: bool) -> ProcessEnded:
     """How a process ended."""
     if exit_code == LOST:
-        return Ended("the process was lost with the one that started it", outside=True)
+        return ProcessEnded("the process was lost with the one that started it", outside=True)
     words, name = end_of(exit_code, sandboxed)
-    return Ended(f"the {words}", name in FOREIGN_SIGNALS)
+    return ProcessEnded(f"the {words}", name in FOREIGN_SIGNALS)

@@ -38,7 +38,7 @@ class Received:
 
 
 @dataclass(frozen=True)
-class Ended:
+class ProcessEnded:
     """The process has ended, or closed its channel: how, in ``words``; whether somebody else may have ended it."""
 
     words: str
@@ -54,10 +54,10 @@ class Looked:
     use: Use
     spent: TimeSpent
     place: Place
-    end: Ended | None = None
+    end: ProcessEnded | None = None
 
 
-Event = Printed | Received | Ended | Looked
+Event = Printed | Received | ProcessEnded | Looked
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def on(life: Life, event: Event, job: Job) -> Step:
                 return _received(life, event, job)
             except (Garbage, Malformed) as problem:
                 return _dead(life, f"{GARBAGE} ({problem})", GARBAGE)
-        case Ended():
+        case ProcessEnded():
             return _dead(life, event.words, outside=event.outside)
         case Looked():
             return _looked(life, event, job)

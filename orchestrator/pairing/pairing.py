@@ -26,7 +26,7 @@ from .runs import account, tell_standstill
 
 GROUP_SIZE = 9
 """Cases a worker runs before it is replaced: enough that its start does not count, few enough that leaks of FMPy and
-of FMUs do not either."""
+of FMUs do not either. A check repeats a case as often, and as many are recorded by one process."""
 
 FULL_LENGTH = 26.0
 """Simulated time [s] that a time limit is given for; shorter simulations get their share."""

@@ -34,14 +34,15 @@ CHILDREN = 4
 EXCHANGED, CROSSED = 0.25, 0.15
 """Shares of the children that come from another pose, as they are or crossed with one of this pose."""
 
-PUSHED, SWEPT, HEARD = 0.35, 0.1, 0.05
-"""Shares of the children that get another direction of the force, the other sweep, another realization of the noise."""
+PUSHED, SWEPT, SHIFTED, HEARD = 0.35, 0.1, 0.1, 0.05
+"""Shares of the children that get another direction of the force, the other sweep, another begin of the chirp, another
+realization of the noise."""
 
 TURNED = 0.5
 """Share of the children at other poses than the configurations' that have signs turned, too."""
 
-THROUGH_JOINT = 0.07
-"""Share of the children that get a force through a joint."""
+ALONG_ARM = 0.12
+"""Share of the children that get a force along the arm, which turns the motors the least."""
 
 INSIDE = 0.2
 """Share of the children whose parameters move inside their ranges."""
@@ -134,7 +135,8 @@ def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list
     for member, result in zip(tried, results, strict=True):
         peak, value = _peak(climb, target, member), severity(target, result, climb.protocol.stability)
         exact = member.short is None or member.short.t_1 is None or target.criterion not in NICHES
-        for niche, figure in enumerate((value if exact else -math.inf, *niches(target, result))):
+        figures = (value if exact else -math.inf, *niches(target, result, moves.is_along_arm(member)))
+        for niche, figure in enumerate(figures):
             climb.elites.take(peak._replace(niche=niche), figure, member)
     return results
 
@@ -224,13 +226,15 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
         if kind == "crossed":
             child = moves.crossed(child, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
     child = moves.inside(child, stream) if stream.uniform() < INSIDE else moves.turned(child, stream)
-    push, sweep, noise = stream.uniform(size=3)
+    push, sweep, noise, shift = stream.uniform(size=4)
     if push < PUSHED and criterion != "B7":  # which is measured before the force
         # Not from anywhere: with half of B6's new directions like that, V found of RobustLQG was 117.9, not 118.4.
-        pushed = moves.with_force_through_joint if push < THROUGH_JOINT else moves.with_other_force_direction
+        pushed = moves.with_force_along_arm if push < ALONG_ARM else moves.with_other_force_direction
         child = pushed(child, stream)
     if sweep < SWEPT and criterion != "B5":  # which is searched for without a chirp
         child = moves.with_other_sweep(child, climb.protocol)
+    if shift < SHIFTED and criterion != "B5":
+        child = moves.with_other_chirp_start(child, climb.protocol, stream)
     return moves.with_other_noise(child, stream) if noise < HEARD else child
 
 

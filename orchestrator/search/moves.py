@@ -22,6 +22,9 @@ MOST = 4
 FORCE_STEP, POSE_STEP = 25.0, 20.0
 """Standard deviation of the largest moves [degrees]; each is scaled by a uniform draw, so that there are small ones."""
 
+BESIDE_ARM = 10.0
+"""Largest angle [degrees] between a force along the arm and the lines from the joints to the TCP."""
+
 INSIDE_STEP = 0.5
 """Standard deviation of a step inside the ranges, in half-widths."""
 
@@ -95,11 +98,13 @@ def with_any_force_direction(member: Member, stream: np.random.RandomState) -> M
     return replace(member, phi_F=_direction(stream.uniform(0.0, 360.0)))
 
 
-def with_force_through_joint(member: Member, stream: np.random.RandomState) -> Member:
-    """The force along the line from a joint to the TCP, either way."""
-    directions = through_joints(member.q_a)
-    turn = math.pi * int(stream.randint(2))
-    return replace(member, phi_F=_direction(math.degrees(directions[int(stream.randint(2))] + turn)))
+def with_force_along_arm(member: Member, stream: np.random.RandomState) -> Member:
+    """The force from a direction between the lines from the joints to the TCP, or near them, either way."""
+    first, second = map(math.degrees, through_joints(member.q_a))
+    apart = _angle_of_lines(second - first)
+    share, near = stream.uniform(size=2)
+    turn = share * apart + (2.0 * near - 1.0) * BESIDE_ARM + 180.0 * int(stream.randint(2))
+    return replace(member, phi_F=_direction(first + turn))
 
 
 def through_joints(q_a: Pair) -> tuple[float, float]:
@@ -111,6 +116,26 @@ def through_joints(q_a: Pair) -> tuple[float, float]:
     return _direction(first), _direction(math.degrees(math.atan2(z, x)))
 
 
+def is_along_arm(member: Member) -> bool:
+    """Whether the force is as :func:`with_force_along_arm` draws it."""
+    first, second = map(math.degrees, through_joints(member.q_a))
+    low, high = sorted((0.0, _angle_of_lines(second - first)))
+    beside = _angle_of_lines(math.degrees(member.phi_F or 0.0) - first)
+    return low - BESIDE_ARM <= beside <= high + BESIDE_ARM
+
+
+def _angle_of_lines(degrees: float) -> float:
+    """An angle between two lines, which have no sense, from -90 to 90 degrees."""
+    return (degrees + 90.0) % 180.0 - 90.0
+
+
+def along_arm(q_a: Pair) -> tuple[float, float, float]:
+    """The directions [rad] of :func:`through_joints`, and the one in the middle between these lines."""
+    first, second = through_joints(q_a)
+    apart = _angle_of_lines(math.degrees(second - first))
+    return first, _direction(math.degrees(first) + 0.5 * apart), second
+
+
 def _direction(degrees: float) -> float:
     """A direction of whole degrees [rad], so that a command says it shortly."""
     return math.radians(round(degrees) % 360)
@@ -120,6 +145,11 @@ def with_other_sweep(member: Member, protocol: Protocol) -> Member:
     """The other sweep of the chirp."""
     low, high = protocol.disturbance.chirp_frequencies
     return replace(member, sweep=(high, low) if member.sweep == (low, high) else (low, high))
+
+
+def with_other_chirp_start(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
+    """The chirp from another time on, in hundredths of a second."""
+    return replace(member, t_3=round(stream.uniform(*protocol.disturbance.t_3_range), 2))
 
 
 def with_other_noise(member: Member, stream: np.random.RandomState) -> Member:

@@ -73,16 +73,14 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
                     starters.append(spelled(member, hunt.protocol, target.test))
         # Such a force turns a motor the least: a controller that reacts to large errors may leave the arm ringing.
         if target.criterion == "B6":
-            starters += _along_links(hunt, target)
+            starters += _along_arm(hunt, target)
         yield from by_pose.begin(climb, target, starters)
 
 
-def _along_links(hunt: Hunt, target: Target) -> list[Member]:
-    """Each arm of the list in ``target``'s test at each configuration, under forces through its joints."""
+def _along_arm(hunt: Hunt, target: Target) -> list[Member]:
+    """Each arm of the list in ``target``'s test at each configuration, under forces along it."""
     arms = {(member.q_a, member.system): spelled(member, hunt.protocol, target.test) for member in hunt.listed}
-    return [
-        replace(member, phi_F=direction) for member in arms.values() for direction in moves.through_joints(member.q_a)
-    ]
+    return [replace(member, phi_F=direction) for member in arms.values() for direction in moves.along_arm(member.q_a)]
 
 
 def _explore(climb: Climb, target: Target) -> Asking[None]:
@@ -108,8 +106,5 @@ def _price_of_confirming(hunt: Hunt, climb: Climb) -> float:
 def _undisturbed(hunt: Hunt, members: Sequence[Member]) -> list[Member]:
     """The arms of ``members`` in the tests without a disturbance, where the other criteria are measured."""
     tests = [test for test in hunt.protocol.tests if test.criteria and not test.disturbed]
-    return list(
-        dict.fromkeys(
-            replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members
-        )
-    )
+    quiet = (replace(member, test=test.name, phi_F=None, sweep=None, t_3=None) for test in tests for member in members)
+    return list(dict.fromkeys(quiet))

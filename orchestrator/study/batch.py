@@ -227,11 +227,8 @@ def _simulated(
     places: list[tuple[_Progress, list[int], set[int]]] = []
     for progress in opened:
         waiting = [] if progress.reason else progress.waiting
-        alone, left = progress.entry.patience == 1, set(waiting)
-        # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted.
-        size = max(1, len(waiting)) if alone else GROUP_SIZE
-        for first in range(0, len(waiting), size):
-            numbers = waiting[first : first + size]
+        left = set(waiting)
+        for numbers in _groups(progress.entry, waiting):
             job, repetition = _job(progress, numbers, repeat, not repetitions)
             if repetition is not None:
                 repetitions[len(jobs)] = repetition
@@ -259,6 +256,14 @@ def _simulated(
                 return
 
 
+def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:
+    """The numbers of the cases that share a job."""
+    # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted. It must stay
+    # in the order of the cases, in which failures are counted.
+    size = max(1, len(waiting)) if entry.patience == 1 else GROUP_SIZE
+    return (waiting[first : first + size] for first in range(0, len(waiting), size))
+
+
 def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) -> tuple[Job, _Repetition | None]:
     """The job of a group of cases, and how its first case is repeated, if it is.
 
@@ -277,7 +282,7 @@ def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) 
         job = beginning_job(entry.protocol, [entry.cases[number] for number in numbers], entry.pairing)
         return replace(job, give_up=alone), _Repetition(progress, numbers, job.rest(len(numbers)), whole=False)
     # What gives up after a failure must run in the order in which failures are counted.
-    numbers = numbers if alone else _longest_first(entry, numbers)
+    numbers = numbers if alone else _telling_case_first(entry, numbers)
     cases = [entry.cases[number] for number in numbers]
     ask = record_job if entry.witness is not None else digest_job
     job = ask(entry.protocol, [*cases, cases[0]], entry.pairing)
@@ -285,7 +290,7 @@ def _job(progress: _Progress, numbers: list[int], repeat: bool, is_first: bool) 
     return replace(job, give_up=alone), _Repetition(progress, numbers, only, whole=True)
 
 
-def _longest_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:
+def _telling_case_first(entry: BatchEntry, numbers: Sequence[int]) -> list[int]:
     """The numbers of a group, with a long case in front whose criteria show what becomes of its controller."""
     first = max(
         numbers, key=lambda number: (bool(entry.cases[number].test.criteria), entry.cases[number].scenario.duration)

@@ -119,12 +119,12 @@ class ReliabilityStudy(Study[Reliability]):
             criteria={name: quantile(values, self.probability, self.confidence) for name, values in figures.items()},
             cost=quantile(costs, self.probability, self.confidence),
             tails={
-                name: found
+                name: fitted
                 for name, values, target in (
                     *((name, values, protocol.criteria[name].target) for name, values in figures.items()),
                     ("V", costs, made.rules.cost.target),
                 )
-                if (found := tail(values, target, self.probability, self.confidence)) is not None
+                if (fitted := tail(values, target, self.probability, self.confidence)) is not None
             },
         )
         yield Save(answer)
@@ -161,12 +161,12 @@ def simulated(protocol: Protocol, only: Sequence[str]) -> set[str]:
     """
     tests = [test for test in protocol.tests if not test.repeats]
     requirements = sorted({requirement for test in tests for requirement in test.requirements})
-    known = [*requirements, *protocol.criteria, *(test.name for test in tests)]
+    names = [*requirements, *protocol.criteria, *(test.name for test in tests)]
     for name in only:
-        if name not in known:
+        if name not in names:
             message = f"The protocol {protocol.name} has no requirement, criterion or test {name}."
-            raise unknown(message, "no-target", protocol.name, name, known)
-    chosen = [tests_of(protocol, name) for name in only or known]
+            raise unknown(message, "no-target", protocol.name, name, names)
+    chosen = [tests_of(protocol, name) for name in only or names]
     return set().union(*chosen)
 
 

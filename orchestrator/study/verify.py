@@ -123,11 +123,11 @@ class Listed:
 def drawn_results(listed: Sequence[Listed], runs: Sequence[Sequence[CaseRun]]) -> DrawnResults:
     """What the ``runs`` of each list came to: the first one is of all draws, one behind it of the worst poses."""
     asked = [rules(one.protocol) for one in listed]
-    found = [one.by_draw(of_one) for one, of_one in zip(listed, runs, strict=True)]
-    result, *worst = map(overall, asked, found)
+    by_draw = [one.by_draw(of_one) for one, of_one in zip(listed, runs, strict=True)]
+    result, *worst = map(overall, asked, by_draw)
     return DrawnResults(
         **structs.asdict(result),
-        draws=tuple(Draw(seed, score(asked[0], results).cost, digest(results)) for seed, results in found[0]),
+        draws=tuple(Draw(seed, score(asked[0], results).cost, digest(results)) for seed, results in by_draw[0]),
         strict=worst[0] if worst else None,
     )
 
@@ -158,14 +158,14 @@ def _verified(
     def listed(interval: Fraction | None) -> list[Listed]:
         return [Listed.of(one, testbed.nominal, chosen, interval, entropy.value) for one, chosen in asked]
 
-    own, common, witness = listed(T_s), listed(None), Witness(protocol, isolated.controller.name, testbed.nominal)
-    each = sum(len(one.order) for one in own)
-    total = (1 + len(others)) * each
-    first, *more = (one.entry(isolated, rehearsal.failure) for one in own)
-    result = drawn_results(own, (yield Batch((replace(first, witness=witness), *more), 0, total)))
+    lists, common, witness = listed(T_s), listed(None), Witness(protocol, isolated.controller.name, testbed.nominal)
+    length = sum(len(one.order) for one in lists)
+    total = (1 + len(others)) * length
+    first, *more = (one.entry(isolated, rehearsal.failure) for one in lists)
+    result = drawn_results(lists, (yield Batch((replace(first, witness=witness), *more), 0, total)))
     checked, references = (yield from check(witness)), {}
     for number, (name, pairing) in enumerate(others.items(), 1):
-        runs = yield Batch(tuple(one.entry(pairing) for one in common), number * each, total)
+        runs = yield Batch(tuple(one.entry(pairing) for one in common), number * length, total)
         references[name] = Reference(**structs.asdict(drawn_results(common, runs)), file=pairing.controller.name)
     end = yield Now()
     return Verification(

@@ -20,7 +20,7 @@ from .requests import CaseChecked, Requests, Tell
 
 logger = logging.getLogger(__name__)
 
-CRITERIA = ("B5", "B6", "B7")
+WITNESSED = ("B5", "B6", "B7")
 """The criteria that V mainly consists of; the worst case of each is kept."""
 
 CYCLE, FIRST = "limit cycle", "first"
@@ -66,7 +66,7 @@ class Witness:
 
 
 def _severities(result: CaseResult) -> dict[str, float]:
-    severities = {name: getattr(result.measurements, name) for name in CRITERIA}
+    severities = {name: getattr(result.measurements, name) for name in WITNESSED}
     severities[CYCLE] = result.measurements.limit_cycle_at_end
     if severities["B5"] is not None:
         # Never larger than another one, so the first case with a force stays.

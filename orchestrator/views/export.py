@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv as writer
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from ..text import printable
@@ -204,3 +204,11 @@ def _latex_cell(cell: Cell, unit: Unit) -> str:
 def _latex_text(text: str) -> str:
     escaped = "".join(_SPECIAL.get(char, char) for char in " ".join(printable(text).split()))
     return f"{{}}{escaped}" if escaped.startswith(("[", "*")) else escaped  # else they belong to the row's end before
+
+
+FORMS: dict[str, tuple[str, Callable[[Sequence[Table]], str]]] = {
+    "latex": ("LaTeX (booktabs)", latex),
+    "markdown": ("Markdown", markdown),
+    "csv": ("CSV, SI units", csv),
+}
+"""Forms of tables for a paper by the name of their option, each with the words of its help."""
