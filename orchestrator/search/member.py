@@ -120,7 +120,6 @@ def spelled(member: Member, protocol: Protocol, test: str) -> Member:
         test=test,
         phi_F=phi_F if member.phi_F is None else member.phi_F,
         sweep=sweep if member.sweep is None else member.sweep,
-        t_3=fixed.t_3 if member.t_3 is None else member.t_3,
     )
 
 
