@@ -124,7 +124,7 @@ def role_words(role: str, rules: Rules) -> str:
         return "example, nominal system (Figures 9 and 10)"
     name, _, which = role.partition(" ")
     if which:
-        return f"worst of {name}, axis {which}"
+        return f"worst of {name}, {f'axis {which}' if which.isdigit() else which}"
     return f"worst {name}: {rules.criteria[name].title}" if name in rules.criteria else f"worst of {name}"
 
 

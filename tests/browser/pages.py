@@ -23,7 +23,7 @@ DESKTOP, PHONE = (1280, 900), (390, 844)
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
 WORST, CHIRPED = "c17.compliant.disturbance", "c05.random_1.disturbance"
 UNSTABLE = result(3, "sticky", "delay_2", None, None, Status.UNSTABLE, EVIL + "left the workspace " * 12)
-CYCLES = {"gain_1": (3e-6, 1e-6), "gain_2": (1e-6, 25e-6), "delay_1": (1e-10, 0.0)}
+CYCLES = {"gain_2": 25e-6, "gain_1": 3e-6, "delay_1": 1e-10}
 SPREAD = {"compliant": 6e-3, "random_1": 3e-3, "random_2": 11e-3, "random_3": 4e-3}
 GAINS = [0.6 + 0.2 * number for number in range(8)]
 
