@@ -251,13 +251,22 @@ SEVENTH = Place(7, CONTROLLER, "")
 DIES = SimpleNamespace(is_alive=lambda: True, use=lambda: Use(0.0, 0.0, 0, False, False))
 
 
-def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place = SEVENTH, code=-6):
-    """Outcomes of a worker that sends ``messages``, then ends with the exit ``code``."""
+def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place = SEVENTH, code=-6, late=b""):
+    """Outcomes of a worker that sends ``messages``, then ends with the exit ``code``; what is sent ``late`` comes while
+    somebody looks whether it has ended."""
     near, far = socket.socketpair()
     output, output_end = os.pipe()
     trace = SharedTrace()
     Trace(trace.buffer).words[:3] = place.sample, place.side, 0
-    process = SimpleNamespace(tree=DIES, exit_code=lambda patience: code, kill=lambda: None)
+    waiting = [late] if late else []
+
+    def exit_code(patience):
+        if waiting:
+            far.sendall(waiting.pop())
+            far.shutdown(socket.SHUT_WR)
+        return code
+
+    process = SimpleNamespace(tree=DIES, exit_code=exit_code, kill=lambda: None)
     given = SimpleNamespace(
         largest=100,
         tasks=(b"",) * tasks,
@@ -270,7 +279,8 @@ def listened(*messages: bytes, tasks: int = 3, loaded: bool = True, place: Place
     )
     with near, far:
         far.sendall((frame(Loaded()) if loaded else b"") + b"".join(messages))
-        far.shutdown(socket.SHUT_WR)
+        if not late:
+            far.shutdown(socket.SHUT_WR)
         os.close(output_end)
         try:
             yield from supervision._listen(Child(process, near.fileno(), output, trace), given, threading.Event())
@@ -295,6 +305,12 @@ def test_outcomes_come_in_order():
     record = ErrorRecord("fmu", "it failed", call="fmi2DoStep", log=("why",))
     found = list(listened(finished(0), finished(1), frame(Failed(2, record, 0.1))))
     assert found == [Done(0, b"0", 0.5), Done(1, b"1", 0.5), Failed(2, record, 0.1)]
+
+
+def test_a_failure_that_is_sent_between_two_looks_is_not_taken_for_a_crash():
+    record = ErrorRecord("fmu", "it failed", call="fmi2DoStep", log=("why",))
+    assert list(listened(late=frame(Failed(0, record, 0.1)))) == [Failed(0, record, 0.1)]
+    assert list(listened(tasks=1, late=finished(0))) == [Done(0, b"0", 0.5)]
 
 
 GARBAGE = {

@@ -146,10 +146,11 @@ class _Senses:
                 yield _ending(self._child.process, self._job.sandbox)
         if self.watch.age > POLL_INTERVAL:
             use, now = self.watch.look(), time.monotonic()
-            # What is in the channel goes first: a worker may end right after its last result.
-            code = None if self._child.channel in ready else self._child.process.exit_code(0.0)
-            # Whatever it has started may still hold the channel open.
-            end = None if code is None else _cause(code, self._job.sandbox)
+            code = self._child.process.exit_code(0.0)
+            # What is in the channel goes first: a worker may end right after its last result, and did so between the
+            # two looks on a busy machine. What it has started may hold the channel open, empty, after its end.
+            unread = code is not None and readable([self._child.channel], 0.0)
+            end = None if code is None or unread else _cause(code, self._job.sandbox)
             yield Looked(now, use, self.watch.spent, self._child.trace.read(), end)
 
     def _received(self) -> Iterator[Received]:
