@@ -37,7 +37,7 @@ from orchestrator.search.member import Member, case_of, cost, loose, names, of_c
 from orchestrator.search.radius import radius
 from orchestrator.search.short import brisk, short
 from orchestrator.search.stages import search
-from orchestrator.search.target import Target, fails, scores_of, suspect, targets
+from orchestrator.search.target import NICHES, Target, fails, niches, scores_of, suspect, targets
 from orchestrator.study.requests import answered
 from plant_fmu.flexible_manipulator.coefficients import arm as links_of
 from plant_fmu.flexible_manipulator.elementary import sin_cos
@@ -325,6 +325,21 @@ def test_a_small_motion_that_lasts_is_nearer_to_a_failure_than_a_large_one_that_
     worst, next_to_it = (scores_of(judgement, STRICT.stability) for judgement in (unstable, ended(1e-2, 1.1)))
     assert suspect(unstable, STRICT.stability)
     assert worst.unrest > next_to_it.unrest and worst.vibration > next_to_it.vibration
+
+
+def test_a_force_along_the_arm_has_a_niche_of_its_own():
+    figures = Measurements(B5=4e-3, B6=0.4, recovery=2.0)
+    along, across = (
+        niches(B6, Judgement(status=Status.DONE, time=16.0, measurements=figures), way) for way in (True, False)
+    )
+    assert len(along) == NICHES["B6"] and along[:-1] == across[:-1] == (0.4, 2.0, 100.0)
+    assert along[-1] == 2.4 and across[-1] == -math.inf
+
+
+def test_a_brisk_simulation_has_its_own_begin_of_the_chirp_and_a_whole_one_that_of_the_member():
+    member = replace(Member((0.0, -90.0), B6.test), t_3=0.25)
+    assert member.variation.t_3 == 0.25 and replace(member, short=brisk(STRICT, B6, 3.0)).variation.t_3 == 0.1
+    assert case_of(member, STRICT, NOMINAL).scenario.chirp.start == 0.25
 
 
 # Moves
