@@ -190,7 +190,7 @@ def test_a_hostile_python_controller(body, status, words, plant_file, tmp_path):
     body = f"if current_time > 0.0199: {body}\n        self.law(); return True"
     own = bench(plant_file, python_controller(tmp_path, imports="import os, sys", step_body=body))
     for found in run(own, short_cases((STRUCK, STRUCK))):
-        assert (found.result.status, found.result.time) == (status, 0.02)
+        assert (found.result.status, found.result.time) == (status, 0.02), found.result.message
         assert words in found.result.message
 
 

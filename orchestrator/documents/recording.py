@@ -133,12 +133,13 @@ def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
     if rows.size <= 2 * intervals:
         return rows
     edges = np.linspace(0, rows.size, intervals + 1).astype(int)
-    kept = {0, rows.size - 1}
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
-        part = signals[rows[begin:end]]
-        kept.update((begin + np.argmin(part, axis=0)).tolist())
-        kept.update((begin + np.argmax(part, axis=0)).tolist())
-    return rows[sorted(kept)]
+    begins, sizes, finite = edges[:-1], np.diff(edges), signals[rows]
+    place = np.arange(rows.size)[:, None]
+    kept = [np.array([0, rows.size - 1])]
+    for extreme in (np.minimum, np.maximum):
+        reached = finite == np.repeat(extreme.reduceat(finite, begins), sizes, axis=0)
+        kept.append(np.minimum.reduceat(np.where(reached, place, rows.size), begins).ravel())
+    return rows[np.unique(np.concatenate(kept))]
 
 
 def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:

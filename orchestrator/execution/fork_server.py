@@ -19,7 +19,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from ..errors import InputError
-from ..fmi.archive import reopen
 from .interpreter import lean_imports, protect
 from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
@@ -91,6 +90,8 @@ def _wake_up() -> int:
 
 def _read(described: Described) -> None:
     """Read the descriptions that the next workers need, once for all of them."""
+    from ..fmi.archive import reopen  # FMPy: loaded with the worker, where no garbage is looked for meanwhile
+
     for fmu in described.fmus:
         with suppress(InputError, OSError):  # the worker says what is wrong
             reopen(fmu.name, fmu.sha256, fmu.folder, fmu.library)

@@ -263,7 +263,7 @@ def _series(plot: Plot, one: Series, pool: Pool) -> dict[str, Any]:
 
 def _line(plot: Plot, line: Line, pool: Pool) -> dict[str, Any]:
     x, y = line.x, line.y
-    data: Any = _pairs(plot, line)
+    data: Any
     if isinstance(x, np.ndarray) and isinstance(y, np.ndarray):
         data = {"columns": [pool.column(plot.x.shown(1.0) * x), pool.column(plot.y.shown(1.0) * y)]}
         data |= {} if line.rows is None else {"rows": line.rows}
@@ -272,8 +272,10 @@ def _line(plot: Plot, line: Line, pool: Pool) -> dict[str, Any]:
         sides = ["left", *["left" if line.inside else "right"] * (len(look) - 1)]
         data = [
             {"value": pair, "label": {**one, "position": side}}
-            for pair, one, side in zip(data, look, sides, strict=True)
+            for pair, one, side in zip(_pairs(plot, line), look, sides, strict=True)
         ]
+    else:
+        data = _pairs(plot, line)
     return {
         "type": "line",
         "name": line.name,
