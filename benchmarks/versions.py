@@ -1,4 +1,4 @@
-"""What this version costs beside another one, with the PID of this one in C: a simulation, `evaluate --quick` and `evaluate`.
+"""What this version costs beside another one, with the PID in C: a simulation, `evaluate --quick` and `evaluate`.
 
     git worktree add ../other c323655
     python benchmarks/versions.py ../other
