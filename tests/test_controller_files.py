@@ -1,4 +1,4 @@
-"""Files with connector mappings and parameters: TOML, and SSP's SSM and SSV."""
+"""Files with connector mappings and parameters: TOML, JSON, lines of names and values, and SSP's SSM and SSV."""
 
 import functools
 import re
@@ -53,7 +53,7 @@ CONTROLLER = replace(
     ),
 )
 read_parameters = functools.partial(controller_files.read_parameters, controller=CONTROLLER)
-SUFFIXES = ("toml", "ssm", "ssv")
+SUFFIXES = ("toml", "ssm", "ssv", "json", "txt")
 
 
 @pytest.fixture
@@ -113,6 +113,21 @@ WRONG_FILES = [
     (read_parameters, "gains.toml", "[parameters.K_p]\naxis1 = 45\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters]\nK_p = []\n", "bad-parameters"),
     (read_parameters, "gains.toml", "[parameters\n", "bad-file"),
+    (read_parameters, "gains.json", "{", "bad-file"),
+    (read_parameters, "gains.json", b"\xff\xfe", "bad-file"),
+    (read_parameters, "gains.json", "[" * 100_000, "bad-file"),
+    (read_parameters, "gains.json", '{"n": ' + "9" * 5000 + "}", "bad-file"),
+    (read_parameters, "gains.json", "[1]", "bad-parameters"),
+    (read_parameters, "gains.json", "{}", "bad-parameters"),
+    (read_parameters, "gains.json", '{"n": null}', "bad-parameters"),
+    (read_parameters, "gains.json", '{"parameters": {"n": 1}}', "bad-parameters"),
+    (read_parameters, "gains.json", '{"n": 1, "n": 2}', "bad-parameters"),
+    (read_parameters, "gains.json", '{"K_p": [45, 15], "K_p[1]": 9}', "repeated"),
+    (read_parameters, "gains.txt", "n = 1\nn = 2\n", "bad-parameters"),
+    (read_parameters, "gains.txt", "n 1\n", "bad-parameters"),
+    (read_parameters, "gains.txt", "n =\n", "bad-parameters"),
+    (read_parameters, "gains.txt", "# nothing\n", "bad-parameters"),
+    (read_parameters, "gains.txt", b"n=\xff", "bad-file"),
     (read_parameters, "gains.ssv", SSV_TWICE, "bad-parameters"),
     (read_mapping, "names.ssm", SSM_TWICE, "bad-mapping"),
     (read_parameters, "gains.toml", "[parameters]\nK_p = [45, 15]\n'K_p[1]' = 9\n", "repeated"),
@@ -161,6 +176,17 @@ def test_toml_parameters(file):
         "q_m": "In"
     }
     assert controller_files.read_mapped_parameters(file("names.toml", '[map]\nq_m = "In"\n'), CONTROLLER) == {}
+
+
+def test_json_parameters(file):
+    path = file("gains.json", '{"K_p": [45, 15.5], "T_f": 1e-2, "n": "3", "on": true}')
+    assert read_parameters(path) == {"K_p[1]": 45, "K_p[2]": 15.5, "T_f": 0.01, "n": "3", "on": True}
+
+
+@pytest.mark.parametrize("ending", controller_files.LINES)
+def test_parameters_in_lines(file, ending):
+    path = file(f"gains{ending}", "\ufeff# gains of the loop\r\nK_p[1]=45\r\n\n// beside\nT_f = 1e-2\nfile = a=b\n")
+    assert read_parameters(path) == {"K_p[1]": "45", "T_f": "1e-2", "file": "a=b"}
 
 
 @pytest.mark.parametrize(("major", "real", "integer"), [(1, "Real", "Integer"), (2, "Float64", "Int32")])

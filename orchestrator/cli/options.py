@@ -88,7 +88,7 @@ def add_controller(
         type=Path,
         metavar="FILE",
         dest="parameter_files",
-        help="parameters of the controller from a .toml or .ssv file; --set overrides it",
+        help="parameters of the controller from a .toml, .json, .ssv or .txt file; --set overrides it",
     )
     parser.add_argument(
         "--map",

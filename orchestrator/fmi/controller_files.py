@@ -1,7 +1,9 @@
-"""Files that say how a controller is used: connector mappings (TOML, SSP's SSM) and parameters (TOML, SSP's SSV)."""
+"""Files that say how a controller is used: connector mappings (TOML, SSP's SSM) and parameters (TOML, JSON, SSP's SSV,
+lines of names and values)."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +29,12 @@ NAMESPACES = {
     "ParameterSet": re.compile(r"http://ssp-standard\.org/SSP[0-9]+/SystemStructureParameterValues"),
     "ParameterMapping": re.compile(r"http://ssp-standard\.org/SSP[0-9]+/SystemStructureParameterMapping"),
 }
+
+LINES = (".txt", ".par", ".properties")
+"""Endings of files of lines ``name=value``, such as OpenModelica's for ``-overrideFile``."""
+
+COMMENTS = ("#", "//")
+"""Beginnings of a line that is a comment."""
 
 BESIDE = ("Parameters", "Units", "Enumerations", "Annotations", "MetaData", "Signature", "Signatures")
 """Elements that a parameter set or a mapping may have beside what is read here."""
@@ -77,10 +85,15 @@ def read_parameters(file: Path, controller: Archive) -> dict[str, Scalar]:
     """Values by name of a parameter or an input that nothing drives, in the unit the controller has for it.
 
     TOML: a table ``[parameters]`` of numbers, Booleans, texts or lists (``K_p = [45, 15]`` sets ``K_p[1]`` and
-    ``K_p[2]``). SSV: ``Parameter`` elements, whose units, if they have any, are converted.
+    ``K_p[2]``). JSON: one object of the same. Text (:data:`LINES`): lines ``name=value``. SSV: ``Parameter`` elements,
+    whose units, if they have any, are converted.
     """
     if file.suffix == ".ssv":
         return _ssv_values(file, controller)
+    if file.suffix == ".json":
+        return _table(file, _json_values(file), controller)
+    if file.suffix in LINES:
+        return _table(file, _line_values(file), controller)
     return _table(file, _tables(file, "bad-parameters").get("parameters"), controller)
 
 
@@ -104,6 +117,44 @@ def _table(file: Path, table: Any, controller: Archive) -> dict[str, Scalar]:
                 message = f"{file}: the value of {name}, {element!r}, is neither a number nor true, false or a text."
                 raise InputError(message, "bad-parameters", file, name)
     return elements(table, controller.description, str(file))
+
+
+def _json_values(file: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(read(file), object_pairs_hook=lambda pairs: _distinct(file, pairs))
+    except (ValueError, RecursionError) as problem:  # RecursionError: brackets nested a thousand deep
+        raise InputError(f"{file} is not a JSON file: {problem}.", "bad-file", file) from None
+    if not isinstance(values, dict) or not values:
+        message = f'{file} is no object of names and values, such as {{"K_p[1]": 45, "enable": true}}.'
+        raise InputError(message, "bad-parameters", file)
+    return values
+
+
+def _line_values(file: Path) -> dict[str, Any]:
+    try:
+        lines = [line.strip() for line in read(file).decode("utf-8-sig").splitlines()]
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{file} is not a text in UTF-8: {problem}.", "bad-file", file) from None
+    pairs = []
+    for number_of_line, line in enumerate(lines, start=1):
+        if not line or line.startswith(COMMENTS):
+            continue
+        name, equals, value = (part.strip() for part in line.partition("="))
+        if not (name and equals and value):
+            message = f"{file}, line {number_of_line}: {line[:80]!r} is not of the form name=value."
+            raise InputError(message, "bad-parameters", file, line[:80])
+        pairs.append((name, value))
+    if not pairs:
+        raise InputError(f"{file} has no line of the form name=value.", "bad-parameters", file)
+    return _distinct(file, pairs)
+
+
+def _distinct(file: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    names = [name for name, _ in pairs]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{file} gives {twice} more than once.", "bad-parameters", file, twice)
+    return dict(pairs)
 
 
 def _ssv_values(file: Path, controller: Archive) -> dict[str, Scalar]:
