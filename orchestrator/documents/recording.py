@@ -135,11 +135,12 @@ def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
     edges = np.linspace(0, rows.size, intervals + 1).astype(int)
     begins, sizes, finite = edges[:-1], np.diff(edges), signals[rows]
     place = np.arange(rows.size)[:, None]
-    kept = [np.array([0, rows.size - 1])]
+    kept: list[np.ndarray] = [np.array([0, rows.size - 1])]
     for extreme in (np.minimum, np.maximum):
         reached = finite == np.repeat(extreme.reduceat(finite, begins), sizes, axis=0)
         kept.append(np.minimum.reduceat(np.where(reached, place, rows.size), begins).ravel())
-    return rows[np.unique(np.concatenate(kept))]
+    chosen: np.ndarray = rows[np.unique(np.concatenate(kept))]
+    return chosen
 
 
 def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:
