@@ -27,8 +27,9 @@ import orchestrator
 from controller_fmu import starters
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import CaseResult
-from orchestrator.cli import guard, simulate, values
+from orchestrator.cli import guard, simulate, values, verify
 from orchestrator.cli.main import COMMANDS, main
+from orchestrator.cli.options import benchmark
 from orchestrator.cli.study import folder_name
 from orchestrator.codec import from_json
 from orchestrator.documents import worst_page
@@ -265,6 +266,13 @@ def test_folders_say_what_differs(quick_pid_file: Path, tmp_path: Path) -> None:
         assert finished.code == 0 and "replaced" not in finished.err
     names = {file.parent.name for file in tmp_path.glob("runs/*/results.json")}
     assert len(names) == len(changes) and any("K_p[1]=44" in name for name in names)
+
+
+def test_a_command_has_the_defaults_of_the_library() -> None:
+    """Memory was limited to 2048 MB by the commands, and to 2000 MB from Python."""
+    given = verify.COMMAND.parser().parse_args([])
+    bench = benchmark(argparse.Namespace(**{**vars(given), "protocol": "paper"}))  # it has one of its own
+    assert bench == Benchmark(workers=bench.workers) and bench.workers == Benchmark().processes
 
 
 @pytest.mark.needs("compiler")
