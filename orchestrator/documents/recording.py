@@ -139,7 +139,8 @@ def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
     for extreme in (np.minimum, np.maximum):
         reached = finite == np.repeat(extreme.reduceat(finite, begins), sizes, axis=0)
         kept.append(np.minimum.reduceat(np.where(reached, place, rows.size), begins).ravel())
-    return rows[np.unique(np.concatenate(kept))]
+    thinned_rows: np.ndarray = rows[np.unique(np.concatenate(kept))]
+    return thinned_rows
 
 
 def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:
