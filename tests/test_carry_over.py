@@ -1,6 +1,7 @@
 """State in static memory: every score is that of the same law with its state in the instance, or is called random."""
 
 import logging
+from contextlib import suppress
 
 import pytest
 from exporters.description_edits import edited
@@ -9,15 +10,18 @@ from support.refusals import refusal
 from support.static_states import static_state_fmu
 
 from orchestrator import Benchmark, Controller
+from orchestrator.benchmark.results import Judgement
 from orchestrator.benchmark.variation import Variation
 from orchestrator.cli.guard import remedy
 from orchestrator.codec import unpack
 from orchestrator.execution import store
+from orchestrator.execution.job import Done
 from orchestrator.execution.supervision import run_isolated
 from orchestrator.loop.behaviour import CarryOver, carry_over
+from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.pairing import beginning_job
-from orchestrator.pairing.work import BEGINNING, CaseTask, ScenarioTask, TimingRecord
-from orchestrator.study import batch
+from orchestrator.pairing.work import BEGINNING, CaseTask, Digested, ScenarioTask, TimingRecord
+from orchestrator.study import batch, stored
 from orchestrator.study.engine import REPEAT_EVERY, Processes
 from orchestrator.study.requests import Batch, BatchEntry
 
@@ -94,12 +98,57 @@ def test_each_process_repeats_its_first_case_or_the_beginning_of_it(quick_pid_fi
 
     with store.opened(None) as known:
         batch.run(Batch((entry,)), execute, known, repeat=True)
-    assert [len(job.tasks) for job in shown] == [10, 10, 7]
-    assert unpack(shown[0].tasks[-1], CaseTask) == unpack(shown[0].tasks[0], CaseTask)
-    for job in shown[1:]:
-        first, again = unpack(job.tasks[0], CaseTask).case.scenario, unpack(job.tasks[-1], ScenarioTask).scenario
-        assert again.duration == min(BEGINNING, first.duration) and again.announced == first.announced
-        assert again.sensor == first.sensor and again.parameters == first.parameters
+    run_at_all = []
+    for number, job in enumerate(shown):
+        *tasks, repeated = job.tasks if len(job.tasks) > 1 else (*job.tasks, None)  # a case alone follows no other
+        run_at_all += [unpack(task, CaseTask).case.id for task in tasks]
+        if number == 0:
+            assert unpack(repeated, CaseTask) == unpack(tasks[0], CaseTask)
+        elif repeated is not None:
+            first, again = unpack(tasks[0], CaseTask).case.scenario, unpack(repeated, ScenarioTask).scenario
+            assert again.duration == min(BEGINNING, first.duration) and again.announced == first.announced
+            assert again.sensor == first.sensor and again.parameters == first.parameters
+    assert sorted(run_at_all) == sorted(case.id for case in bench.cases)
+
+
+def test_no_run_is_stored_before_its_process_has_repeated_a_case(quick_pid_file):
+    """Three cases had other figures, and nobody was told, after an interruption between the last case of a group and
+    the repetition: the next run found eight of them in the store, and had one left, which follows no other."""
+    bench = Benchmark("quick")
+    pairing = bench.pairing(Controller(quick_pid_file))
+    entry = BatchEntry(bench.rules, pairing, tuple(bench.cases))
+    alike = Digested(Judgement(status=Status.UNSTABLE, time=1.0), bytes(32))
+
+    def execute(jobs, whole):
+        """All jobs side by side: the cases of all, and then what each repeats, of the first ``whole`` jobs."""
+        for number, job in enumerate(jobs):
+            repeats = len(job.tasks) > 1
+            yield from ((number, Done(index, alike, 1.0)) for index in range(len(job.tasks) - repeats))
+        for number, job in enumerate(jobs[:whole]):
+            if len(job.tasks) > 1:
+                value = alike if number == 0 else alike.digest
+                yield number, Done(len(job.tasks) - 1, value, 1.0)
+        if whole < len(jobs):
+            raise KeyboardInterrupt
+
+    def there(whole):
+        """The cases of an interrupted run that a later one finds, and those of the jobs that had repeated a case."""
+        with store.opened(None) as known:
+            jobs = []
+            with suppress(KeyboardInterrupt):
+                batch.run(
+                    Batch((entry,)), lambda asked: execute(jobs.extend(asked) or asked, whole), known, repeat=True
+                )
+            keys = stored.keys(bench.rules, entry.cases, pairing)
+            found = stored.load(known, keys, bench.rules, entry.cases, pairing, True)
+        over = [job for number, job in enumerate(jobs) if number < whole or len(job.tasks) == 1]
+        return len(found), sum(len(job.tasks) - (len(job.tasks) > 1) for job in over), len(jobs)
+
+    *_, jobs = there(0)
+    for whole in range(jobs + 1):
+        found, expected, _ = there(whole)
+        assert found == expected
+    assert found == len(entry.cases)
 
 
 def test_the_beginning_of_a_case_is_that_of_the_whole_one(plant_file, pid_c_file):

@@ -1,5 +1,6 @@
 """The commands: exit codes, what is printed where, and that wrong input is one clear line."""
 
+import argparse
 import csv
 import importlib
 import json
@@ -24,9 +25,12 @@ from support.tools import PRESENT, require
 
 import orchestrator
 from controller_fmu import starters
+from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import CaseResult
-from orchestrator.cli import guard, simulate, values
+from orchestrator.cli import guard, simulate, values, verify
 from orchestrator.cli.main import COMMANDS, main
+from orchestrator.cli.options import benchmark
+from orchestrator.cli.study import folder_name
 from orchestrator.codec import from_json
 from orchestrator.documents import worst_page
 from orchestrator.documents.commands import recording_command, simulate_command
@@ -262,6 +266,23 @@ def test_folders_say_what_differs(quick_pid_file: Path, tmp_path: Path) -> None:
         assert finished.code == 0 and "replaced" not in finished.err
     names = {file.parent.name for file in tmp_path.glob("runs/*/results.json")}
     assert len(names) == len(changes) and any("K_p[1]=44" in name for name in names)
+
+
+def test_a_command_has_the_defaults_of_the_library() -> None:
+    """Memory was limited to 2048 MB by the commands, and to 2000 MB from Python."""
+    given = verify.COMMAND.parser().parse_args([])
+    bench = benchmark(argparse.Namespace(**{**vars(given), "protocol": "paper"}))  # it has one of its own
+    assert bench == Benchmark(workers=bench.workers) and bench.workers == Benchmark().processes
+
+
+@pytest.mark.needs("compiler")
+def test_a_choice_of_library_has_a_folder_of_its_own(pid_c_file: Path) -> None:
+    """Binary and sources need not give the same numbers, and the second evaluation took the first one's place."""
+    of_file, of_sources = (
+        folder_name(Benchmark("quick"), Controller(pid_c_file, library=library), argparse.Namespace())
+        for library in (None, "source")
+    )
+    assert of_sources == f"{of_file}-library=source"
 
 
 def test_other_results_are_replaced_with_a_note(quick_pid_file: Path, tmp_path: Path) -> None:

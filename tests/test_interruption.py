@@ -31,13 +31,14 @@ from orchestrator import Benchmark
 from orchestrator.benchmark.metrics import expected
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.cache import VARIABLE
+from orchestrator.codec import unpack
 from orchestrator.execution import store
 from orchestrator.execution.job import Died, Done, Outcome
 from orchestrator.execution.messages import ErrorRecord, Failed
 from orchestrator.fmi.trace import CONTROLLER, Place
 from orchestrator.loop.trajectory import Status
-from orchestrator.pairing.pairing import GROUP_SIZE
 from orchestrator.pairing.runs import CaseRun
+from orchestrator.pairing.work import CaseTask
 from orchestrator.study import batch
 from orchestrator.study import stored as stored_runs
 from orchestrator.study.requests import STRIKES, Batch, BatchEntry
@@ -80,13 +81,14 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
 
     def evaluated(results: store.Store, stop_after: int, lost: set[int]) -> list[CaseRun] | None:
         """The runs, or None where the evaluation ended after ``stop_after`` outcomes."""
-        groups: list[tuple[int, int, int]] = []
 
         def execute(jobs):
             left, names = stop_after, [case.id for case in QUICK.cases]
-            waiting = [name for name in names if name not in stored]
-            order = [(n // GROUP_SIZE, n % GROUP_SIZE, names.index(name)) for n, name in enumerate(waiting)]
-            groups.extend(order)
+            order = [
+                (number_of_job, index, names.index(unpack(task, CaseTask).case.id))
+                for number_of_job, job in enumerate(jobs)
+                for index, task in enumerate(job.tasks)
+            ]
             if keep_going:  # else results depend on which failures come first, as they do without interruption
                 chance.shuffle(order)
             for job, index, number in order:
@@ -95,9 +97,6 @@ def test_interruption_at_any_point_plus_resume_is_an_uninterrupted_run(own, stop
                 left -= 1
                 yield job, outcome(index, number, kinds, lost)
 
-        keys = stored_runs.keys(QUICK.rules, QUICK.cases, own)
-        there = stored_runs.load(results, keys, QUICK.rules, QUICK.cases, own, not keep_going)
-        stored = {run.case.id for run in there.values()}
         with suppress(KeyboardInterrupt):
             entry = BatchEntry(QUICK.rules, own, QUICK.cases, None if keep_going else STRIKES)
             return batch.run(Batch((entry,)), execute, results)[0]

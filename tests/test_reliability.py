@@ -196,6 +196,12 @@ def test_numbers_that_are_none_are_refused():
         assert error.what == ("bad-option" if name == "distribution" else "bad-number") and error.where == name
 
 
+def test_options_that_exclude_each_other_do_so_for_every_caller():
+    """The command refused them; from Python, the larger sample was made without a word."""
+    error = refusal(ReliabilityStudy, draws=5, more=2)
+    assert error.what == "contradiction" and "draws and more" in str(error)
+
+
 @pytest.mark.slow
 def test_a_sample_grows_and_each_failure_has_a_command_that_repeats_it(quick_pid_file, tmp_path):
     """The PID with so large a gain that it fails."""

@@ -1,6 +1,7 @@
 """The store: what is committed survives, and what is found belongs to exactly what was asked for."""
 
 import math
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -29,6 +30,7 @@ from orchestrator.codec import Struct
 from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.execution import store
 from orchestrator.execution.job import Limits
+from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.setup import Setup
 from orchestrator.loop.trajectory import Status
 from orchestrator.pairing.runs import CaseRun
@@ -60,6 +62,7 @@ BENCHES = {
     "parameter": lambda bench: replace(bench, setup=Setup({"K_p[1]": 46.0})),
     "last bit": lambda bench: replace(bench, setup=Setup({"K_p[1]": 46.000000000000007})),
     "mapping": lambda bench: replace(bench, setup=Setup(mapping={"q_m[1]": "In1"})),
+    "sandbox": lambda bench: replace(bench, sandbox=True),  # outside of it, an FMU can read any file
 }
 PROTOCOLS = {
     "benchmark": with_fields(QUICK, benchmark="FlexibleManipulator-v0"),
@@ -80,10 +83,39 @@ def test_whatever_the_result_depends_on_changes_the_key(change, own):
     others = keys(bench, PROTOCOLS.get(change, QUICK), SCENARIOS.get(change, CASES))
     assert not keys(own) & others
     assert others == keys(
-        replace(bench, timeout=1.0, limits=Limits(memory=1), sandbox=True),
+        replace(bench, timeout=1.0, limits=Limits(memory=1)),
         PROTOCOLS.get(change, QUICK),
         SCENARIOS.get(change, CASES),
     ), "limits do not count"
+
+
+@pytest.mark.needs("compiler")
+def test_binary_and_sources_of_one_file_have_keys_of_their_own(own, pid_c_file):
+    """With ``library``, results of the binary were taken for those of the sources."""
+    native, source = (replace(own, controller=open_archive(pid_c_file, library)) for library in ("native", "source"))
+    assert not keys(native) & keys(source)
+    before, library = keys(source), source.controller.library_file
+    content = library.read_bytes()
+    try:
+        library.write_bytes(content + b"\0")  # as of another compiler
+        assert not before & keys(source)
+    finally:
+        library.write_bytes(content)
+
+
+def test_what_is_installed_belongs_to_a_controller_in_python(own, pid_file, tmp_path, monkeypatch):
+    """One that solved an equation with SciPy got the cases of the SciPy before."""
+    in_python = replace(own, controller=open_archive(pid_file))
+    before, of_none = keys(in_python), stored_runs.keys(PAPER, JUDGED, ANY)
+    (tmp_path / "scipy-0.0.1.dist-info").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    forget()
+    try:
+        assert not before & keys(in_python)
+        assert stored_runs.keys(PAPER, JUDGED, ANY) == of_none
+    finally:
+        monkeypatch.undo()
+        forget()
 
 
 @pytest.fixture
@@ -104,7 +136,7 @@ def edited(monkeypatch, tmp_path):
 
 def forget():
     """What is remembered of sources, which do not change while a program runs."""
-    for function in (cache.computing_code, cache.code_hash, cache._file_of, cache._imports):
+    for function in (cache.computing_code, cache.installed, cache.code_hash, cache._file_of, cache._imports):
         function.cache_clear()
 
 
@@ -125,6 +157,10 @@ def test_another_library_has_another_key(library, own, monkeypatch):
         "plant_fmu/flexible_manipulator/formulas.py",  # of which the loop's noise is made
         "orchestrator/codec.py",
         "orchestrator/exact_time.py",
+        "controller_fmu/pid_c/modelDescription.xml",  # has the gains of a reference
+        "orchestrator/execution/controller_host.py",  # the three are named in command lines
+        "orchestrator/execution/fork_server.py",
+        "orchestrator/execution/sandboxed.py",
         "orchestrator/execution/worker.py",  # restores the rounding mode between two cases
         "orchestrator/fmi/host/host.c",
         "orchestrator/fmi/slaves/numba_pid.py",  # is loaded by its name
@@ -221,8 +257,9 @@ def judgements(protocol, cases) -> list:
 
 ANY = SimpleNamespace(
     plant=SimpleNamespace(sha256="0"),
-    controller=SimpleNamespace(sha256="1", library="native"),
+    controller=SimpleNamespace(sha256="1", library="native", is_python=False),
     setup=Setup(),
+    sandbox=False,
     separate=False,
 )
 """What the keys have of a pairing."""
@@ -323,9 +360,10 @@ def test_a_failure_counts_under_the_conditions_it_happened_in(status, opened, ow
     runs = [run_of(CASES[0], status), run_of(CASES[1], Status.UNSTABLE)]
     put(opened, own, *runs)
     assert load(opened, own) == runs
-    others = (replace(own, timeout=100.0), replace(own, limits=Limits(memory=1)), replace(own, sandbox=True))
+    others = (replace(own, timeout=100.0), replace(own, limits=Limits(memory=1)))
     for found in (*(load(opened, other) for other in others), load(opened, own, failures=False)):
         assert found == runs[1:]
+    assert load(opened, replace(own, sandbox=True)) == []
 
 
 def test_records_that_make_no_sense_are_none(opened, own, tmp_path):
@@ -393,3 +431,9 @@ def test_what_was_reported_as_stored_survives_kill_9(tmp_path):
         asked = ("integrity_check", "synchronous", "journal_mode")
         found = [results._connection.execute(f"PRAGMA {name}").fetchone()[0] for name in asked]
         assert found == ["ok", 2, "wal"], "every row is committed to the disk"
+
+
+def test_every_process_of_a_name_is_among_the_sources():
+    """The closure follows import statements; a command line is none."""
+    launched = (cache.PACKAGE / "execution" / "launch.py").read_text()
+    assert {f"orchestrator.execution.{name}" for name in re.findall(r'boot\("(\w+)"', launched)} == {*cache.STARTED}

@@ -225,6 +225,9 @@ def test_a_sweep_is_a_line_a_map_or_a_table():
     for wrong in ("K", "K=1:2", "K=0:1:3:log", "K=1:2:1", "=1,2", "K=1,2:log"):
         with pytest.raises(ArgumentTypeError):
             values.grid_values(wrong)
+    for wrong, told in {"K=1:2:99999": "from 2 to 10000", "K=2:1:3": "the first must be the smaller one"}.items():
+        with pytest.raises(ArgumentTypeError, match=told):
+            values.grid_values(wrong)
 
 
 def test_report_shows_a_tuning_or_a_sweep_again(tmp_path, capsys):

@@ -17,7 +17,7 @@ from ..fmi.controller_files import read_mapped_parameters, read_mapping, read_pa
 from ..fmi.library import LIBRARIES
 from ..pairing.built_in import DEFAULT_CONTROLLER, DEFAULT_IN_C, FILE, PLANT, PLANT_IN_C
 from ..pairing.controller import Controller
-from ..pairing.testbed import available_cores
+from ..pairing.testbed import Testbed, available_cores
 from ..text import printable
 from .values import MAX_LIMIT, assignments, connection, natural, number, seeds, setting, time
 
@@ -123,18 +123,18 @@ def add_controller(
     parser.add_argument(
         "--timeout",
         type=number(most=MAX_LIMIT, above=0.0),
-        default=60.0,
+        default=Testbed.timeout,
         metavar="SECONDS",
         help="processor time limit of a simulation of 26 s, and of each step of the check; shorter simulations get a "
         "proportional limit, and all get some seconds to start; a simulation may wait, without computing, for twice "
-        "this time (default: 60)",
+        f"this time (default: {Testbed.timeout:g})",
     )
     parser.add_argument(
         "--memory-limit",
         type=number(most=MAX_LIMIT, above=0.0),
-        default=2048.0,
+        default=Testbed.memory_limit / 1e6,
         metavar="MB",
-        help="memory that a simulation's process may use (default: 2048)",
+        help=f"memory that a simulation's process may use (default: {Testbed.memory_limit / 1e6:g})",
     )
     parser.add_argument(
         "--sandbox", action="store_true", help="run FMUs without network and with read-only files (needs bubblewrap)"

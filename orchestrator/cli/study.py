@@ -262,6 +262,8 @@ def folder_name(bench: Benchmark, controller: Controller, given: argparse.Namesp
     values = [f"{key}={shortened(value)}" for key, value in sorted(controller.setup.parameters.items())]
     if controller.sample_time is not None:
         values.append(f"T_s={float(controller.sample_time):g}")
+    if controller.library is not None:
+        values.append(f"library={controller.library}")
     readable = "-".join(["", *values])
     # File systems take 255 bytes, and a folder of fifty parameters is not read anyway.
     if len(readable) > MAX_NAME:

@@ -107,11 +107,15 @@ def grid_values(text: str) -> tuple[str, tuple[float, ...]]:
         if ":" not in ends and not scale:
             return name.strip(), tuple(map(float, rest.split(",")))
         low, high, count = ends.split(":")
-        limits = check_range(name, Range(float(low), float(high), scale))
-        return name.strip(), limits.spaced(natural(2, MAX_VALUES)(count))
-    except (ValueError, InputError, argparse.ArgumentTypeError):
+        limits = Range(float(low), float(high), scale)
+    except ValueError:
         message = f"{text!r} is not of the form NAME=LOW:HIGH:COUNT[:log] or NAME=VALUE,VALUE, such as K_p[1]=20:80:5"
         raise argparse.ArgumentTypeError(message) from None
+    # What has the form is told what is wrong with its numbers: 1:2:99999 was called not of the form LOW:HIGH:COUNT.
+    try:
+        return name.strip(), check_range(name, limits).spaced(natural(2, MAX_VALUES)(count))
+    except InputError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
 
 
 def natural(least: int = 0, most: float = math.inf) -> Callable[[str], int]:

@@ -38,7 +38,7 @@ from .entries import (
     refused,
     unpacked,
 )
-from .library import SOURCE, WINE, LibraryKind, choose, has_sources
+from .library import FLAGS, SOURCE, WINE, LibraryKind, choose, has_sources
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -48,6 +48,8 @@ FILE_NAME = re.compile(r"\w[\w .+-]*")
 
 MAX_IDENTIFIER_BYTES = 200
 """Largest length of a modelIdentifier [bytes]."""
+
+FLAGS_HASH = hashlib.sha256(repr(FLAGS).encode()).hexdigest()[:16]
 
 LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 
@@ -121,7 +123,14 @@ class Archive:
             return next((path for path in sorted(folder.glob("*")) if path.name.lower() == dll.name.lower()), dll)
         platform = fmpy.platform_tuple if self.major_version == "3" else fmpy.platform
         name = f"{self.interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
-        return Path(self.folder, COMPILED if self.library == SOURCE else ".", "binaries", platform, name)
+        # Named by the flags as well: what an earlier version has compiled with others lies in the same cache.
+        place = f"{COMPILED}/{FLAGS_HASH}" if self.library == SOURCE else "."
+        return Path(self.folder, place, "binaries", platform, name)
+
+    @property
+    def is_python(self) -> bool:
+        """Whether it brings modules of Python, which use this machine's Python and the packages that are installed."""
+        return any((self.folder / "resources").rglob("*.py"))
 
 
 def open_archive(file: Path, library: LibraryKind | None = None) -> Archive:

@@ -18,13 +18,10 @@ from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compi
 
 from ..cache import user_folders
 from ..errors import InputError
+from .library import FLAGS
 
 SYSTEM_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
 """Options of bubblewrap; the folders of users are hidden by others."""
-
-# A fused multiply-add rounds once where the source rounds twice: the
-# same FMU would give other bits on machines that have one.
-FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
 def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:

@@ -13,6 +13,11 @@ SOURCE: Final = "source"
 WINE: Final = "wine"
 LIBRARIES = (NATIVE, SOURCE, WINE)
 
+# A fused multiply-add rounds once where the source rounds twice: the
+# same FMU would give other bits on machines that have one.
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+"""Of the compiler, for the sources of an FMU."""
+
 LibraryKind = Literal["native", "source", "wine"]
 """Where the library comes from: the FMU's binary for this platform, its sources, its binary for Windows under Wine."""
 

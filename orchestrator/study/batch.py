@@ -119,6 +119,9 @@ def run(
         if on_run is not None:
             on_run(run, done, total)
 
+    def keep(progress: _Progress, number: int, finished: CaseRun) -> None:
+        stored.keep(store, progress.keys[number], finished, progress.entry.pairing)
+
     for progress in opened:
         for finished in list(progress.runs.values()):
             tell(finished)
@@ -127,10 +130,11 @@ def run(
         if failure is not None and failure.case in progress.entry.cases and progress.entry.patience is not None:
             number = progress.entry.cases.index(failure.case)
             if number not in progress.runs:
-                _keep(progress, number, failure, store)
+                keep(progress, number, failure)
+                progress.take(number, failure)
                 tell(failure)
-    for progress, number, finished in _simulated(opened, execute, _Chatter(first), repeat):
-        _keep(progress, number, finished, store)
+    for progress, number, finished in _simulated(opened, execute, _Chatter(first), keep, repeat):
+        progress.take(number, finished)
         tell(finished)
     for progress in opened:
         for number in progress.skipped:
@@ -152,11 +156,6 @@ def _open(entry: BatchEntry, store: Store) -> _Progress:
     for number, run in stored_runs.items():
         progress.take(number, run)
     return progress
-
-
-def _keep(progress: _Progress, number: int, run: CaseRun, store: Store) -> None:
-    stored.keep(store, progress.keys[number], run, progress.entry.pairing)
-    progress.take(number, run)
 
 
 @dataclass
@@ -219,11 +218,19 @@ class _Chatter:
 
 
 def _simulated(
-    opened: Sequence[_Progress], execute: Execute, chatter: _Chatter, repeat: bool = False
+    opened: Sequence[_Progress],
+    execute: Execute,
+    chatter: _Chatter,
+    keep: Callable[[_Progress, int, CaseRun], None],
+    repeat: bool = False,
 ) -> Iterator[tuple[_Progress, int, CaseRun]]:
-    """The runs of what is waiting, as they come, until no entry wants more."""
+    """The runs of what is waiting, as they come, until no entry wants more; each is given to ``keep``, those of a group
+    that repeats a case together, once nothing more is to be seen of it."""
     jobs: list[Job] = []
     repetitions: dict[int, _Repetition] = {}
+    # Kept as they came, those of a group that was interrupted before its repetition were found
+    # again by a run that had nothing left to compare them with: a wrong score without a word.
+    held: dict[int, list[tuple[_Progress, int, CaseRun]]] = {}
     places: list[tuple[_Progress, list[int], set[int]]] = []
     for progress in opened:
         waiting = [] if progress.reason else progress.waiting
@@ -250,10 +257,20 @@ def _simulated(
                     value = outcome.value if isinstance(outcome, Done) else None
                     if current.entry.witness is not None and isinstance(value, Simulated):
                         current.entry.witness(run.case, run.result, value.trajectory)
+                    if number_of_job in repetitions:
+                        held.setdefault(number_of_job, []).append((current, number, run))
+                    else:
+                        keep(current, number, run)
                     yield current, number, run
+            for over in [job for job in held if repetitions[job].over]:
+                for seen in held.pop(over):
+                    keep(*seen)
             compared = all(repetition.over for repetition in repetitions.values())
             if compared and all(progress.reason or not left for progress, _, left in places):
                 return
+    for runs in held.values():  # whose process did not come to its repetition
+        for seen in runs:
+            keep(*seen)
 
 
 def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:

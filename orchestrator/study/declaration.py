@@ -96,6 +96,17 @@ class Study(Generic[T]):
             if value is not None and (problem := declared.problem(value)):
                 code = "bad-option" if declared.choices else "bad-number"
                 raise InputError(f"{name} must be {problem}, not {shown(value)}.", code, name, value, declared.choices)
+        self._check_exclusion()
+
+    def _check_exclusion(self) -> None:
+        given: dict[str, list[str]] = {}
+        for attribute in fields(self):
+            group = attribute.metadata["option"].exclude if "option" in attribute.metadata else ""
+            if group and getattr(self, attribute.name) != default(attribute):
+                given.setdefault(group, []).append(attribute.name)
+        for names in given.values():
+            if len(names) > 1:  # from Python, the last one silently counted
+                raise InputError(f"{' and '.join(names)} exclude each other: give one of them.", "contradiction")
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[T]:
         """The requests of the study, which returns its document; ``folder`` is where an earlier run may be."""

@@ -12,11 +12,12 @@ from ..benchmark.case import Case, JudgedTest
 from ..benchmark.metrics import case_result
 from ..benchmark.protocol import JudgingTables, Protocol
 from ..benchmark.results import Judgement
-from ..cache import computing_code
+from ..cache import computing_code, installed
 from ..codec import Malformed, NonNegative, Struct, from_json, to_json
 from ..execution.store import Store
+from ..fmi.archive import Archive
 from ..fmi.host import wine
-from ..fmi.library import WINE
+from ..fmi.library import SOURCE, WINE
 from ..loop.trajectory import Status
 from ..pairing.pairing import Pairing
 from ..pairing.runs import CaseRun
@@ -46,7 +47,8 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         sorted(pairing.setup.parameters.items()),
         sorted(pairing.setup.mapping.items()),
         to_json(_seen(protocol, JudgingTables)),
-        *((wine.version(),) if pairing.controller.library == WINE else ()),
+        *_around(pairing.controller),
+        *(("sandbox",) if pairing.sandbox else ()),  # what read files outside of one would not do so inside
         *(("separate",) if pairing.separate else ()),  # what came before the state was seen to pass is not used
     ]
     # Everything that a number depends on. A folder list kept by hand once missed the
@@ -60,6 +62,18 @@ def keys(protocol: Protocol, cases: Sequence[Case], pairing: Pairing) -> list[st
         return digest.hexdigest()
 
     return [key(case) for case in cases]
+
+
+def _around(controller: Archive) -> tuple[str, ...]:
+    """What of this machine the numbers of a ``controller`` depend on, by which of its libraries is loaded."""
+    if controller.library == WINE:
+        return (wine.version(),)
+    if controller.library == SOURCE:
+        # Binary and sources of one FMU need not be of one law, nor need two compilers give the same numbers.
+        return (SOURCE, hashlib.sha256(controller.library_file.read_bytes()).hexdigest())
+    # A law in Python may import whatever is installed: one that took a solution from SciPy
+    # got the cases of the SciPy before.
+    return installed() if controller.is_python else ()
 
 
 def _seen(of: object, interface: type) -> list[Any]:
