@@ -115,7 +115,7 @@ class Benchmark(Testbed, Displayable):
         """The findings of :meth:`check` as they come."""
         from . import checking
 
-        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases[0])
+        return checking.findings(controller, lambda: self.pairing(controller), self.rules, self.cases)
 
     @entered
     def run(

@@ -42,9 +42,9 @@ CHECK_TIMEOUT = 10.0
 
 
 def findings(
-    controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, case: Case
+    controller: Controller, pairing: Callable[[], Pairing], protocol: Protocol, cases: Sequence[Case]
 ) -> Iterator[Finding]:
-    """The findings on ``controller`` as they come; ``pairing`` opens it, ``case`` is what is simulated of it."""
+    """The findings on ``controller`` as they come; ``pairing`` opens it, the beginnings of ``cases`` are simulated."""
     try:
         yield from archive_findings(controller.archive)
         opened = pairing()
@@ -52,16 +52,25 @@ def findings(
         yield from binding_findings(controller_binding(archive, setup), archive, setup)
         sample_time = controller_sample_time(archive, protocol.sample_time, controller.given_sample_time)
         yield from sampling_findings(sample_time, protocol.sample_time)
-        sampled = replace(case, scenario=replace(case.scenario, sample_time=sample_time.value))
+        # As many as an evaluation has in one process, a long one first, then others at each pose: some FMUs count
+        # their instances, others keep what belongs to a pose, or what a force has left.
+        telling = max(cases, key=lambda case: (bool(case.test.criteria), case.scenario.duration))
+        last = {case.configuration.index: case for case in cases}
+        chosen = (cases[0], telling, *last.values())
+        sampled = [
+            replace(case, scenario=replace(case.scenario, sample_time=sample_time.value))
+            for case in chosen[: 1 + GROUP_SIZE]
+        ]
         yield from _dynamic(opened, sampled, protocol)
     except InputError as error:
         yield Finding(Severity.ERROR, "import", str(error), "", error.what, error.value, error.nearest)
 
 
-def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Finding]:
+def _dynamic(pairing: Pairing, cases: Sequence[Case], protocol: Protocol) -> Iterator[Finding]:
     """What running the controller shows. Each look takes one instance of a process that may have only one."""
     from ..conformance import dynamic  # it loads the compiler
 
+    case = cases[0]
     T_s, told = case.scenario.sample_time, set[str]()
 
     def failed(check: dynamic.Check, outcome: Outcome) -> Iterator[Finding]:
@@ -105,13 +114,7 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
         if isinstance(ended, Done):
             responses = [outcome.value for outcome in outcomes if isinstance(outcome, Done)]
             yield from dynamic.timing(responses, at.u_m, (first, second))
-    shown = _carry_over(pairing, case)
-    if shown is CarryOver.NONE and len(responses) == len(tasks) and not pairing.is_separate:
-        # As many after each other as an evaluation has in one process: some FMUs count their instances.
-        grouped = run(pairing, work.answer, [tasks[behaviour.STEP]] * GROUP_SIZE, torques)
-        later = [outcome.value for outcome in grouped if isinstance(outcome, Done)]
-        if not all(np.array_equal(one, responses[behaviour.STEP], equal_nan=True) for one in later):
-            shown = CarryOver.FOUND
+    shown = _carry_over(pairing, cases)
     separated = replace(pairing, separate=shown.separates)
     if isinstance(rest, Done):
         yield from dynamic.carry_over(shown)
@@ -135,10 +138,10 @@ def _dynamic(pairing: Pairing, case: Case, protocol: Protocol) -> Iterator[Findi
         yield from dynamic.cost(found_time, float(T_s), FULL_LENGTH, pairing.timeout)
 
 
-def _carry_over(pairing: Pairing, case: Case) -> CarryOver:
-    """Whether state is carried over, as the rehearsal of an evaluation shows it."""
+def _carry_over(pairing: Pairing, cases: Sequence[Case]) -> CarryOver:
+    """Whether state is carried over from ``cases`` to the first one, as a rehearsal shows it."""
     try:
-        return rehearse(case, pairing, probe=False).carry_over
+        return rehearse(cases[0], pairing, probe=False, visited=cases[1:]).carry_over
     except (Crash, FmuError, InputError):  # what is wrong, another look says
         return CarryOver.NOT_TESTED
 

@@ -31,6 +31,9 @@ REPEATED_DURATION = Fraction(1)
 PUSHING_FORCE = Pulse((200.0, 200.0), 0.1, 0.4)
 """The force that acts meanwhile: a law at rest would show little of its state."""
 
+VISITED_DURATION = Fraction(2)
+"""Simulated time [s] of further simulations before the one that is repeated, but for the first, which is whole."""
+
 POSE_OFFSET = 0.1
 """How far [rad] the link angles of the simulation before lie from those of the one that is repeated."""
 
@@ -45,9 +48,12 @@ class Rehearsal:
     carry_over: CarryOver = CarryOver.NOT_TESTED
 
 
-def rehearse(case: Case, pairing: Pairing, probe: bool = True, compare: bool = True) -> Rehearsal:
-    """Simulate the first sample of ``case``, then ``compare`` a simulation after another one with the same in a fresh
-    process, and ``probe`` the controller's timing.
+def rehearse(
+    case: Case, pairing: Pairing, probe: bool = True, compare: bool = True, visited: Sequence[Case] = ()
+) -> Rehearsal:
+    """Simulate the first sample of ``case``, then ``compare`` a simulation after others with the same in a fresh
+    process, and ``probe`` the controller's timing. The others are one at another pose, the first case ``visited``,
+    and the beginnings of the other cases ``visited``.
 
     What is wrong with the input shows here, before anything else runs: raises
     :class:`~orchestrator.errors.BenchmarkError` if the FMUs cannot be connected or initialized or refuse the first
@@ -55,7 +61,9 @@ def rehearse(case: Case, pairing: Pairing, probe: bool = True, compare: bool = T
     """
     T_s, begin = case.scenario.sample_time, _beginning(case.scenario)
     repeated = [begin] if compare and not pairing.is_separate and not pairing.isolated else []
-    scenarios = [replace(case.scenario, duration=T_s), *map(_elsewhere, repeated), *repeated]
+    visits = [each.scenario if place == 0 else _visit(each.scenario) for place, each in enumerate(visited)]
+    before = [*map(_elsewhere, repeated), *visits]
+    scenarios = [replace(case.scenario, duration=T_s), *(before if repeated else ()), *repeated]
     begun: list[work.Beginning] = []
     for outcome in _run(pairing, _simulations(pairing, scenarios)):
         if isinstance(outcome, Done):
@@ -100,6 +108,10 @@ def _experiments(pairing: Pairing, rest: work.Beginning, T_s: Fraction) -> list[
 def _beginning(scenario: Scenario) -> Scenario:
     """The beginning of ``scenario``, in which the arm is pushed."""
     return replace(scenario, duration=min(scenario.duration, REPEATED_DURATION), pulse=PUSHING_FORCE)
+
+
+def _visit(scenario: Scenario) -> Scenario:
+    return replace(scenario, duration=min(scenario.duration, VISITED_DURATION))
 
 
 def _elsewhere(scenario: Scenario) -> Scenario:
