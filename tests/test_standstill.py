@@ -116,6 +116,8 @@ def test_the_words_name_place_time_limit_and_end():
     )
     outside = standstill_words(Standstill(Place(0, NOBODY, ""), 10.0, 5.0, PROCESSOR_REACHED), "A simulation", None)
     assert "still for 10 s, outside any FMI call. It" in outside
+    soon = standstill_words(Standstill(STEP, 10.2, 0.2, WAITING_REACHED), case.id, case.scenario)
+    assert soon.endswith("reached, within a second.")
 
 
 def test_a_command_names_the_option_that_shortens_it(capsys, monkeypatch):

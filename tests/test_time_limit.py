@@ -75,6 +75,8 @@ def test_a_limit_is_reached_when_it_is_exceeded(limit, used):
 def test_what_was_reached_is_told_with_figures():
     told, kind = TimeSpent(processor=65.24, waited=3.0).excess(65.0)
     assert (told, kind) == (f"{PROCESSOR_REACHED}: 65.2 s of 65 s", PROCESSOR_REACHED)
+    told, _ = TimeSpent(waited=11.8).excess(5.76923)
+    assert "for 11.8 s of 11.5 s" in told
     told, kind = TimeSpent(processor=1.0, waited=130.1).excess(65.0)
     assert (told, kind) == (
         f"{WAITING_REACHED}: for 130.1 s of 130 s it was not seen to compute, and it computed for 1.0 s",

@@ -266,6 +266,7 @@ def test_a_controller_that_must_be_enabled_is_named_and_enabled(switched, tmp_pa
     frozen = bench.check(Controller(switched))
     (finding,) = (one for one in frozen if one.subject == "inputs")
     assert finding.severity.value == "warning" and "enable = false" in finding.text
+    assert (finding.what, finding.value) == ("undriven-switch", "enable")
     assert any("mode [Integer] = 1" in one.text for one in frozen if one.subject == "can be set")
     used = {"enable": True, "mode": 1, "label": "go"}
     findings = bench.check(Controller(switched, parameters=used))

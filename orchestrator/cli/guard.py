@@ -29,6 +29,7 @@ REMEDIES = {
     "connector-ambiguous": "Say which, such as --map {value}={nearest[0]}.",
     "connector-parameter": "Leave {value} out of --set and of parameter files.",
     "undriven-input": "Give it a constant (--set {value}=VALUE), or connect it (such as --map q_m_ref[1]={value}).",
+    "undriven-switch": "Set it (--set {value}=VALUE): a controller that is switched off is judged as it is.",
     "newer-system": "Compile them here: --library source.",
     "other-sample-time": "Or have it step as the benchmark does: --sample-time {value}.",
     "fixed-step": "Change --sample-time, or leave it out.",

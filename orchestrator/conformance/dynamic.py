@@ -75,7 +75,10 @@ def timing(
         return
     if measured.convention is Convention.SILENT:
         text = f"the controller {measured.convention.value} of {ERROR:g} rad at its inputs"
-        remedy = "Check that q_m is connected inside the model, and that the output is not frozen."
+        remedy = (
+            "Check that q_m is connected inside the model, that no input or parameter switches the controller off, "
+        )
+        remedy += "and that the output is not frozen."
         yield Finding(Severity.ERROR, "latency", text, remedy)
         return
     if measured.convention is Convention.RANDOM:

@@ -131,16 +131,16 @@ def value_findings(binding: Binding, archive: Archive, setup: Setup) -> Iterator
     start = {name: value for name, value in held.items() if name not in setup.parameters}
     if given := [name for name in held if name in setup.parameters]:
         yield Finding(Severity.OK, "inputs", f"{', '.join(given)}: set as given, and held")
-    if start:
-        by_name = variables(archive.description)
-        words = [
-            name
-            if value is None
-            else f"{name} = {(by_name.get(name) or by_name[name.partition('[')[0]]).spelled(value)}"
-            for name, value in start.items()
-        ]
-        text = f"nothing drives {_some(words)}: held at the start value"
-        yield Finding(Severity.WARNING, "inputs", text, what="undriven-input", value=next(iter(start)))
+    by_name = variables(archive.description)
+    declared = {name: by_name.get(name) or by_name[name.partition("[")[0]] for name in start}
+    words = {
+        name: name if value is None else f"{name} = {declared[name].spelled(value)}" for name, value in start.items()
+    }
+    # Apart, for what helps: a number may be a connector by another name, a switch is set.
+    for what, is_number in (("undriven-input", True), ("undriven-switch", False)):
+        if names := [name for name, variable in declared.items() if variable.is_real is is_number]:
+            text = f"nothing drives {_some([words[name] for name in names])}: held at the start value"
+            yield Finding(Severity.WARNING, "inputs", text, what=what, value=names[0])
     T_s = sample_time_parameter(archive, setup)
     connected = {variable for bound in binding.values() for variable in bound.variables}
     further = [

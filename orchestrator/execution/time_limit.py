@@ -66,11 +66,15 @@ class TimeSpent:
     def excess(self, limit: float) -> tuple[str, str]:
         """What has exceeded the time limit [s], in words with and without figures; empty if nothing has."""
         if self.processor > limit:
-            return f"{PROCESSOR_REACHED}: {self.processor:.1f} s of {limit:g} s", PROCESSOR_REACHED
+            return f"{PROCESSOR_REACHED}: {self.processor:.1f} s of {_seconds(limit)}", PROCESSOR_REACHED
         if self.waited > WAITING_FACTOR * limit:
-            used = f"for {self.waited:.1f} s of {WAITING_FACTOR * limit:g} s it was not seen to compute"
+            used = f"for {self.waited:.1f} s of {_seconds(WAITING_FACTOR * limit)} it was not seen to compute"
             return f"{WAITING_REACHED}: {used}, and it computed for {self.processor:.1f} s", WAITING_REACHED
         return "", ""
+
+
+def _seconds(limit: float) -> str:
+    return f"{limit:.1f}".removesuffix(".0") + " s"
 
 
 class Stopwatch:

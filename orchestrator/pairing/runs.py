@@ -69,7 +69,8 @@ def standstill_words(standstill: Standstill, name: str, scenario: Scenario | Non
     place = standstill.place if scenario is None else _plausible(standstill.place, scenario)
     end = f"It is ended when {standstill.limit.removesuffix(' was reached')} is reached"
     if math.isfinite(standstill.remaining):
-        end += f", in about {standstill.remaining:.0f} s"
+        left = round(standstill.remaining)
+        end += f", in about {left} s" if left >= 1 else ", within a second"
     return f"{name} has stood still for {standstill.seconds:.0f} s, {_whereabouts(place, scenario)}. {end}."
 
 
