@@ -92,7 +92,8 @@ def _dynamic(pairing: Pairing, cases: Sequence[Case], protocol: Protocol) -> Ite
     def run(bench: Pairing, function: Callable[..., bytes], tasks: Sequence[Struct], decode: Decode) -> list[Outcome]:
         name = f"{function.__module__}:{function.__name__}"
         job = bench.raw_job(name, tasks, (min(pairing.timeout, CHECK_TIMEOUT),) * len(tasks), decode)
-        return list(run_isolated(replace(job, give_up=True)))
+        # One process that workers are forked from, which reads a large description once.
+        return list(run_isolated(replace(job, give_up=True, prepared_by=work.__name__)))
 
     first, second = (2 * limit / 2**protocol.loop.torque_bits for limit in protocol.loop.torque_limit)
     asked = [dynamic.CheckTask(0, pairing.setup, T_s)]
