@@ -139,7 +139,7 @@ def ends(
     values = tuple(peak.deviations[one] for one in parameters for peak in shown)
     text = (
         f"at which end of its range each parameter stands in the worst arm found for {name} at each configuration: 1 "
-        "the upper end (orange), -1 the lower one (purple), 0 nominal."
+        "the upper end (orange), -1 the lower one (purple), 0 nominal." + _noise_words(name, shown)
     )
     heat = Heat(
         f"ends-{name}",
@@ -153,6 +153,19 @@ def ends(
         around_zero=True,
     )
     return (heat,)
+
+
+def _noise_words(name: str, peaks: Sequence[PeakFound]) -> str:
+    """How far a criterion is up to the noise; empty where nothing is known of it."""
+    tried = [(peak.value, [value for value in peak.other_noise if value is not None]) for peak in peaks]
+    tried = [(largest, others) for largest, others in tried if largest is not None and others]
+    if not tried:
+        return ""
+    half = sum(min(others) < 0.5 * largest for largest, others in tried)
+    return (
+        f" With up to {max(len(others) for _, others in tried)} other realizations of the noise, {name} of the same arm "
+        f"is at the least below half of the value shown at {half} of {len(tried)} configurations."
+    )
 
 
 def by_configuration(rules: Rules, configurations: Sequence[ConfigurationFound]) -> Plot:

@@ -13,16 +13,19 @@ from .history import Asking
 from .hunt import CONFIRMED, Hunt, card, possible
 from .member import Member, Pair, loose, spelled
 from .short import short
-from .target import Target, fails, severity
+from .target import NICHES, Target, fails, severity
 
 SETTLING = 10.0
 """Time after the force [s] that a settling time is waited for where a parameter is changed."""
+
+HEARD = 0.15
+"""Share of what is left that the worst arms of a criterion with a cliff take with other noise."""
 
 LEVEL = 0.05
 """Share of what is left that the search for a failure in the loop as it is takes."""
 
 SEEDS = range(1, 9)
-"""Base seeds of the noise that a failure is tried with."""
+"""Base seeds of the noise that a failure is tried with, and a criterion with a cliff."""
 
 
 def worst_members(hunt: Hunt) -> dict[Target, Member]:
@@ -59,6 +62,16 @@ def worst_at_each(hunt: Hunt) -> dict[tuple[Target, Pair], Member]:
     return {at: member for at, (_, member) in worst.items()}
 
 
+def heard(hunt: Hunt) -> Asking[None]:
+    """Repeat the worst arms at the configurations with other noise, of a criterion that jumps: whether B6 is short or
+    long is up to a controller that takes a force for an event or not, and near its threshold the noise decides."""
+    hunt.allot(HEARD)
+    worst = [member for (target, _), member in worst_at_each(hunt).items() if target.criterion in NICHES]
+    # Seed by seed, so that a small budget tries each pose with some.
+    yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS for member in worst]))
+    yield from hunt.note("V with other noise")
+
+
 def peaks(hunt: Hunt) -> tuple[PeakFound, ...]:
     """The worst member of each criterion that was searched for at each configuration, in the protocol's order."""
     worst = worst_at_each(hunt)
@@ -72,8 +85,10 @@ def peaks(hunt: Hunt) -> tuple[PeakFound, ...]:
 
 def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
     result = hunt.history.result_of[member]
-    told = spelled(member, hunt.protocol, member.test)
-    value = severity(target, result, hunt.protocol.stability)
+    told, limits = spelled(member, hunt.protocol, member.test), hunt.protocol.stability
+    value = severity(target, result, limits)
+    others = (hunt.history.result_of.get(replace(member, seed=seed)) for seed in SEEDS if seed != member.seed)
+    values = tuple(severity(target, other, limits) for other in others if other is not None)
     return PeakFound(
         configuration=result.configuration.index,
         criterion=target.criterion,
@@ -83,6 +98,7 @@ def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
         sweep=told.sweep or (0.0, 0.0),
         command=hunt.command(member),
         seed=told.seed,
+        other_noise=tuple(other if math.isfinite(other) else None for other in sorted(values)),
     )
 
 

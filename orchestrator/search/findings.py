@@ -106,7 +106,8 @@ class ConfigurationFound(Struct):
 class PeakFound(Struct):
     """The largest value of a criterion found at a configuration, None for a loop that is unstable: with which
     ``deviations`` of the parameters, in half-widths of Table 1 by FMI name, direction of the force [rad], frequencies
-    [Hz] of the chirp and base seed of the noise."""
+    [Hz] of the chirp and base seed of the noise. ``other_noise`` are the values of the same arm with other seeds, the
+    smallest first; none where the criterion is not tried with them."""
 
     configuration: int
     criterion: str
@@ -116,3 +117,4 @@ class PeakFound(Struct):
     sweep: tuple[Finite, Finite]
     command: str
     seed: Natural = 0
+    other_noise: tuple[NonNegative | None, ...] = ()

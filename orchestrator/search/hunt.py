@@ -1,9 +1,9 @@
 """A search for the worst case: its budget, what it has found, and its path.
 
-The budget, in whole cases of simulated time, is spent in this order: the protocol's list, V by pose, failures
-in the loop as it is, the effect of each parameter, margins, the noise of what fails, radius. Each stage has a share of
-what is left, and what it does not need goes to the next. Every decision looks at results alone, so the answer is the
-same for any number of processes.
+The budget, in whole cases of simulated time, is spent in this order: the protocol's list, V by pose, its noise,
+failures in the loop as it is, the effect of each parameter, margins, the noise of what fails, radius. Each stage has a
+share of what is left, and what it does not need goes to the next. Every decision looks at results alone, so the answer
+is the same for any number of processes.
 """
 
 from __future__ import annotations

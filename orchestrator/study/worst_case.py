@@ -173,6 +173,8 @@ def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     members are not searched for them; the requirements after the margins, which they follow from."""
     yield from search(hunt, seed)
     if hunt.complete:  # else time is over
+        yield from answers.heard(hunt)
+    if hunt.complete:
         yield from answers.disturbed(hunt, seed)
     fields: dict[str, Any] = {"effects": (yield from answers.effects(hunt))}
     fields["criteria"], fields["configurations"] = answers.criteria(hunt), answers.configurations(hunt)
