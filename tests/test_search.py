@@ -259,6 +259,32 @@ def test_the_worst_member_of_each_criterion_at_each_configuration_is_told():
     assert sum(peak.value for peak in settling) / len(settling) == pytest.approx(answers.criteria(hunt)["B6"].value)
 
 
+def test_the_worst_arms_for_b6_are_tried_with_other_noise():
+    """Their values are told, and the largest one counts; a small budget tries each pose with a seed before the next."""
+
+    def of(member):
+        figures = hidden(member)
+        return (
+            {**figures, "B6": figures["B6"] * (1.0 + 0.1 * (member.seed if member.seed < 4 else 0))}
+            if "B6" in figures
+            else figures
+        )
+
+    hunt = hunt_of(2500, only=[B6])
+    run(search(hunt, 0), of)
+    before = {peak.configuration: peak.value for peak in answers.peaks(hunt)}
+    run(answers.heard(hunt), of)
+    for peak in answers.peaks(hunt):
+        assert peak.value >= before[peak.configuration] and len(peak.other_noise) >= 2
+        assert list(peak.other_noise) == sorted(peak.other_noise) and peak.other_noise[-1] <= peak.value
+    poor = hunt_of(2500, only=[B6])
+    run(search(poor, 0), of)
+    poor.budget = poor.history.spent + len(POSES) / answers.HEARD
+    run(answers.heard(poor), of)
+    assert [(peak.seed, peak.other_noise) for peak in answers.peaks(poor)] == [(1, ())] * len(POSES)
+    assert poor.cut_short[-1] == "V with other noise"
+
+
 def test_the_largest_value_may_be_at_a_pose_that_is_no_configuration():
     def of(member):
         return {"B6": 10.0 - math.dist(member.q_a, (-20.0, -70.0)) / 30.0} if STRICT.test(member.test).criteria else {}

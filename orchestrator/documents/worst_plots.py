@@ -157,14 +157,16 @@ def ends(
 
 def _noise_words(name: str, peaks: Sequence[PeakFound]) -> str:
     """How far a criterion is up to the noise; empty where nothing is known of it."""
-    tried = [(peak.value, [value for value in peak.other_noise if value is not None]) for peak in peaks]
-    tried = [(largest, others) for largest, others in tried if largest is not None and others]
-    if not tried:
+    shares = [
+        min(value for value in peak.other_noise if value is not None) / peak.value
+        for peak in peaks
+        if peak.value and any(value is not None for value in peak.other_noise)
+    ]
+    if not shares:
         return ""
-    half = sum(min(others) < 0.5 * largest for largest, others in tried)
     return (
-        f" With up to {max(len(others) for _, others in tried)} other realizations of the noise, {name} of the same arm "
-        f"is at the least below half of the value shown at {half} of {len(tried)} configurations."
+        f" With other realizations of the noise, {name} of the same arm is at least {number(min(shares))} of the value "
+        f"shown ({len(shares)} configurations)."
     )
 
 

@@ -18,14 +18,18 @@ from .target import NICHES, Target, fails, severity
 SETTLING = 10.0
 """Time after the force [s] that a settling time is waited for where a parameter is changed."""
 
-HEARD = 0.15
-"""Share of what is left that the worst arms of a criterion with a cliff take with other noise."""
+HEARD = 0.1
+"""Share of what is left that the worst arms of a criterion that jumps may take with other noise."""
 
 LEVEL = 0.05
 """Share of what is left that the search for a failure in the loop as it is takes."""
 
 SEEDS = range(1, 9)
-"""Base seeds of the noise that a failure is tried with, and a criterion with a cliff."""
+"""Base seeds of the noise that a failure is tried with."""
+
+FEW_SEEDS = SEEDS[:3]
+"""Those that the worst arms for B6 are tried with. Of RobustLQG, the smallest of eight values was at least 0.91 of the
+one found at each of 25 configurations, and 0.9997 of it in the median."""
 
 
 def worst_members(hunt: Hunt) -> dict[Target, Member]:
@@ -64,11 +68,11 @@ def worst_at_each(hunt: Hunt) -> dict[tuple[Target, Pair], Member]:
 
 def heard(hunt: Hunt) -> Asking[None]:
     """Repeat the worst arms at the configurations with other noise, of a criterion that jumps: whether B6 is short or
-    long is up to a controller that takes a force for an event or not, and near its threshold the noise decides."""
+    long is up to a controller that takes a force for an event or not, and near its threshold the noise may decide."""
     hunt.allot(HEARD)
     worst = [member for (target, _), member in worst_at_each(hunt).items() if target.criterion in NICHES]
     # Seed by seed, so that a small budget tries each pose with some.
-    yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS for member in worst]))
+    yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in FEW_SEEDS for member in worst]))
     yield from hunt.note("V with other noise")
 
 
@@ -87,7 +91,7 @@ def _peak(hunt: Hunt, target: Target, member: Member) -> PeakFound:
     result = hunt.history.result_of[member]
     told, limits = spelled(member, hunt.protocol, member.test), hunt.protocol.stability
     value = severity(target, result, limits)
-    others = (hunt.history.result_of.get(replace(member, seed=seed)) for seed in SEEDS if seed != member.seed)
+    others = (hunt.history.result_of.get(replace(member, seed=seed)) for seed in FEW_SEEDS if seed != member.seed)
     values = tuple(severity(target, other, limits) for other in others if other is not None)
     return PeakFound(
         configuration=result.configuration.index,
