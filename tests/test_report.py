@@ -21,10 +21,14 @@ from orchestrator.documents.recording import MOTION_INTERVALS, ROWS
 from orchestrator.documents.results import LoopDelay, contradictions
 from orchestrator.documents.scorecard import facts
 from orchestrator.documents.wording import collapsed, remarks, requirement_rows
+from orchestrator.documents.worst_page import margin_table
+from orchestrator.documents.worst_plots import margins
 from orchestrator.loop.trajectory import Status
+from orchestrator.search.findings import Margin, Radius
 from orchestrator.views.page import page_data, page_html
-from orchestrator.views.table import VERDICTS
+from orchestrator.views.table import VERDICTS, shown
 from orchestrator.views.terminal import show
+from orchestrator.views.units import NONE
 
 RUN = Evaluation(results_of(), RECORDINGS)
 ERROR, GOOD = Status.ERROR, everything(TABLE_2)
@@ -172,3 +176,23 @@ def test_recordings_that_do_not_belong_to_the_results_are_told(quick):
     worst = quick.criteria["B5"].worst_case.id
     assert any(line.startswith(f"{worst}: B5 is ") for line in contradictions(wrong))
     assert f"recordings differ. {worst}: B5 is " in page_html(wrong.page())
+
+
+def test_a_margin_that_was_not_refined_does_not_look_measured():
+    rules = results_of().rules
+    found = {
+        "gain_1": Margin(20.0, 20.0, refined=False),
+        "gain_1_down": Margin(0.05, 0.05, refined=False),
+        "gain_2": Margin(4.0, 20.0),
+        "delay_1": Margin(1.5e-3, 1e-2, refined=False),
+        "delay_2": Margin(None, 1e-2),
+    }
+    reach = Radius(1.2, 0.75, 1.2, cost_refined=False)
+    cells = [shown(row[1], NONE) for row in margin_table(rules, found, reach).rows]
+    assert cells == ["≤ 20", "≥ 0.05", "4", "≤ 1.5", "> 10", "≤ 1.2", "0.75"]
+    bars = {plot.id: [(line.labels, line.colour) for line in plot.series] for plot in margins(rules, found, reach)}
+    assert bars == {
+        "margins-gain": [(("0.05 or more", "20 or less"), "soft"), (("", "4"), "good")],
+        "margins-delay": [(("", "1.5 or less"), "bad"), (("", "> 10"), "good")],
+        "margins-radius": [(("", "1.2 or less"), "soft"), (("", "0.75"), "bad")],
+    }
