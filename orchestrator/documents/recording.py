@@ -43,7 +43,7 @@ line, and of the systems that are drawn over each other, of which the errors alo
 MOST = 120_000
 """Rows of a table of one recording: all samples of 30 s."""
 
-ROWS = 75_000
+ROWS = 60_000
 """Rows of recordings together, of motion and of torque each, that keep a page below 5 MB."""
 
 PEAKED, EVEN = 100, 1000

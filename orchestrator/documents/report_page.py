@@ -38,7 +38,7 @@ from .wording import reason_notes, remarks
 WITHOUT = Note("This run was made without trajectories.")
 
 
-SPREAD_ROWS = 2000
+SPREAD_ROWS = 1500
 """Most rows of each of the many trajectories of Figures 11 and 12."""
 
 SMALLEST = 1e-8
