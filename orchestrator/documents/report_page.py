@@ -71,7 +71,7 @@ def page(run: Run) -> Page:
         Panel("spread", "Uncertainty", _spread(run)),
         Panel("stability", "Stability", _stability(results, shown)),
         Panel("motion", "Motion", motion),
-        Panel("failures", f"Not done ({len(failures)})", _failures(results, shown)),
+        Panel("failures", f"Ended early ({len(failures)})", _failures(results, shown)),
     )
     title = f"{results.controller.file}: V = {number(results.cost)}"
     return Page(title, scorecard.conditions(results), panels)
