@@ -72,6 +72,13 @@ def test_the_lowest_cost_is_first_and_those_that_fail_a_requirement_come_last():
     assert len(group.ranked) == 2, "whatever their order"
 
 
+def test_bold_is_explained_only_where_something_is_bold():
+    (group,) = compared(results_with(CYCLING, 0.5), results_with(CYCLING, 0.7))
+    assert group.table().caption == "", "both fail a requirement"
+    (group,) = compared(scaled(1.2), scaled(0.8))
+    assert group.table().caption.startswith("Bold")
+
+
 OTHER_LIMIT = replace(RULES, stability=replace(RULES.stability, limit_cycle=2e-5))
 UNLIKE = [
     ({"benchmark": "Other-v2"}, "benchmark", "benchmark Other-v2, not benchmark FlexibleManipulator-v4"),

@@ -1,6 +1,7 @@
 """The documentation says what is, and its code runs as it stands there, with a smaller protocol than ``quick``."""
 
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -77,6 +78,7 @@ def test_notebook(folder: Path) -> None:
     import nbclient
     import nbformat
 
+    (folder / "my_controller.fmu").unlink()  # it runs as it is shipped
     notebook = nbformat.read(ROOT / "examples" / "first_steps.ipynb", as_version=4)
     for cell in notebook.cells:
         cell.source = smaller(cell.source)
@@ -175,3 +177,53 @@ def test_the_ideas_are_few_and_where_they_are_said_to_be() -> None:
     assert [
         place for place in places if not any((root / above / place).exists() for above in ("", "orchestrator"))
     ] == []
+
+
+COMMAND = re.compile(r"(\$ )?(python|flexible-manipulator|\.venv|pip|git|sh|bash|\. )")
+"""Begins a line of a page that is pasted into a shell."""
+
+SHELL = ("", "sh", "bash", "console")
+"""Fences around these."""
+
+
+def commands_of(page: str) -> list[str]:
+    """The commands in the code of a page, fenced or indented, each with the lines that it goes on in."""
+    found: list[str] = []
+    fence, open_ = None, False
+    for line in text(page).splitlines():
+        if begin := re.match(r"\s*```(\w*)", line):
+            fence, open_ = begin[1] if fence is None else None, False
+        elif open_:
+            found[-1] = f"{found[-1].removesuffix(chr(92)).rstrip()} {line.strip()}"
+            open_ = unfinished(found[-1])
+        elif COMMAND.match(line.strip()) and (fence in SHELL or fence is None and line.startswith("    ")):
+            found.append(line.strip())
+            open_ = unfinished(found[-1])
+    return found
+
+
+def unfinished(command: str) -> bool:
+    """Whether a command goes on in the next line."""
+    try:
+        shlex.split(command, comments=True)
+    except ValueError:
+        return True
+    return False
+
+
+PAGES = sorted(
+    str(page.relative_to(ROOT))
+    for folder in ("docs", "examples", "controller_fmu", "plant_fmu", ".")
+    for page in (ROOT.glob("*.md") if folder == "." else (ROOT / folder).rglob("*.md"))
+    if page.name != "CHANGELOG.md"
+)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands_of(page)])
+def test_a_line_that_is_pasted_holds_a_command_and_nothing_else(page: str) -> None:
+    """What explains it is a comment: "(or C)" ended 23 lines in a syntax error."""
+    for line in commands_of(page):
+        words = shlex.split(line, comments=True)  # no quote is left open
+        assert not re.search(r"\S\s{2,}[^#\s]", line.split("#")[0].strip()), line
+        prose = [word for word in words[3:] if re.fullmatch("[a-z]+", word)]
+        assert not (len(prose) >= 2 and words[-2:] == prose[-2:]), line

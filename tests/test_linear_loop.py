@@ -16,6 +16,7 @@ from support.reports import searched
 from orchestrator import Benchmark, Controller, Variation
 from orchestrator.benchmark import loop_analysis
 from orchestrator.benchmark.loop_analysis import StateSpace, realizations, simulated
+from orchestrator.documents.loop_figures import drawn
 
 T_S = 0.25e-3
 BENCH, POSE = Benchmark(), (0.3, -0.9)
@@ -182,3 +183,37 @@ def test_the_command_draws_and_compares(gains_file, tmp_path):
     for words in (["--robustness", "worst"], ["--set", "K=1"], [gains_file, "--output", "model.mat"]):
         refused = call("linearize", *words, folder=tmp_path)
         assert refused.code == 2 and refused.err.startswith("error: ")
+
+
+def test_bode_and_nichols_show_where_margins_are_read(loop):
+    """Axis 1 of RobustLQG left its frame at +60°, and its phase reached +600°: its margins were in no figure."""
+    bode, chart = (drawn(loop.plant, loop.controller, name) for name in ("loop_bode", "loop_nichols"))
+    for axis in (0, 1):
+        found, at = loop.margins[axis], loop_analysis.crossings(loop.plant, loop.controller, axis)
+        below = 20 * math.log10(abs(at.gain.value))
+        assert below == pytest.approx(-20 * math.log10(found.gain), abs=1e-6)
+        turn = math.degrees(np.angle(at.phase.value)) % -360.0
+        assert abs(turn + 180.0) == pytest.approx(math.degrees(found.phase), abs=1e-6)
+        for axes, expected in (
+            (chart.axes[0], [(-180.0, below), (turn, 0.0)]),
+            (bode.axes[0], [(at.gain.frequency, below), (at.phase.frequency, 0.0)]),
+            (bode.axes[1], [(at.gain.frequency, -180.0), (at.phase.frequency, turn)]),
+        ):
+            marks = np.vstack([line.get_xydata() for line in axes.lines if line.get_marker() == "o"])
+            curve = np.vstack([line.get_xydata() for line in axes.lines if len(line.get_xydata()) > 100])
+            for x, y in expected:
+                assert np.abs(marks - (x, y)).max(axis=1).min() < 1e-3
+                assert axes.get_xlim()[0] <= x <= axes.get_xlim()[1] and axes.get_ylim()[0] < y < axes.get_ylim()[1]
+            if axes is not bode.axes[0]:
+                phases = curve[:, 0 if axes is chart.axes[0] else 1]
+                assert np.nanmin(phases) >= -360.0 and np.nanmax(phases) <= 0.0
+
+
+def test_poles_that_are_too_slow_to_be_shown_are_counted():
+    slow = np.diag([0.01, -0.02, -1.0])
+    plant = StateSpace(slow, np.zeros((3, 2)), np.zeros((2, 3)), np.zeros((2, 2)), None)
+    (axes,) = drawn(plant, None, "poles").axes
+    assert axes.get_xlabel() == "Damping ratio (negative: unstable; plant: 2 below 0.01 Hz not shown, 1 unstable)"
+    assert [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "x"] == [
+        [[1.0, pytest.approx(1.0 / (2.0 * math.pi))]]
+    ]

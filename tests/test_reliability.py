@@ -24,6 +24,8 @@ from orchestrator.search.member import names
 from orchestrator.study.reliability import ReliabilityStudy
 from orchestrator.study.requests import Batch
 from orchestrator.views.page import fragment
+from orchestrator.views.plot import Plot
+from orchestrator.views.table import Facts
 
 CONFIDENCE = 0.99
 
@@ -174,6 +176,10 @@ def test_only_what_is_asked_for_is_simulated_and_judged(only, tests, judged, cri
     text = fragment(found.summary())
     assert f"only {', '.join(only)}" in text and ("target" in text) == bool(found.criteria)
     assert found.row(None, ())
+    parts = found.summary().parts
+    assert isinstance(parts[-1], Facts) and not any(isinstance(part, Facts) for part in parts[:-1])
+    for plot in parts:
+        assert not isinstance(plot, Plot) or plot.text.startswith("Share of the draws") and len(plot.words) < 400
 
 
 def test_what_is_unknown_is_refused():

@@ -17,14 +17,18 @@ from orchestrator.benchmark.results import Measurements
 from orchestrator.documents.commands import simulate_command
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import BoundRecord, SampleTimeRecord
-from orchestrator.documents.recording import MOTION_INTERVALS, ROWS
+from orchestrator.documents.recording import ROWS
 from orchestrator.documents.results import LoopDelay, contradictions
 from orchestrator.documents.scorecard import facts
 from orchestrator.documents.wording import collapsed, remarks, requirement_rows
+from orchestrator.documents.worst_page import margin_table
+from orchestrator.documents.worst_plots import margins
 from orchestrator.loop.trajectory import Status
+from orchestrator.search.findings import Margin, Radius
 from orchestrator.views.page import page_data, page_html
-from orchestrator.views.table import VERDICTS
+from orchestrator.views.table import VERDICTS, shown
 from orchestrator.views.terminal import show
+from orchestrator.views.units import NONE
 
 RUN = Evaluation(results_of(), RECORDINGS)
 ERROR, GOOD = Status.ERROR, everything(TABLE_2)
@@ -75,9 +79,8 @@ def test_a_page_stays_below_5_MB_and_keeps_every_peak_however_lively_its_signals
     # The largest error is at neither coordinate's extremes.
     offsets = np.array([[1, 0], [0.9, 0.9], [0, 1], [-1, 0], [0, -1]], np.float32)
     noise = np.random.default_rng(0)
-    rows = 6 * MOTION_INTERVALS
-    motion = np.column_stack([np.arange(rows), np.resize(offsets, (rows, 2)), noise.standard_normal((rows, 2))])
-    torque = noise.standard_normal((2 * MOTION_INTERVALS, 3)).astype(np.float32)
+    motion = np.column_stack([np.arange(10_000), np.resize(offsets, (10_000, 2)), noise.standard_normal((10_000, 2))])
+    torque = np.column_stack([np.arange(4000), noise.standard_normal((4000, 2))]).astype(np.float32)
     lively = replace(recording(("B5",)), motion=motion.astype(np.float32), torque=torque)
     run = replace(RUN, recordings=(lively,) * 30 + (replace(lively, about=recording(("spread",)).about),) * 20)
     assert len(page_html(run.page()).encode()) < 5e6
@@ -86,8 +89,8 @@ def test_a_page_stays_below_5_MB_and_keeps_every_peak_however_lively_its_signals
     for entry in shown[:1] + shown[-1:]:
         x, z = unpacked(data, entry["motion"])[:, 1:3].T
         assert np.hypot(x, z).max() == pytest.approx(1e3 * lively.error.max(), rel=1e-6)
-        for extreme in (np.max, np.min):
-            np.testing.assert_array_equal(extreme(unpacked(data, entry["torque"]), 0)[1:], extreme(torque, 0)[1:])
+        low, high = (unpacked(data, entry["torque"])[:, columns] for columns in ((1, 2), (-2, -1)))
+        np.testing.assert_array_equal((low.min(0), high.max(0)), (torque.min(0)[1:], torque.max(0)[1:]))
     for table, whole in (("motion", motion), ("torque", torque)):
         assert len(shown) == 30 and sum(len(unpacked(data, entry[table])) for entry in shown) <= ROWS < 30 * len(whole)
 
@@ -172,3 +175,23 @@ def test_recordings_that_do_not_belong_to_the_results_are_told(quick):
     worst = quick.criteria["B5"].worst_case.id
     assert any(line.startswith(f"{worst}: B5 is ") for line in contradictions(wrong))
     assert f"recordings differ. {worst}: B5 is " in page_html(wrong.page())
+
+
+def test_a_margin_that_was_not_refined_does_not_look_measured():
+    rules = results_of().rules
+    found = {
+        "gain_1": Margin(20.0, 20.0, refined=False),
+        "gain_1_down": Margin(0.05, 0.05, refined=False),
+        "gain_2": Margin(4.0, 20.0),
+        "delay_1": Margin(1.5e-3, 1e-2, refined=False),
+        "delay_2": Margin(None, 1e-2),
+    }
+    reach = Radius(1.2, 0.75, 1.2, cost_refined=False)
+    cells = [shown(row[1], NONE) for row in margin_table(rules, found, reach).rows]
+    assert cells == ["≤ 20", "≥ 0.05", "4", "≤ 1.5", "> 10", "≤ 1.2", "0.75"]
+    bars = {plot.id: [(line.labels, line.colour) for line in plot.series] for plot in margins(rules, found, reach)}
+    assert bars == {
+        "margins-gain": [(("0.05 or more", "20 or less"), "soft"), (("", "4"), "good")],
+        "margins-delay": [(("", "1.5 or less"), "bad"), (("", "> 10"), "good")],
+        "margins-radius": [(("", "1.2 or less"), "soft"), (("", "0.75"), "bad")],
+    }

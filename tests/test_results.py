@@ -15,13 +15,14 @@ from support.refusals import refusal
 from support.reports import RECORDINGS, results_of, scaled, stored
 from support.results import TABLE_2, everything, result, trajectory
 
+from orchestrator import Benchmark
 from orchestrator.codec import plain, to_json
 from orchestrator.documents import files, simulations
 from orchestrator.documents.comparability import conditions
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import write_figures
 from orchestrator.documents.files import write_text
-from orchestrator.documents.recording import MOTION, OBSERVED, thin
+from orchestrator.documents.recording import MOTION, OBSERVED, bent, extremes, record, shortened
 from orchestrator.documents.results import cases_csv, mat_bytes, parquet_bytes
 from orchestrator.documents.spread import Spread
 from orchestrator.errors import EnvironmentFault
@@ -181,15 +182,75 @@ def test_recordings_are_those_that_were_written_or_refused(run):
     refused(run.folder, "no-file", file)  # what may not be read is not damaged
 
 
-@given(st.lists(st.tuples(*[st.floats(-1e3, 1e3)] * 2), min_size=1, max_size=200), st.integers(1, 20))
-def test_thinning_keeps_every_signals_extremes_and_both_ends(rows, intervals):
+signal_rows = st.lists(st.tuples(*[st.floats(-1e3, 1e3)] * 2), min_size=1, max_size=200)
+
+
+@given(signal_rows, st.integers(1, 20))
+def test_the_extremes_of_intervals_are_those_of_every_signal_and_both_ends(rows, intervals):
     signals = np.array(rows)
-    kept = thin(signals, intervals)
+    kept = extremes(signals, intervals)
     assert kept[0] == 0 and kept[-1] == len(signals) - 1
     for extreme in (np.min, np.max):
         np.testing.assert_array_equal(extreme(signals[kept], axis=0), extreme(signals, axis=0))
     assert kept.size <= max(2 * intervals, 4 * intervals + 2)
-    assert thin(np.array([[0.0], [np.nan], [1.0], [np.inf]]), 5).tolist() == [0, 2], "what is not finite is left out"
+
+
+@given(signal_rows, st.floats(0.0, 100.0))
+def test_a_curve_through_what_is_kept_is_no_farther_from_any_sample_than_its_slack(rows, slack):
+    signals, time = np.array(rows), 0.1 * np.arange(len(rows))
+    kept = bent(time, signals, (slack, 0.0), 1000)
+    for signal, allowed in zip(signals.T, (slack, 0.0), strict=True):
+        distance = np.abs(np.interp(time, time[kept], signal[kept]) - signal)
+        assert distance.max() <= 2.0 * allowed + 1e-9, "twice: what is kept beside the bends is a sample, too"
+        assert (signal[kept].min(), signal[kept].max()) == (signal.min(), signal.max())
+
+
+def test_what_is_not_finite_is_not_kept_and_too_much_is_not_either():
+    time, noise = np.arange(5000.0), np.random.default_rng(0).standard_normal((5000, 1))
+    assert bent(time[:4], np.array([[0.0], [np.nan], [1.0], [np.inf]]), (0.0,), 5).tolist() == [0, 2]
+    kept = bent(time, noise, (0.0,), 400)
+    assert kept.size <= 400 and noise[kept].max() == noise.max()
+    assert bent(time, noise, (0.0,), 0).size == 0
+
+
+def dithered(frequency, duration=26.0):
+    """A case whose torque of axis 1 oscillates by 4 N.m; that of axis 2 is quiet."""
+    signals = trajectory(torque=(lambda t: 4.0 * np.sin(2 * np.pi * frequency * t), 2.0), duration=duration)
+    return replace(signals, extra={name: np.zeros(signals.time.size) for name in OBSERVED})
+
+
+@pytest.mark.parametrize("rows", [120_000, 5000])
+@pytest.mark.parametrize("frequency", [3.0, 62.0, 230.0])
+def test_no_curve_of_a_torque_has_a_frequency_that_it_does_not_have(frequency, rows):
+    """A dither of 62 Hz was shown with 40.5 Hz: the smallest and the largest sample of 29 ms in turn."""
+    (case,) = (case for case in Benchmark("paper").cases if case.id == "c07.compliant.disturbance")
+    signals = dithered(frequency)
+    entry = shortened(record(case, ("B5",), signals), rows)
+    assert len(entry.motion) <= rows and len(entry.torque) <= rows
+    time = signals.time[:-1]
+    low, high = (np.interp(time, entry.torque[:, 0], table) for table in (entry.torque[:, 1], bounds(entry)[:, 0]))
+    wave = signals.torque[:, 0]
+    assert (wave >= low - 0.4).all() and (wave <= high + 0.4).all() and entry.largest_torque(1) == pytest.approx(4.0)
+    assert entry.largest_torque(2) == 2.0
+    bounded = high - low > 0.5
+    assert not bounded.any() if rows > 5000 or frequency < 10.0 else bounded.any() and not bounded.all()
+    for curve in (low, high):
+        assert np.ptp(curve[bounded]) < 0.5 if bounded.any() else True, "bounds do not oscillate"
+        assert np.abs(curve - wave)[~bounded].max() < 0.5
+    np.testing.assert_array_equal(bounds(entry)[:, 1], 2.0)
+
+
+def bounds(entry):
+    return entry.torque[:, 1:] if entry.highest is None else entry.highest
+
+
+def test_figures_for_publication_have_all_samples():
+    (case,) = (case for case in Benchmark("paper").cases if case.id == "c07.compliant.disturbance")
+    signals = dithered(230.0)
+    entry = record(case, ("example",), signals)
+    shown = np.interp(signals.time[:-1], entry.torque[:, 0], entry.torque[:, 1])
+    np.testing.assert_allclose(shown, signals.torque[:, 0], atol=1e-2)  # times have single precision
+    assert len(record(case, ("spread",), signals).torque) == 0, "of which errors alone are shown"
 
 
 def test_a_trajectory_in_every_format_is_the_same(tmp_path):

@@ -32,8 +32,19 @@ from orchestrator.search.by_pose import ELITE, Elites, Peak
 from orchestrator.search.descent import Levels, descend, race
 from orchestrator.search.history import Ask, History
 from orchestrator.search.hunt import Hunt
-from orchestrator.search.margins import margins
-from orchestrator.search.member import Member, case_of, cost, loose, names, of_case, parameters, possible, spelled
+from orchestrator.search.margins import lowered, margins
+from orchestrator.search.member import (
+    Member,
+    case_of,
+    changes,
+    cost,
+    loose,
+    names,
+    of_case,
+    parameters,
+    possible,
+    spelled,
+)
 from orchestrator.search.radius import radius
 from orchestrator.search.short import brisk, short
 from orchestrator.search.stages import search
@@ -176,6 +187,86 @@ def test_a_requirement_fails_where_a_margin_is_smaller_than_what_it_asks_for():
     assert found["delay_2"].value == 1.2e-3 and {name: entry.passed for name, entry in verdicts.items()} == {
         "A1": True, "A2": False, "A3": False,
     }  # fmt: skip
+
+
+def failing_beyond(gain, delay):
+    """A controller that fails with more gain or delay on axis 2, at the tests' own changes too."""
+
+    def of(member):
+        value, late = changes(member, STRICT)[1]
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if value >= gain or late >= delay else {}
+
+    return of
+
+
+def test_a_margin_that_the_budget_did_not_last_for_is_at_most_what_any_stage_has_met():
+    """The list fails A2 at 1.5 ms: no margin is larger, however few steps were tried; the gain fails at 20 or less."""
+    hunt = hunt_of(972)
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        return (yield from margins(hunt, 0)), (yield from requirements(hunt))
+
+    found, verdicts = run(asked(), failing_beyond(3.0, Fraction(1, 1000)))
+    assert verdicts["A2"].passed is False
+    assert found["delay_2"].value <= 1.5e-3 and not found["delay_2"].refined
+    assert found["gain_2"].value > 3.0 and not found["gain_2"].refined
+
+
+def test_a_margin_that_the_budget_lasts_for_is_refined():
+    hunt = hunt_of(4000)
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        return (yield from margins(hunt, 0))
+
+    found = run(asked(), failing_beyond(3.0, Fraction(1, 1000)))
+    assert (found["gain_2"].value, found["delay_2"].value) == (3.0, 1e-3)
+    assert found["gain_2"].refined and found["delay_2"].refined
+
+
+def test_a_loop_that_fails_as_it_is_has_no_margin_beyond():
+    hunt = hunt_of(3000)
+
+    def of(member):
+        fails = STRICT.test(member.test).criteria and member.system == "slippery"
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if fails and "limit_cycle" in expected_of(member) else {}
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        return (yield from margins(hunt, 0)), (yield from radius(hunt))
+
+    found, reach = run(asked(), of)
+    assert {name: margin.value for name, margin in found.items()} == {
+        "gain_1": 1.0, "gain_1_down": 1.0, "delay_1": 0.0, "gain_2": 1.0, "gain_2_down": 1.0, "delay_2": 0.0,
+    }  # fmt: skip
+    assert reach.stability == 1.0 and not reach.stability_refined
+
+
+def expected_of(member):
+    """The figures that a member's case has."""
+    return expected(STRICT, case_of(member, STRICT, NOMINAL))
+
+
+def test_a_failure_that_the_radius_meets_counts_for_margin_and_requirement():
+    """The noise that members of all factors share lets the loop fail at what A2 asks for, where the list holds."""
+
+    def of(member):
+        fails = member.test == DELAY.test and member.delay is None and member.deviations
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if fails else {}
+
+    hunt = hunt_of(4000)
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        before = yield from margins(hunt, 0)
+        judged = yield from requirements(hunt)
+        yield from radius(hunt)
+        return judged, before, (yield from lowered(hunt, before)), (yield from answers.broken_since(hunt, judged))
+
+    judged, before, found, verdicts = run(asked(), of)
+    assert before["delay_2"].value is None and found["delay_2"].value == 1.5e-3
+    assert judged["A2"].passed and verdicts["A2"].passed is False and verdicts["A1"].passed
 
 
 def test_a_long_settling_beyond_a_cliff_is_found_by_what_rings_below_the_limit():

@@ -22,13 +22,13 @@ from test_pid import GAINS, STARTS
 from benchmarks.tuning import friction, lqg, pid_tuned
 from benchmarks.tuning import task as scripts
 from orchestrator import Benchmark, Controller, InputError, Sweep
-from orchestrator.cli import values
+from orchestrator.cli import studies, values
 from orchestrator.cli.finished import report
 from orchestrator.documents.tuning import Tuning, failure_words, tuning_remarks
 from orchestrator.loop.trajectory import Status
 from orchestrator.search.candidates import NO_CYCLE, REFUSED, Trial, trial
 from orchestrator.study import tuner
-from orchestrator.study.requests import answered
+from orchestrator.study.requests import Tell, answered
 from orchestrator.study.tuner import CandidateVerdict
 from orchestrator.views.page import page_html
 from orchestrator.views.terminal import show
@@ -149,6 +149,31 @@ def test_a_failure_is_added_once_and_what_held_is_not_forgotten(monkeypatch):
     assert search.rules.test(added.test.name).requirements == ("A2", "A3")
 
 
+def test_the_best_so_far_is_the_best_in_the_cases_that_the_result_counts(monkeypatch):
+    """With the case that the start fails in, every objective is higher: what was lower before is not told any more."""
+    bench = Benchmark()
+    case = bench.case("c07.slippery.delay_2")
+
+    def judge(trial):
+        return CandidateVerdict(90.0, None, ("A2",), [] if len(search.cases) > 3 else [(case, "")])
+        yield
+
+    def attempt(_protocol, _rules, _pairings, cases, asked, _worst=math.inf):
+        return [Trial(number, values, 100.0 * (len(cases) - 2) - number) for number, values in asked]
+        yield
+
+    told = []
+    proposals = SimpleNamespace(ask=lambda count: [{}] * min(count, 7), tell=lambda _: None)
+    monkeypatch.setattr(tuner, "attempt", attempt)
+    search = tuner.Tuner(bench.rules, lambda _: None, judge, proposals, list(bench.cases[:3]))
+    answered(search.search(30), lambda request: told.append(request.event) if isinstance(request, Tell) else None)
+    added = [event for event in told if event.done > 7]
+    assert len(search.cases) == 4 and added[0].best.objective == 200.0 - 7
+    assert all(event.best.objective == 200.0 - event.trial.number for event in added)
+    lines = [studies._tell_candidates()(event) for event in (told[0], replace(told[0], best=None))]
+    assert "best so far: objective 100" in lines[0] and "best" not in lines[1]
+
+
 @pytest.mark.needs("compiler")  # with the PID in Python it takes minutes
 @pytest.mark.slow
 def test_a_search_finds_better_parameters_and_finds_them_again(short, pid_c_file, tmp_path):
@@ -257,7 +282,7 @@ def test_a_trial_says_which_requirement_fails_and_by_how_much(quick):
 
     assert found(0.5 * limit).fails == {} and failure_words(found(0.5 * limit)) == ""
     assert found(1.5 * limit).fails == {"A2": pytest.approx(1.5), "A3": pytest.approx(1.5)}
-    assert failure_words(found(1.5 * limit)) == "A2 (1.5 times), A3 (1.5 times)"
+    assert failure_words(found(1.5 * limit)) == "A2 (1.5 times the limit), A3 (1.5 times the limit)"
     assert failure_words(found(None)) == "A2 (unstable), A3 (unstable)"
 
 
@@ -275,8 +300,8 @@ def test_without_a_candidate_that_holds_the_nearest_is_told_with_what_failed(tmp
     (first, nearest) = tuning_remarks(found)
     assert "None of the 2 candidates" in first
     assert (
-        nearest
-        == "Nearest: trial 20, objective 91, V = 91. It fails in tuning: A3 (1.75 times). A2 not met in paper: why."
+        nearest == "Nearest: trial 20, objective 91, V = 91. It fails in tuning: A3 (1.75 times the limit). "
+        "A2 not met in paper: why."
     )
     for shown in (printed(found), page_html(found.page()), found._repr_html_()):
         assert "Nearest to holding A1 to A3" in shown and "Nearest: trial 20" in shown

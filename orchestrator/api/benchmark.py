@@ -442,6 +442,7 @@ def _told(kind: type, call: Callable[..., None] | None) -> OnEvent:
 
     def told(event: Event) -> None:
         if call is not None and isinstance(event, kind):
-            call(*vars(event).values())
+            # What a stage or a trial is told with beside what callbacks were promised is for the commands alone.
+            call(*(value for name, value in vars(event).items() if name != "best"))
 
     return told

@@ -20,6 +20,7 @@ from ..benchmark.linearization import INPUTS, OUTPUTS, Friction, Mode, Rest, lin
 from ..benchmark.loop_analysis import LoopMargins, StateSpace
 from ..documents.document import Displayable
 from ..documents.files import streamed, write_bytes
+from ..documents.worst_page import margin_value
 from ..errors import Crash, InputError
 from ..execution.job import Died, Done
 from ..execution.messages import error_of
@@ -300,17 +301,11 @@ def _margin_table(margins: tuple[LoopMargins, LoopMargins], search_margins: Mapp
         cells: list[Cell] = [Value(getattr(axis, field), unit=unit) for axis in margins]
         if search_margins:
             of_search = [search_margins.get(searched.format(axis)) for axis in (1, 2)]
-            cells += [None if margin is None else _searched(margin, field, unit) for margin in of_search]
+            cells += [None if margin is None else margin_value(searched, margin) for margin in of_search]
         rows.append((Quantity(words, unit), *cells))
     columns = [Column("unstable at"), Column("axis 1"), Column("axis 2")]
     columns += [Column("axis 1, search"), Column("axis 2, search")] if search_margins else []
     return Table("Stability margins", tuple(columns), tuple(rows))
-
-
-def _searched(margin: Margin, field: str, unit: Unit) -> Value:
-    if margin.value is None:
-        return Value(margin.limit, unit=unit, beyond="<" if field == "gain_down" else ">")
-    return Value(margin.value, unit=unit)
 
 
 def linear_loop(testbed: Testbed, controller: Any, case: Case, friction: Friction) -> LinearLoop:

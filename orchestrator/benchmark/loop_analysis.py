@@ -147,8 +147,45 @@ def singular_values(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.norm(S, 2, axis=(1, 2)), np.linalg.norm(np.eye(2) - S, 2, axis=(1, 2))
 
 
+class Point(NamedTuple):
+    """The loop at a frequency [Hz]."""
+
+    frequency: float
+    value: complex
+
+
+class Crossings(NamedTuple):
+    """Where margins are read: the loop where it passes -180° nearest to 0 dB from below and from above, and where it
+    passes 0 dB nearest to -180° and with the least delay; None if it does not."""
+
+    gain: Point | None
+    gain_down: Point | None
+    phase: Point | None
+    delay: Point | None
+
+
 def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins:
     """Classical margins of the loop of ``axis`` (0 or 1) with the other one closed, which must be stable."""
+    frequencies, values, at = _crossed(plant, controller, axis)
+    distance = np.abs(1.0 + values)
+    worst = int(np.argmin(distance))
+    return LoopMargins(
+        gain=None if at.gain is None else -1.0 / at.gain.value.real,
+        gain_down=None if at.gain_down is None else -1.0 / at.gain_down.value.real,
+        phase=None if at.phase is None else abs(_angle(at.phase)),
+        delay=None if at.delay is None else _late(at.delay),
+        sensitivity=float(1.0 / distance[worst]),
+        frequency=float(frequencies[worst]),
+    )
+
+
+def crossings(plant: StateSpace, controller: StateSpace, axis: int) -> Crossings:
+    """Where the :func:`margins` of a loop are read."""
+    return _crossed(plant, controller, axis)[2]
+
+
+def _crossed(plant: StateSpace, controller: StateSpace, axis: int) -> tuple[np.ndarray, np.ndarray, Crossings]:
+    """Frequencies [Hz], the loop at these, and where its margins are read."""
     above = grid(closed(plant, controller))
     below = np.geomspace(LOWEST_CROSSING, LOWEST_FREQUENCY, BELOW, endpoint=False)
     frequencies = np.concatenate([below, above])
@@ -157,28 +194,39 @@ def margins(plant: StateSpace, controller: StateSpace, axis: int) -> LoopMargins
         return at_a_time(loop_gain(plant, controller, at), axis)
 
     values = loop(frequencies)
-    real = [complex(loop(np.array([f]))[0]) for f in _crossings(lambda f: loop(f).imag, frequencies, values.imag)]
+
+    def point(f: float) -> Point:
+        return Point(f, complex(loop(np.array([f]))[0]))
+
+    real = [point(f) for f in _crossings(lambda f: loop(f).imag, frequencies, values.imag)]
     # At rest, and at half the sampling frequency, every response is real.
     if not (_integrates(plant) or _integrates(controller)):
-        real.append(complex(loop(np.array([0.0]))[0].real))
+        real.append(point(0.0))
     if plant.T_s is not None:
-        real.append(complex(values[-1].real))
+        real.append(Point(float(frequencies[-1]), complex(values[-1])))
     # The Nyquist curve crosses the negative real axis there: this factor of the gain puts the crossing at -1.
-    factors = [-1.0 / value.real for value in real if value.real < 0.0]
-    ones = _crossings(lambda f: np.log(np.abs(loop(f))), frequencies, np.log(np.abs(values)))
-    # The way from -1 against the sense in which a delay turns: a delay w tau = angle brings the curve to -1.
-    angles = [(float(np.angle(-loop(np.array([f]))[0])), f) for f in ones]
-    delays = [(angle % (2.0 * math.pi)) / (2.0 * math.pi * f) for angle, f in angles]
-    distance = np.abs(1.0 + values)
-    worst = int(np.argmin(distance))
-    return LoopMargins(
-        gain=min((factor for factor in factors if factor > 1.0), default=None),
-        gain_down=max((factor for factor in factors if factor < 1.0), default=None),
-        phase=min((abs(angle) for angle, _ in angles), default=None),
-        delay=min(delays, default=None),
-        sensitivity=float(1.0 / distance[worst]),
-        frequency=float(frequencies[worst]),
+    negative = [at for at in real if at.value.real < 0.0]
+    ones = list(map(point, _crossings(lambda f: np.log(np.abs(loop(f))), frequencies, np.log(np.abs(values)))))
+    return (
+        frequencies,
+        values,
+        Crossings(
+            gain=max((at for at in negative if at.value.real > -1.0), key=lambda at: -at.value.real, default=None),
+            gain_down=min((at for at in negative if at.value.real < -1.0), key=lambda at: -at.value.real, default=None),
+            phase=min(ones, key=lambda at: abs(_angle(at)), default=None),
+            delay=min(ones, key=_late, default=None),
+        ),
     )
+
+
+def _angle(at: Point) -> float:
+    """The way from -1 [rad] against the sense in which a delay turns."""
+    return float(np.angle(-at.value))
+
+
+def _late(at: Point) -> float:
+    """The delay [s] that turns a point of magnitude 1 to -1: that angle is its frequency times the delay."""
+    return (_angle(at) % (2.0 * math.pi)) / (2.0 * math.pi * at.frequency)
 
 
 def _integrates(system: StateSpace) -> bool:

@@ -11,7 +11,6 @@ from ..documents.files import TRAJECTORIES, write_bytes, write_text
 from ..documents.robustness import Robustness
 from ..documents.sweep import CSV, SVG, Sweep
 from ..documents.tuning import Tuning
-from ..search.candidates import Trial
 from ..study.reliability import ReliabilityStudy
 from ..study.requests import Event, StageDone, TrialDone
 from ..study.sweep import SweepStudy
@@ -71,17 +70,14 @@ def _tell_stages() -> Callable[[Event], str]:
 
 
 def _tell_candidates() -> Callable[[Event], str]:
-    best: list[Trial] = []
-
     def say(event: Event) -> str:
         if not isinstance(event, TrialDone):
             return ""
-        trial = event.trial
+        trial, best = event.trial, event.best
         failing = f", {', '.join(trial.fails)} fail{'s' * (len(trial.fails) == 1)}" if trial.fails else ""
-        best[:] = sorted([*best, trial], key=lambda tried: tried.objective)[:1]
         came_to = trial.message or f"V = {number(trial.cost)}" + (" and worse" if trial.cut_short else failing)
-        lead = f"best so far: objective {number(best[0].objective)}, V = {number(best[0].cost)}"
-        return f"{event.done:5d} of {event.total}  {printable(came_to):24}  {lead}"
+        lead = "" if best is None else f"best so far: objective {number(best.objective)}, V = {number(best.cost)}"
+        return f"{event.done:5d} of {event.total}  {printable(came_to):24}  {lead}".rstrip()
 
     return say
 

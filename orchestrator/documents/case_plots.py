@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from ..benchmark.results import Rules
 from ..views.plot import Axis, Band, Colour, Dash, Level, Line, Moved, MovingArm, Plot, Window, hue
 from ..views.table import Beside, Choice, Commands, Note, Part
 from ..views.units import MILLIMETRE, SECOND, TORQUE, number
-from .recording import Recording, largest_error, peak
+from .recording import BOUNDED, Recording, largest_error, peak
 
 SIMULATION = "simulation "
 """Begins the role of a recording that is shown under a name of its own."""
@@ -76,10 +76,23 @@ def error_line(curve: Curve) -> Line:
     return Line(name, entry.motion[:, 0], entry.error, colour, dash, width, faint=faint, above=above)
 
 
-def torque_line(curve: Curve, axis: int) -> Line:
-    """Torque of motor 1 or 2 over time."""
-    table = curve.recording.torque
-    return Line(curve.name, table[:, 0], table[:, axis], curve.colour, curve.dash, curve.width)
+def torque_lines(curve: Curve, axis: int) -> Iterator[Line]:
+    """Torque of motor 1 or 2 over time, or its bounds."""
+    table, highest = curve.recording.torque, curve.recording.highest
+    for values in (table[:, axis], *(() if highest is None else (highest[:, axis - 1],))):
+        yield Line(curve.name, table[:, 0], values, curve.colour, curve.dash, curve.width)
+
+
+def bounds_words(entries: Iterable[Recording]) -> str:
+    """What two curves of one torque are; empty if each has one."""
+    bounded = [entry for entry in entries if entry.highest is not None]
+    if not bounded:
+        return ""
+    length = max(entry.about.time for entry in bounded) / BOUNDED
+    return (
+        f" Where a torque has two lines, it is too lively for a page: they are its smallest and largest value in "
+        f"{number(length, 1e3)} ms."
+    )
 
 
 def settling_top(largest: float | None, rules: Rules) -> float:
@@ -195,7 +208,7 @@ def _error_words(entry: Recording, other: Recording | None) -> str:
 def torques_of_case(id: str, entry: Recording, rules: Rules) -> Plot:
     """Both torques of a case over time, between their limits."""
     limits = rules.torque_limit
-    most = np.abs(entry.torque[:, 1:]).max(axis=0, initial=0.0)
+    most = [entry.largest_torque(axis) for axis in (1, 2)]
     levels = tuple(
         Level(sign * limit, f"limit {axis + 1}", colour=hue(axis))
         for axis, limit in enumerate(limits)
@@ -209,9 +222,9 @@ def torques_of_case(id: str, entry: Recording, rules: Rules) -> Plot:
         "Motor torques",
         TIME,
         replace(TORQUE_AXIS, low=-end, high=end),
-        tuple(torque_line(Curve(f"u_m{axis}", entry, hue(axis - 1), 1.0), axis) for axis in (1, 2)),
+        tuple(line for axis in (1, 2) for line in torque_lines(Curve(f"u_m{axis}", entry, hue(axis - 1), 1.0), axis)),
         levels,
-        text=f"Torques sent to the drives: at most {' and '.join(reached)}, gravity included.",
+        text=f"Torques sent to the drives: at most {' and '.join(reached)}, gravity included.{bounds_words([entry])}",
         zoom=True,
         window=Window("", _first_window(entry, rules).x),
         group=id,
@@ -304,12 +317,13 @@ def errors(
 
 
 def torques(
-    id: str, title: str, curves: Iterable[Curve], axis: int, limit: float, window: Window, *, text: str, group: str = ""
+    id: str, title: str, curves: Sequence[Curve], axis: int, limit: float, window: Window, *, text: str, group: str = ""
 ) -> Plot:
     """The torque of one motor in several recordings, between its limits."""
     levels = tuple(Level(sign * limit, "limit") for sign in (1, -1))
     y = replace(TORQUE_AXIS, low=-HEADROOM * limit, high=HEADROOM * limit)
-    lines = tuple(torque_line(curve, axis) for curve in curves)
+    lines = tuple(line for curve in curves for line in torque_lines(curve, axis))
+    text += bounds_words(curve.recording for curve in curves)
     shown = Window(window.name, window.x)
     return Plot(id, title, TIME, y, lines, levels, (), text, zoom=True, window=shown, group=group, height=340)
 
@@ -382,4 +396,5 @@ def _moved(entry: Recording, rules: Rules) -> Moved:
     names = {"": "Start", "B7": "Chirp", "B5": "Force", "B6": "Settling", "end": "Last 3 s"}
     places = tuple((names[name], part.x[0]) for name, part in windows(entry, rules).items() if part.x)
     name = f"{_roles(entry, rules)} ({about.id})"
-    return Moved(name, about.q_a, entry.motion, entry.torque, about.time, about.force, about.window, places)
+    torque = entry.torque if entry.highest is None else np.column_stack([entry.torque, entry.highest])
+    return Moved(name, about.q_a, entry.motion, torque, about.time, about.force, about.window, places)

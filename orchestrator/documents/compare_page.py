@@ -16,7 +16,7 @@ from .commands import recording_command
 from .comparability import same_controller
 from .document import Comparable
 from .evaluation import Evaluation
-from .recording import Recording, largest_error, thinned
+from .recording import Recording, largest_error, shortened
 from .reliability import Reliability
 from .report_page import workspace
 from .robustness import Robustness
@@ -24,8 +24,8 @@ from .spread import Spread
 
 FILE = "compare.html"
 
-CURVE_INTERVALS = 2500
-"""Intervals that a worst case is thinned out to."""
+CURVE_ROWS = 10_000
+"""Most rows of a worst case."""
 
 Named = Mapping[str, Sequence[tuple[str, Comparable]]]
 """Documents with their names, by kind."""
@@ -208,7 +208,7 @@ def _worst(
 ) -> tuple[Part, ...]:
     """The worst case of one criterion of all runs: errors, torques, and commands."""
     curves = [
-        Curve(label, thinned(entry, CURVE_INTERVALS), hue(place), dash=dash(place))
+        Curve(label, shortened(entry, CURVE_ROWS), hue(place), dash=dash(place))
         for place, (label, entry) in enumerate(shown.items())
         if entry is not None
     ]
@@ -250,9 +250,7 @@ def _window(name: str, rules: Rules, longest: Recording, entries: Sequence[Recor
 
 def _torques(id: str, curves: Sequence[Curve], axis: int, rules: Rules, window: Window) -> Plot:
     limit = rules.torque_limit[axis - 1]
-    most = (
-        f"{curve.name} {number(float(abs(curve.recording.torque[:, axis]).max(initial=0.0)))} Nm" for curve in curves
-    )
+    most = (f"{curve.name} {number(curve.recording.largest_torque(axis))} Nm" for curve in curves)
     text = f"Torque of axis {axis} in the same cases, limited to {limit:g} Nm; the largest: {', '.join(most)}."
     title = f"Motor torque, axis {axis}"
     return case_plots.torques(f"{id}-torque-{axis}", title, curves, axis, limit, window, text=text, group=id)

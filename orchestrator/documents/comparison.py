@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, overload
 
@@ -89,12 +89,9 @@ class Group:
         shown = (Column("rank"), Column("controller"), *columns)
         good = [not entry.document.rank.reason and entry.document.rank.holds for entry in self.entries]
         outside = frozenset(place for place, one in enumerate(good) if not one)
-        return Table(self.title, shown, tuple(rows), tuple(footer), self._caption, 2, outside)
-
-    @property
-    def _caption(self) -> str:
-        several = len(self.entries) > 1
-        return "Bold: the best values of those that meet all requirements." if several else ""
+        table = Table(self.title, shown, tuple(rows), tuple(footer), keys=2, outside=outside)
+        marked = any(table.best(place) for place in range(len(shown)))
+        return replace(table, caption="Bold: the best values of those that meet all requirements.") if marked else table
 
 
 @dataclass(frozen=True)

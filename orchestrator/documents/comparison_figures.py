@@ -100,7 +100,7 @@ def radii(searches: Mapping[str, Robustness], cards: Sequence[Evaluation | Sprea
     if not series:
         return None
     target = next(iter(searches.values())).rules.cost.target
-    x = Axis("Tolerances at which A1-A3 fail / Table 1 (▸: none found)")
+    x = Axis("Tolerances at which A1-A3 fail / Table 1 (▸: none found, ◂: or below)")
     y = Axis("V (open: scorecard, filled: found)")
     levels = Level(target, ""), Level(1.0, "", upright=True)
     return drawing.figure(Plot("radius", "", x, y, tuple(series), levels), (ONE_COLUMN, 70 * MM))
@@ -112,7 +112,9 @@ def _radius(name: str, search: Robustness, cards: Sequence[Evaluation | Spread],
         return []
     card = next((other.V for other in cards if same_controller(other.head, search.head)), None)
     at = radius.limit if radius.stability is None else radius.stability
-    symbol = "right" if radius.stability is None else compare_page.shape(look)
+    symbol = compare_page.shape(look) if radius.stability_refined else "left"
+    if radius.stability is None:
+        symbol = "right"
     values = [value for value in (card, search.cost) if value is not None]
     points: list[Line | Scatter] = [Line("", [at] * len(values), values, hue(look))]
     if card is not None:
@@ -136,7 +138,7 @@ def margins(searches: Mapping[str, Robustness], looks: Looks) -> Figure | None:
         return None
     tests = next(iter(entries.values())).rules.tests
     gain, delay = max(test.gain for test in tests), max(test.delay for test in tests)
-    none = " (▸: none found up to there)"
+    none = " (▸: none found up to there, ◂: there or below)"
     plots = [
         _margins("gain", Axis(f"Factor of the loop gain{none}", NONE, logarithmic=True), gain, entries, looks),
         _margins("delay", Axis(f"Additional delay{none}", MILLISECOND), delay, entries, looks),
@@ -162,4 +164,4 @@ def _margin(name: str, margin: Margin | None, place: float, look: int) -> Scatte
         return Scatter(name, [], [], hue(look), symbol)
     if margin.value is None:
         return Scatter(name, [margin.limit], [place], hue(look), "right")
-    return Scatter(name, [margin.value], [place], hue(look), symbol)
+    return Scatter(name, [margin.value], [place], hue(look), symbol if margin.refined else "left")

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..benchmark import loop_analysis as analysis
-from ..benchmark.loop_analysis import StateSpace
+from ..benchmark.loop_analysis import Point, StateSpace
 from ..errors import InputError
 from ..views import drawing
 from ..views.drawing import SIZE
-from ..views.plot import Axis, Colour, Level, Line, Plot, Scatter, Symbol, hue
+from ..views.plot import Axis, Colour, Level, Line, Numbers, Plot, Scatter, Symbol, hue
 from ..views.units import DEGREE, HERTZ, MILLIMETRE, RADIAN, SECOND, Unit
 
 AXES = (0, 1)
+
+SLOW = 1e-6
+"""Real part [1/s] above which a pole is unstable, and not one at rest with a rounding error."""
 
 ONE = (1.3 * SIZE[0], 1.2 * SIZE[1])
 BESIDE = (2.0 * SIZE[0], SIZE[1])
@@ -25,7 +29,12 @@ ABOVE = (1.3 * SIZE[0], 1.7 * SIZE[1])
 """Sizes [inch] of figures of one plot, and of two beside or above each other."""
 
 DECIBEL = Unit("dB", "dB")
+
+ROOM = 6.0
+"""Between the points where margins are read and the edges of a plot [dB]."""
+
 FREQUENCY = Axis("Frequency", HERTZ, logarithmic=True)
+PHASE = Axis("Phase", DEGREE)
 TIME = Axis("Time", SECOND)
 
 STEP_TIME = 0.5
@@ -69,26 +78,34 @@ def plant_bode(plant: StateSpace) -> Figure:
 
 
 def loop_bode(plant: StateSpace, controller: StateSpace) -> Figure:
-    """The loop of each axis, broken at its torque while the other one is closed."""
+    """The loop of each axis, broken at its torque while the other one is closed; points are where margins are read."""
     f, loops = _loops(plant, controller)
     named = [(f"axis {axis + 1}, the other closed", loop) for axis, loop in zip(AXES, loops, strict=True)]
-    return _bode(f, named, (hue(0), hue(1)), low=-60.0, levels=(Level(0.0, ""),), turns=(Level(-math.pi, ""),))
+    levels = (Level(0.0, ""),), (Level(-math.pi, ""),)
+    return _bode(f, named, (hue(0), hue(1)), _read(plant, controller), levels)
 
 
 def _bode(
     f: np.ndarray,
     named: Sequence[tuple[str, np.ndarray]],
     colours: Sequence[Colour],
-    low: float | None = None,
-    levels: tuple[Level, ...] = (),
-    turns: tuple[Level, ...] = (),
+    read: Sequence[Sequence[Point]] = (),
+    levels: tuple[tuple[Level, ...], tuple[Level, ...]] = ((), ()),
 ) -> Figure:
-    """Magnitude above phase."""
+    """Magnitude above phase; of loops, of which points are ``read``, the phase is that of one turn."""
     looks = list(zip(named, colours, strict=True))
-    sizes = tuple(Line(name, f, _decibels(values), colour) for (name, values), colour in looks)
-    phases = tuple(Line("", f, _phase(values), colour) for (_, values), colour in looks)
-    size = Plot("magnitude", "", FREQUENCY, Axis("Magnitude", DECIBEL, low), sizes, levels, group="bode")
-    phase = Plot("phase", "", FREQUENCY, Axis("Phase", DEGREE), phases, turns, group="bode")
+    sizes = [Line(name, f, _decibels(values), colour) for (name, values), colour in looks]
+    phases = [Line("", *(_turned(f, values) if read else (f, _phase(values))), colour) for (_, values), colour in looks]
+    marks: tuple[list[Scatter], list[Scatter]] = ([], [])
+    for points, colour in zip(read, colours, strict=False):
+        at, values = [point.frequency for point in points], np.array([point.value for point in points])
+        for shown, heights in zip(marks, (_decibels(values), _turn(values)), strict=True):
+            shown.append(Scatter("", at, heights, colour, size=4.0))
+    low = min([-60.0, *(height - ROOM for points in marks[0] for height in _finite(points.y))]) if read else None
+    x = replace(FREQUENCY, low=min([f[0], *(at for points in marks[0] for at in _finite(points.x))]))
+    y = replace(PHASE, low=-2.0 * math.pi, high=0.0) if read else PHASE
+    size = Plot("magnitude", "", x, Axis("Magnitude", DECIBEL, low), (*sizes, *marks[0]), levels[0], group="bode")
+    phase = Plot("phase", "", x, y, (*phases, *marks[1]), levels[1], group="bode")
     return drawing.figure([[size], [phase]], ABOVE)
 
 
@@ -96,16 +113,30 @@ def nichols(plant: StateSpace, controller: StateSpace) -> Figure:
     """The same as magnitude over phase, with the region in which S exceeds 6 dB around -180° and 0 dB."""
     f, loops = _loops(plant, controller)
     around = -1.0 + 0.5 * np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    angle = np.angle(-around) - math.pi
-    limits = (
-        Line("|S| = 6 dB", angle + turn, _decibels(around), "limit", "dashed", 1.2) for turn in (-2 * math.pi, 0.0)
-    )
-    points = Scatter("", [-3 * math.pi, -math.pi], [0.0, 0.0], "limit", "plus")
-    lines = (Line(f"axis {axis + 1}", _phase(loop), _decibels(loop), hue(axis))
-             for axis, loop in zip(AXES, loops, strict=True))  # fmt: skip
-    x = Axis("Phase", DEGREE, math.radians(-600), math.radians(60))
-    y = Axis("Magnitude", DECIBEL, -40.0, 40.0)
-    return drawing.figure(Plot("nichols", "", x, y, (*limits, points, *lines)), (1.3 * SIZE[0], 1.3 * SIZE[0]))
+    limit = Line("|S| = 6 dB", np.angle(-around) - math.pi, _decibels(around), "limit", "dashed", 1.2)
+    centre = Scatter("", [-math.pi], [0.0], "limit", "plus")
+    lines, marks = [], []
+    for axis, (loop, points) in enumerate(zip(loops, _read(plant, controller), strict=True)):
+        sizes, phases = _turned(_decibels(loop), loop)
+        lines.append(Line(f"axis {axis + 1}", phases, sizes, hue(axis)))
+        values = np.array([point.value for point in points])
+        marks.append(Scatter("", _turn(values), _decibels(values), hue(axis), size=4.0))
+    heights = [height for points in marks for height in _finite(points.y)]
+    x = replace(PHASE, low=-2.0 * math.pi, high=0.0)
+    low, high = min([-40.0, *(at - ROOM for at in heights)]), max([40.0, *(at + ROOM for at in heights)])
+    y = Axis("Magnitude", DECIBEL, low, high)
+    plot = Plot("nichols", "", x, y, (limit, centre, *lines, *marks))
+    return drawing.figure(plot, (1.3 * SIZE[0], 1.3 * SIZE[0]))
+
+
+def _finite(numbers: Numbers) -> list[float]:
+    return [float(value) for value in np.asarray(numbers, dtype=float)]
+
+
+def _read(plant: StateSpace, controller: StateSpace) -> list[list[Point]]:
+    """Of each axis, where its margins are read, at frequencies that an axis can have."""
+    found = (analysis.crossings(plant, controller, axis) for axis in AXES)
+    return [[point for point in points if point is not None and point.frequency > 0.0] for points in found]
 
 
 def sensitivity(plant: StateSpace, controller: StateSpace) -> Figure:
@@ -156,17 +187,24 @@ def loop_step(plant: StateSpace, controller: StateSpace) -> Figure:
 
 
 def poles(plant: StateSpace, controller: StateSpace | None) -> Figure:
-    """Poles as frequency [Hz] over damping ratio; real ones have the ratio 1, unstable ones a negative one."""
+    """Poles as frequency [Hz] over damping ratio; real ones have the ratio 1, unstable ones a negative one. The axis
+    says how many are too slow to be shown."""
     shown: list[tuple[str, StateSpace, Symbol]] = [("plant", plant, "cross")]
     if controller is not None:
         shown.append(("loop", analysis.closed(plant, controller), "ring"))
-    series = []
+    series, left_out = [], ""
     for place, (name, system, symbol) in enumerate(shown):
         values = analysis.continuous(np.linalg.eigvals(system.A), system.T_s)
-        values = values[(values.imag >= 0.0) & (np.abs(values) > 2 * math.pi * analysis.LOWEST_FREQUENCY)]
+        values = values[values.imag >= 0.0]
+        slow = np.abs(values) <= 2 * math.pi * analysis.LOWEST_FREQUENCY
+        if slow.any():
+            left_out += f"; {name}: {slow.sum()} below {analysis.LOWEST_FREQUENCY:g} Hz not shown"
+            if unstable := int((values[slow].real > SLOW).sum()):
+                left_out += f", {unstable} unstable"
+        values = values[~slow]
         size = np.abs(values)
         series.append(Scatter(name, -values.real / size, size / (2 * math.pi), hue(place), symbol))
-    x = Axis("Damping ratio (negative: unstable)", high=1.05)
+    x = Axis(f"Damping ratio (negative: unstable{left_out})", high=1.05)
     return drawing.figure(Plot("poles", "", x, FREQUENCY, tuple(series), (Level(0.0, "", upright=True),)), ONE)
 
 
@@ -201,3 +239,16 @@ def _phase(values: np.ndarray) -> np.ndarray:
     angles = np.unwrap(np.angle(values))
     shifted: np.ndarray = angles - angles[0] + angles[0] % (-2.0 * math.pi)
     return shifted
+
+
+def _turn(values: np.ndarray) -> np.ndarray:
+    """Phase [rad] between -2 pi and 0: margins are read at -pi."""
+    turn: np.ndarray = np.angle(values) % (-2.0 * math.pi)
+    return turn
+
+
+def _turned(beside: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same along a curve, and what stands ``beside`` it, with a gap where it passes 0."""
+    turn = _turn(values)
+    gaps = np.flatnonzero(np.abs(np.diff(turn)) > math.pi) + 1
+    return np.insert(beside, gaps, np.nan), np.insert(turn, gaps, np.nan)

@@ -1,7 +1,8 @@
-"""The few trajectories a run keeps for its report: thinned out, and stored beside the results.
+"""The few trajectories a run keeps for its report: the samples that their curves bend at, stored beside the results.
 
-A thinned signal keeps the smallest and the largest sample of every interval, at the times they were taken. So no peak
-is lost and every point shown is one that was computed; what lies between two points is not.
+A curve through the samples that are kept is nowhere farther from the others than the width of a line: it has every
+peak, and no frequency that the signal does not have. Every point shown is one that was computed. Where a page has no
+room for that, a torque has two curves, which are the bounds of what lies between them.
 """
 
 from __future__ import annotations
@@ -29,11 +30,35 @@ TORQUE = ("t [s]", "u_m1 [N.m]", "u_m2 [N.m]")
 OBSERVED = ("q_a[1]", "q_a[2]")
 """Plant outputs that are recorded beside q_m and X."""
 
-MOTION_INTERVALS = 1800
-"""Intervals that the signals of the motion are thinned out to."""
+MOTION_SLACK = 3e-7
+"""How far [m] a sample of the motion may be from the curve through those that are kept."""
 
-ROWS = 75_000
+TORQUE_SLACK = 1 / 200
+"""The same of a torque, as a share of its limit: a pixel or two where the limits fit into a plot."""
+
+EXACT, COARSE = 1e-3, 10.0
+"""Factors on both: of the recording that figures for publication show, which has all samples but those on a straight
+line, and of the systems that are drawn over each other, of which the errors alone are shown."""
+
+MOST = 120_000
+"""Rows of a table of one recording: all samples of 30 s."""
+
+ROWS = 60_000
 """Rows of recordings together, of motion and of torque each, that keep a page below 5 MB."""
+
+PEAKED, EVEN = 100, 1000
+"""Intervals of a recording of which in any case the smallest and the largest sample are kept, and of which one is: a
+chart that is zoomed leaves out what lies before the first point in sight."""
+
+BOUNDED = 900
+"""Intervals that the bounds of a torque are told of: no more than a plot has pixels, and longer than a period of what
+is too lively to be drawn."""
+
+BEFORE = 0.2
+"""Time [s] before the force from which the force is shown."""
+
+BLOCK = 64
+"""Samples that are tried at once for being on a straight line."""
 
 EXAMPLE, SYSTEMS = "example", "spread"
 """Roles beside the criteria (``B5``) and requirements (``A2 axis 2``): Figures 9-10, and 11-12 of the paper."""
@@ -71,12 +96,14 @@ class About(Struct, frozen=True):
 class Recording:
     """``motion`` (shape (N, 5)) has the columns :data:`MOTION`, ``torque`` (shape (M, 3)) the columns :data:`TORQUE`.
 
-    Both have single precision.
+    Both have single precision. On a page, ``torque`` may hold the smallest torques of an interval, and ``highest``
+    (shape (M, 2)) the largest ones at the same times; where both are equal they are a sample.
     """
 
     about: About
     motion: np.ndarray
     torque: np.ndarray
+    highest: np.ndarray | None = None
 
     def check(self) -> None:
         """Raise :class:`~orchestrator.codec.Malformed` if the arrays are not what they should be."""
@@ -92,19 +119,26 @@ class Recording:
         distance: np.ndarray = np.hypot(self.motion[:, 1], self.motion[:, 2])
         return distance
 
+    def largest_torque(self, axis: int) -> float:
+        """The largest torque of an axis [N.m], of either sign."""
+        highest = self.torque[:, axis] if self.highest is None else self.highest[:, axis - 1]
+        return float(np.abs([self.torque[:, axis], highest]).max(initial=0.0))
 
-def record(
-    case: Case, roles: Sequence[str], trajectory: Trajectory, motion_intervals: int = MOTION_INTERVALS
-) -> Recording:
-    """The thinned recording of a simulated case, its torques to half the intervals of its motion; the trajectory holds
-    the outputs ``q_a[1]`` and ``q_a[2]`` too."""
+
+def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recording:
+    """The recording of a simulated case, whose trajectory holds the outputs ``q_a[1]`` and ``q_a[2]`` too."""
     scenario, ending = case.scenario, trajectory.ending
     offset = trajectory.X - trajectory.X[0]
     links = np.column_stack([trajectory.extra["q_a[1]"], trajectory.extra["q_a[2]"]])
     moved = np.column_stack([offset, links - links[0]])
     # The largest error may be at neither coordinate's extremes: it is a signal of its own.
-    kept = thin(np.column_stack([offset, trajectory.tcp_error]), motion_intervals)
-    torque_kept = thin(trajectory.torque, motion_intervals // 2)
+    tcp = np.column_stack([offset, trajectory.tcp_error])
+    factor = EXACT if EXAMPLE in roles else COARSE if set(roles) == {SYSTEMS} else 1.0
+    tops = np.abs(trajectory.torque).max(axis=0, initial=0.0)
+    limits = [limit if math.isfinite(limit) else top for limit, top in zip(scenario.drive.limit, tops, strict=True)]
+    kept = bent(trajectory.time, tcp, [factor * MOTION_SLACK] * 3, MOST)
+    slack = [factor * TORQUE_SLACK * limit for limit in limits]
+    torque_kept = bent(trajectory.time, trajectory.torque, slack, 0 if factor == COARSE else MOST)
     about = About(
         id=case.id,
         roles=tuple(roles),
@@ -126,21 +160,62 @@ def record(
     return Recording(about, motion.astype(np.float32), torque.astype(np.float32))
 
 
-def thin(signals: np.ndarray, intervals: int) -> np.ndarray:
-    """Rows of ``signals`` (shape (N, signals)) to keep: of every interval and signal the smallest and the largest
-    value, and the first and last row of all. Rows with a value that is not finite are left out."""
-    rows = np.flatnonzero(np.isfinite(signals).all(axis=1))
-    if rows.size <= 2 * intervals:
-        return rows
-    edges = np.linspace(0, rows.size, intervals + 1).astype(int)
-    begins, sizes, finite = edges[:-1], np.diff(edges), signals[rows]
-    place = np.arange(rows.size)[:, None]
-    kept: list[np.ndarray] = [np.array([0, rows.size - 1])]
+def bent(time: np.ndarray, signals: np.ndarray, slack: Sequence[float], most: int) -> np.ndarray:
+    """Rows of ``signals`` (shape (N, signals)) to keep, no more than ``most``: a curve through them is no farther from
+    any signal than its ``slack``, which is doubled until they are few enough. Rows with a value that is not finite are
+    left out."""
+    rows = np.flatnonzero(np.isfinite(signals).all(axis=1))[: None if most else 0]
+    t, finite, allowed = time[rows], signals[rows], np.asarray(slack)
+    even = np.searchsorted(t, np.linspace(t[0], t[-1], min(EVEN, most // 4) + 1)) if t.size and most else rows[:0]
+    always = np.union1d(extremes(finite, min(PEAKED, most // (4 * signals.shape[1] + 4))), even)
+    kept = np.union1d(always, _bends(t, finite, allowed))
+    while kept.size > max(most, always.size) and np.isfinite(allowed).all():
+        allowed = np.maximum(2.0 * allowed, np.finfo(float).tiny)
+        kept = np.union1d(always, _bends(t, finite, allowed))
+    found: np.ndarray = rows[kept]
+    return found
+
+
+def _bends(t: np.ndarray, signals: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """The rows that blocks begin with between whose ends no signal leaves a straight line by more than its ``slack``;
+    and the last row. A block that one leaves is halved."""
+    if t.size <= 2:
+        return np.arange(t.size)
+    last, size = t.size - 1, BLOCK
+    begins = np.arange(0, last, size)
+    kept = [np.array([last])]
+    while begins.size:
+        ends = np.minimum(begins + size, last)
+        rows = np.minimum(begins[:, None] + np.arange(size + 1), last)
+        # Two rows may have one time, in single precision.
+        part = (t[rows] - t[begins, None]) / np.maximum(t[ends] - t[begins], np.finfo(float).tiny)[:, None]
+        straight = np.ones(begins.size, dtype=bool)
+        for signal, allowed in zip(signals.T, slack, strict=True):
+            first, whole = signal[begins, None], (signal[ends] - signal[begins])[:, None]
+            straight &= (np.abs(signal[rows] - (first + part * whole)) <= allowed).all(axis=1)
+        straight |= ends - begins == 1
+        kept.append(begins[straight])
+        size //= 2
+        left = begins[~straight]
+        begins = np.concatenate([left, left + size])
+        begins = begins[begins < last]
+    return np.unique(np.concatenate(kept))
+
+
+def extremes(signals: np.ndarray, intervals: int) -> np.ndarray:
+    """Rows of ``signals`` (shape (N, signals), all finite): of every interval and signal the smallest and the largest
+    value, and the first and last row of all."""
+    if signals.shape[0] <= 2 * intervals or not intervals:
+        return np.arange(signals.shape[0] if intervals else 0)
+    edges = np.linspace(0, signals.shape[0], intervals + 1).astype(int)
+    begins, sizes = edges[:-1], np.diff(edges)
+    place = np.arange(signals.shape[0])[:, None]
+    kept = [np.array([0, signals.shape[0] - 1])]
     for extreme in (np.minimum, np.maximum):
-        reached = finite == np.repeat(extreme.reduceat(finite, begins), sizes, axis=0)
-        kept.append(np.minimum.reduceat(np.where(reached, place, rows.size), begins).ravel())
-    chosen: np.ndarray = rows[np.unique(np.concatenate(kept))]
-    return chosen
+        reached = signals == np.repeat(extreme.reduceat(signals, begins), sizes, axis=0)
+        kept.append(np.minimum.reduceat(np.where(reached, place, signals.shape[0]), begins).ravel())
+    found: np.ndarray = np.unique(np.concatenate(kept))
+    return found
 
 
 def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:
@@ -171,29 +246,56 @@ def part_of(entry: Recording, begin: float, end: float) -> Recording:
     return replace(entry, motion=motion, torque=torque)
 
 
-def thinned(entry: Recording, intervals: int) -> Recording:
-    """The recording with its error and its torques thinned out further."""
-    motion, torque = entry.motion[thin(entry.error[:, None], intervals)], thin(entry.torque[:, 1:], intervals)
-    return replace(entry, motion=motion, torque=entry.torque[torque])
+def shortened(entry: Recording, rows: int) -> Recording:
+    """The recording with no more ``rows`` of motion, and of torque: of one with more, its bounds."""
+    motion, torque, highest = entry.motion, entry.torque, entry.highest
+    if len(motion) > rows:
+        tcp = np.column_stack([motion[:, 1:3], entry.error])
+        motion = motion[bent(motion[:, 0], tcp, [MOTION_SLACK] * 3, rows)]
+    if len(torque) > rows:
+        torque, highest = _bounds(entry, rows)
+    return replace(entry, motion=motion, torque=torque, highest=highest)
 
 
 def affordable(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings; if they are too many or too lively for a page, thinned out further, by the same signals as in
-    :func:`record`."""
-    tcp = [np.column_stack([entry.motion[:, 1:3], entry.error]) for entry in recordings]
-    motions = _thinned([entry.motion for entry in recordings], tcp)
-    torques = _thinned([entry.torque for entry in recordings], [entry.torque[:, 1:] for entry in recordings])
-    both = zip(recordings, motions, torques, strict=True)
-    return [replace(entry, motion=motion, torque=torque) for entry, motion, torque in both]
+    """Recordings; if they are too many or too lively for a page, shortened alike."""
+    room = ROWS
+    short = []
+    # What the shorter ones leave is shared by the others.
+    for left, place in zip(range(len(recordings), 0, -1), _by_length(recordings), strict=True):
+        entry = shortened(recordings[place], room // left)
+        room -= max(len(entry.motion), len(entry.torque))
+        short.append((place, entry))
+    return [entry for _, entry in sorted(short, key=lambda pair: pair[0])]
 
 
-def _thinned(tables: Sequence[np.ndarray], signals: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """``tables`` with at most ``ROWS`` rows together, thinned out by ``signals``, each (N, signals), if need be."""
-    if sum(map(len, tables)) <= ROWS:
-        return list(tables)
-    # An interval keeps two rows per signal, and a recording its first and last row.
-    intervals = (ROWS // len(tables) - 2) // (2 * signals[0].shape[1])
-    return [table[thin(values, intervals)] for table, values in zip(tables, signals, strict=True)]
+def _by_length(recordings: Sequence[Recording]) -> list[int]:
+    return sorted(range(len(recordings)), key=lambda place: len(recordings[place].torque))
+
+
+def _bounds(entry: Recording, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """The smallest torques of intervals, with the times, and the largest."""
+    t, values = entry.torque[:, 0].astype(float), entry.torque[:, 1:]
+    edges = np.linspace(t[0], t[-1], min(BOUNDED, rows // 3) + 1)
+    times = np.union1d(t, edges)
+    curves = np.column_stack([np.interp(times, t, value) for value in values.T])
+    begins = np.searchsorted(times, edges)
+    lowest, highest = (
+        np.repeat(extreme(extreme.reduceat(curves, begins[:-1]), curves[begins[1:]]), 2, axis=0)
+        for extreme in (np.minimum, np.maximum)
+    )
+    at = np.column_stack([edges[:-1], edges[1:]]).ravel()
+    # From shortly before the force on, samples in the place of bounds, of as many intervals as there is room for.
+    first = min(int(np.searchsorted(edges, entry.about.window[0] - BEFORE)), edges.size - 1)
+    more = np.maximum.accumulate(begins - begins[first] - 2 * (np.arange(edges.size) - first))  # rows up to an edge
+    end = max(int(np.searchsorted(more[first:], rows - at.size, side="right")) + first - 1, first)
+    samples = slice(begins[first], begins[end] + 1 if end > first else begins[first])
+    outside = np.concatenate([np.arange(2 * first), np.arange(2 * end, at.size)])
+    joined, low, high = (
+        np.insert(bounds[outside], 2 * first, shown[samples], axis=0).astype(np.float32)
+        for bounds, shown in ((at, times), (lowest, curves), (highest, curves))
+    )
+    return np.column_stack([joined, low]), high
 
 
 def save(recordings: Sequence[Recording], folder: Path) -> None:

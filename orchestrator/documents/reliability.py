@@ -96,7 +96,7 @@ class Reliability(Document, Comparable, kw_only=True):
     def summary(self) -> Summary:
         """Probabilities of failure, quantiles, their distribution, and the failures with their commands."""
         level = f"{self.confidence:g} confidence"
-        parts: list[Part] = [Facts("This sample", tuple(head_facts(self.head))), self._failing(level)]
+        parts: list[Part] = [self._failing(level)]
         if self.criteria:
             parts += [self._quantiles(level), *self._tails(level), self._distribution()]
         parts += reason_notes(reliability_reasons(self))
@@ -106,7 +106,8 @@ class Reliability(Document, Comparable, kw_only=True):
             f"{self.benchmark}, protocol {self.protocol}, seed {self.seed}, {self.draws} independent draws, "
             f"distribution {self.distribution}" + (f", only {', '.join(self.only)}" if self.only else "")
         )
-        return Summary(self.controller.file, kicker, (*parts, *map(Note, carry_over(self.head))))
+        facts = Facts("This sample", tuple(head_facts(self.head)))
+        return Summary(self.controller.file, kicker, (*map(Note, carry_over(self.head)), *parts, facts))
 
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))
@@ -163,7 +164,16 @@ class Reliability(Document, Comparable, kw_only=True):
         )
         axes = Axis("value, in times of its target"), Axis("share of the draws that exceed it")
         levels = (Level(self.probability, "probability"),)
-        return Plot("exceedance-plot", "How many draws exceed a value", *axes, series, levels)
+        largest = (
+            f"{name} {number(values.largest / target)}"
+            for name, (values, target) in quantiles.items()
+            if values.largest is not None
+        )
+        text = (
+            "Share of the draws that exceed a value, in times of its target; the largest of all: "
+            f"{', '.join(largest) or 'none'}. The line at {self.probability:g} is the probability that is asked for."
+        )
+        return Plot("exceedance-plot", "How many draws exceed a value", *axes, series, levels, text=text)
 
     def __repr__(self) -> str:
         bounds = ", ".join(

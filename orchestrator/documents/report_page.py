@@ -31,15 +31,15 @@ from . import case_plots, scorecard
 from .case_plots import degrees
 from .commands import recording_command, simulate_command
 from .head import PlantRecord
-from .recording import SYSTEMS, Recording, affordable, largest_error, thinned
+from .recording import SYSTEMS, Recording, affordable, largest_error, shortened
 from .results import Results, Run, contradictions
 from .wording import reason_notes, remarks
 
 WITHOUT = Note("This run was made without trajectories.")
 
 
-SPREAD_INTERVALS = 1000
-"""Intervals that the many trajectories of Figures 11 and 12 are thinned out to once more."""
+SPREAD_ROWS = 1500
+"""Most rows of each of the many trajectories of Figures 11 and 12."""
 
 SMALLEST = 1e-8
 """Limit cycles [m] that are smaller are drawn here."""
@@ -71,7 +71,7 @@ def page(run: Run) -> Page:
         Panel("spread", "Uncertainty", _spread(run)),
         Panel("stability", "Stability", _stability(results, shown)),
         Panel("motion", "Motion", motion),
-        Panel("failures", f"Not done ({len(failures)})", _failures(results, shown)),
+        Panel("failures", f"Ended early ({len(failures)})", _failures(results, shown)),
     )
     title = f"{results.controller.file}: V = {number(results.cost)}"
     return Page(title, scorecard.conditions(results), panels)
@@ -160,7 +160,7 @@ def _spread(run: Run) -> tuple[Part, ...]:
     if not recorded:
         return (WITHOUT,)
     commands = ((entry.about.id, recording_command(run.results.head, entry.about)) for entry in recorded)
-    curves = [thinned(entry, SPREAD_INTERVALS) for entry in recorded]
+    curves = [shortened(entry, SPREAD_ROWS) for entry in recorded]
     return *spread_plots(curves, run.results), Commands("repeat one of these cases", tuple(commands))
 
 

@@ -24,7 +24,7 @@ from .comparability import same_controller
 from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
-from .recording import MOTION_INTERVALS, Recording, thinned
+from .recording import Recording, affordable, shortened
 from .recording import load as load_recordings
 from .report_page import links
 from .spread import Spread
@@ -33,6 +33,9 @@ from .wording import carry_over, seed_words
 SCORECARDS = (Evaluation.KIND, Spread.KIND)
 """What a search stands beside in a comparison."""
 
+
+NOMINAL_ROWS = 4000
+"""Most rows of the nominal arm beside a worst case."""
 
 WITHOUT = Note("This search was made without trajectories.")
 
@@ -175,8 +178,8 @@ class Robustness(Document, Comparable, kw_only=True):
         case: Part = WITHOUT
         motion: tuple[Part, ...] = (WITHOUT,)
         if worst:
-            entries = [entry for entry, _ in worst]
-            nominal = [None if other is None else thinned(other, MOTION_INTERVALS) for _, other in worst]
+            entries = affordable([entry for entry, _ in worst])
+            nominal = [None if other is None else shortened(other, NOMINAL_ROWS) for _, other in worst]
             commands = [self._command(entry) for entry in entries]
             case = case_plots.cases(entries, self.rules, commands, nominal)
             motion = case_plots.motion(entries, self.rules, links(self.head.plant), commands)

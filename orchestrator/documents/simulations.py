@@ -23,7 +23,7 @@ from ..views.units import MILLIMETRE, SECOND, TORQUE, number
 from . import case_plots
 from .case_plots import SIMULATION, Curve
 from .files import streamed, write_bytes, write_text
-from .recording import Recording, largest_error, record
+from .recording import Recording, affordable, largest_error, record
 
 # Imports inside functions: Matplotlib and SciPy are loaded by those who need them.
 
@@ -117,10 +117,6 @@ def write_plot(figure: Figure, file: Path) -> None:
     write_bytes(file, streamed(lambda stream: figure.savefig(stream, format=ending, dpi=150)))
 
 
-INTERVALS = 6000
-"""Intervals that signals are thinned out to: enough to zoom into a second of 26."""
-
-
 class PlottedSimulation(NamedTuple):
     """A simulation under its name on the page, and the command that repeats it, if there is one."""
 
@@ -133,7 +129,7 @@ class PlottedSimulation(NamedTuple):
 def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulation], summary: tuple[Part, ...]) -> Page:
     """The page; with a single simulation there is nothing to lay over it."""
     parameters = dict(shown[0].case.scenario.parameters)
-    recordings = list(map(_recorded, shown))
+    recordings = affordable(list(map(_recorded, shown)))
     commands = [one.command for one in shown]
     links = (parameters["l[1]"], parameters["l[2]"])
     panels = (
@@ -146,7 +142,7 @@ def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulatio
 
 
 def _recorded(shown: PlottedSimulation) -> Recording:
-    made = record(shown.case, (SIMULATION + shown.name,), shown.trajectory, INTERVALS)
+    made = record(shown.case, (SIMULATION + shown.name,), shown.trajectory)
     # What a simulation came to is judged elsewhere; here is how it ended, and when.
     about = msgspec.structs.replace(made.about, duration=max(made.about.duration, made.about.time))
     return Recording(about, made.motion, made.torque)

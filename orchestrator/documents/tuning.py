@@ -281,8 +281,9 @@ def _ranked(tuning: Tuning) -> list[Trial]:
 
 
 def failure_words(candidate: Trial) -> str:
-    """What failed in a trial, and by how much, such as ``A2 (1.75 times)``; empty if nothing did."""
-    words = [f"{name} ({'unstable' if x is None else f'{number(x)} times'})" for name, x in candidate.fails.items()]
+    """What failed in a trial, and by how much, such as ``A2 (1.75 times the limit)``; empty if nothing did."""
+    sizes = {name: "unstable" if x is None else f"{number(x)} times the limit" for name, x in candidate.fails.items()}
+    words = [f"{name} ({size})" for name, size in sizes.items()]
     return candidate.message or ", ".join(words)
 
 

@@ -111,19 +111,26 @@ def ending(requirement: RequirementSearched) -> str:
 
 
 def margin_value(name: str, margin: Margin) -> Value:
-    """A margin, or the limit that none was found up to: a factor, or a delay shown in milliseconds."""
-    unit = MILLISECOND if name.startswith("delay") else NONE
+    """A margin, what it is at most, or the limit that none was found up to: a factor, or a delay shown in
+    milliseconds."""
+    unit, down = MILLISECOND if name.startswith("delay") else NONE, name.endswith("down")
     if margin.value is None:
-        return Value(margin.limit, unit=unit, beyond="<" if name.endswith("down") else ">")
-    return Value(margin.value, unit=unit)
+        return Value(margin.limit, unit=unit, beyond="<" if down else ">")
+    return Value(margin.value, unit=unit, beyond="" if margin.refined else "≥" if down else "≤")
 
 
 def radius_values(radius: Radius | None) -> dict[str, Value]:
     """The two factors on the tolerances of Table 1 by name; none if there is no radius."""
     if radius is None:
         return {}
-    factors = {"radius of V": radius.cost, "radius of A1-A3": radius.stability}
-    return {name: Value(radius.limit, beyond=">") if at is None else Value(at) for name, at in factors.items()}
+    factors = {
+        "radius of V": (radius.cost, radius.cost_refined),
+        "radius of A1-A3": (radius.stability, radius.stability_refined),
+    }
+    return {
+        name: Value(radius.limit, beyond=">") if at is None else Value(at, beyond="" if refined else "≤")
+        for name, (at, refined) in factors.items()
+    }
 
 
 def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | None) -> Table:
@@ -141,6 +148,8 @@ def margin_table(rules: Rules, margins: Mapping[str, Margin], radius: Radius | N
         "The smallest factor of the loop gain and additional delay of one axis, and the factors on the tolerances of "
         "Table 1, that were found to make the loop fail: upper bounds of the true ones."
     )
+    if any(isinstance(cell, Value) and cell.beyond in ("≤", "≥") for row in rows for cell in row):
+        caption += " ≤, ≥: the budget did not last to try what fails there with less."
     return Table("Margins and radius", columns, tuple(rows), caption=caption)
 
 

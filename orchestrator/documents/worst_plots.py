@@ -199,13 +199,15 @@ def by_configuration(rules: Rules, configurations: Sequence[ConfigurationFound])
 
 
 class Held(NamedTuple):
-    """From where to where the controller holds; ``open`` if no failure was found up to there."""
+    """From where to where the controller holds; ``open`` if no failure was found up to there, and ``refined`` if less
+    was tried. ``low_words`` are those of the lower end, empty if it is none."""
 
     name: str
     low: float
     high: float
     is_open: bool
-    low_shown: bool = False
+    refined: bool
+    low_words: str = ""
 
 
 def margins(rules: Rules, smallest: Mapping[str, Margin], radius: Radius | None) -> tuple[Plot, ...]:
@@ -215,12 +217,16 @@ def margins(rules: Rules, smallest: Mapping[str, Margin], radius: Radius | None)
     for axis in (1, 2):
         if (margin := smallest.get(f"gain_{axis}")) is not None:
             down = smallest[f"gain_{axis}_down"] if f"gain_{axis}_down" in smallest else Margin(None, 1.0)
-            gains.append(Held(f"axis {axis}", _end(down), _end(margin), margin.value is None, down.value is not None))
+            low = "" if down.value is None else number(down.value) + ("" if down.refined else " or more")
+            gains.append(Held(f"axis {axis}", _end(down), _end(margin), margin.value is None, margin.refined, low))
         if (margin := smallest.get(f"delay_{axis}")) is not None:
-            delays.append(Held(f"axis {axis}", 0.0, _end(margin), margin.value is None))
+            delays.append(Held(f"axis {axis}", 0.0, _end(margin), margin.value is None, margin.refined))
     if radius is not None:
-        for name, value in (("V", radius.cost), ("A1 to A3", radius.stability)):
-            radii.append(Held(name, 0.0, radius.limit if value is None else value, value is None))
+        for name, value, refined in (
+            ("V", radius.cost, radius.cost_refined),
+            ("A1 to A3", radius.stability, radius.stability_refined),
+        ):
+            radii.append(Held(name, 0.0, radius.limit if value is None else value, value is None, refined))
     drawn = (
         _held("gain", "Factor of the loop gain", NONE, gains, gain, "A1"),
         _held("delay", "Additional delay", MILLISECOND, delays, delay, "A2"),
@@ -240,12 +246,14 @@ def _held(id: str, title: str, unit: Unit, rows: Sequence[Held], needed: float, 
     low = 0.4 * min([0.5, *(row.low for row in rows)]) if id == "gain" else 0.0
     x = Axis(title, unit, low, high, logarithmic=id == "gain")
     lines = tuple(_bar(x, unit, needed, place, row) for place, row in enumerate(rows))
-    told = (f"{row.name} {f'{number(row.low)} to ' if row.low_shown else ''}{_high_words(row, unit)}" for row in rows)
+    told = (f"{row.name} {f'{row.low_words} to ' if row.low_words else ''}{_high_words(row, unit)}" for row in rows)
     asked = number(needed, unit.factor)
     text = (
         f"{title}: {', '.join(told)} ({words} asks for {asked}). A bar ends where a member of the uncertainty "
         "description was found to fail; orange: not beyond what is asked for."
     )
+    if not all(row.refined for row in rows):
+        text += " Or less (grey): the budget did not last to try what fails there with less."
     level = Level(needed, f"{words}: {asked}", upright=True)
     names = Axis(names=tuple(row.name for row in rows), inverse=True)
     return Plot(f"margins-{id}", "", x, names, lines, (level,), text=text, height=ROW)
@@ -255,14 +263,15 @@ def _bar(axis: Axis, unit: Unit, needed: float, place: int, row: Held) -> Line:
     """A thick line from one end to the other, with its values beside it: the last one on it where it would stand on
     the line of what is needed."""
     crowded = _place(axis, row.high) < _place(axis, needed) < _place(axis, row.high) + CROWDED
-    labels = (number(row.low, unit.factor) if row.low_shown else "", _high_words(row, unit))
-    colour: Colour = "bad" if not row.is_open and row.high <= needed else "good"
+    labels = (row.low_words, _high_words(row, unit))
+    colour: Colour = "bad" if not row.is_open and row.high <= needed else "good" if row.refined else "soft"
     y = (float(place), float(place))
     return Line(axis.title, (row.low, row.high), y, colour, width=16.0, labels=labels, inside=crowded)
 
 
 def _high_words(row: Held, unit: Unit) -> str:
-    return f"{'> ' if row.is_open else ''}{number(row.high, unit.factor)}"
+    words = f"{'> ' if row.is_open else ''}{number(row.high, unit.factor)}"
+    return words if row.refined else f"{words} or less"
 
 
 def _place(axis: Axis, value: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..benchmark.results import CaseResult
@@ -125,24 +126,45 @@ def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
 def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
     """The requirements, each with the worst case found; where it fails it is tried with other noise. What the search
     for a margin has found counts: A1 and A2 ask for all smaller changes of gain and delay, too."""
-    protocol = hunt.protocol
     answers = {}
     hunt.allot(CONFIRMED)
     for name in ("A1", "A2", "A3"):
-        tests = [test for test in protocol.tests if name in test.requirements and not test.repeats]
-        members = [
-            (value, member) for test in tests for value, member in hunt.history.severities(Target(test.name, test.name))
-        ]
+        members = _judged_by(hunt, name)
         if members:
-            result_of, limits = hunt.history.result_of, protocol.stability
-            # A simulation that crashed has no severity, but fails all the same.
-            _, worst = max(members, key=lambda pair: (fails(result_of[pair[1]], limits), pair[0]))
-            answers[name] = yield from _judged(hunt, worst, all(result_of[member].judged for _, member in members))
-            test = protocol.test(worst.test)
-            if result_of[worst].simulated:
-                hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
+            answers[name] = yield from _answer(hunt, name, members)
     yield from hunt.note("other noise")
     return answers
+
+
+def broken_since(hunt: Hunt, answers: Mapping[str, RequirementSearched]) -> Asking[dict[str, RequirementSearched]]:
+    """The same, where a failure was met since with that as the worst case."""
+    known, limits = dict(answers), hunt.protocol.stability
+    for name, answer in answers.items():
+        members = _judged_by(hunt, name)
+        if answer.passed is not False and any(fails(hunt.history.result_of[member], limits) for _, member in members):
+            for roles in hunt.shown.values():
+                roles[:] = [role for role in roles if not role.startswith(f"{name} ")]
+            hunt.shown = {member: roles for member, roles in hunt.shown.items() if roles}
+            known[name] = yield from _answer(hunt, name, members)
+    return known
+
+
+def _judged_by(hunt: Hunt, name: str) -> list[tuple[float, Member]]:
+    """The members that a requirement is judged by, and how bad each is."""
+    tests = [test for test in hunt.protocol.tests if name in test.requirements and not test.repeats]
+    return [pair for test in tests for pair in hunt.history.severities(Target(test.name, test.name))]
+
+
+def _answer(hunt: Hunt, name: str, members: Sequence[tuple[float, Member]]) -> Asking[RequirementSearched]:
+    """A requirement by the worst of its ``members``, which is to be shown."""
+    result_of, limits = hunt.history.result_of, hunt.protocol.stability
+    # A simulation that crashed has no severity, but fails all the same.
+    _, worst = max(members, key=lambda pair: (fails(result_of[pair[1]], limits), pair[0]))
+    answer = yield from _judged(hunt, worst, all(result_of[member].judged for _, member in members))
+    test = hunt.protocol.test(worst.test)
+    if result_of[worst].simulated:
+        hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
+    return answer
 
 
 def disturbed(hunt: Hunt, seed: int) -> Asking[None]:

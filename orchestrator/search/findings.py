@@ -54,22 +54,27 @@ CriterionFound, RequirementFound = CriterionSearched, RequirementSearched
 class Margin(Struct):
     """The smallest change of one axis found to make the loop fail: a factor of the loop gain, or a delay
     [s] beside the benchmark's; None if none was found up to ``limit``. It fails with ``seeds_failed`` of
-    ``seeds_tried`` other realizations of the noise."""
+    ``seeds_tried`` other realizations of the noise. ``refined`` is False where the budget did not last to try that arm
+    with a little less: it fails at ``value`` or less."""
 
     value: NonNegative | None
     limit: NonNegative
     seeds_failed: Natural = 0
     seeds_tried: Natural = 0
     command: str = ""
+    refined: bool = True
 
 
 class Radius(Struct):
     """The factor on all half-widths of Table 1 at which V passes its target (``cost``) and at which a requirement fails
-    (``stability``); None if they do not up to ``limit``, of members that were tried."""
+    (``stability``); None if they do not up to ``limit``, of members that were tried. What is not ``refined`` is so at
+    that factor or less: the budget did not last for the steps below."""
 
     cost: NonNegative | None
     stability: NonNegative | None
     limit: NonNegative
+    cost_refined: bool = True
+    stability_refined: bool = True
 
 
 class Step(Struct):

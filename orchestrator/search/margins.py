@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 from ..benchmark.protocol import Protocol
 from .answers import SEEDS, other_noise
-from .descent import Levels, contenders, descend
+from .descent import STEP, Levels, contenders, descend
 from .findings import Margin
 from .history import Asking
 from .hunt import Hunt
-from .member import Member
+from .member import UNCHANGED, Member, changes, within
 from .radius import COST, STABILITY, whole
-from .target import Target
+from .target import Target, fails, suspect
 
 GAINS_UP = (*(round(0.05 * step, 2) for step in range(21, 200)), *(0.5 * step for step in range(20, 41)))
 GAINS_DOWN = (
@@ -40,10 +41,24 @@ def margins(hunt: Hunt, seed: int) -> Asking[dict[str, Margin]]:
         for entry in entries:
             hunt.allot(SHARES[entry.kind] / (left + after))
             left -= SHARES[entry.kind]
-            if (margin := (yield from _margin(hunt, entry, seed))) is not None:
+            if (margin := (yield from _margin(hunt, entry, axis, seed))) is not None:
                 by_name[entry.name] = margin
         hunt.cut = any(entry.name not in by_name for entry in entries)  # a longer search may always find less
         yield from hunt.note(f"margins of axis {axis}")
+    return by_name
+
+
+def lowered(hunt: Hunt, margins: Mapping[str, Margin]) -> Asking[dict[str, Margin]]:
+    """The margins, where a later stage has met a failure below them with that as their value."""
+    by_name = dict(margins)
+    hunt.allot(1.0)
+    for axis in (1, 2):
+        for entry in _levels(hunt.protocol, axis):
+            margin, known = margins.get(entry.name), _known(hunt, entry, axis)
+            if margin is not None and known is not None:
+                value, member = known
+                if margin.value is None or _harm(entry, value) < _harm(entry, margin.value):
+                    by_name[entry.name] = yield from _found(hunt, entry, axis, value, member)
     return by_name
 
 
@@ -71,17 +86,73 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
     return Target(name, name)
 
 
-def _margin(hunt: Hunt, entry: Levels, seed: int) -> Asking[Margin | None]:
-    """The margin, within the stage's share; None if that does not last for a single member."""
+def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int) -> Asking[Margin | None]:
+    """The margin, within the stage's share; None if that does not last for a single member, and no failure is known."""
     limit, members = float(entry.scale[-1]), contenders(hunt, entry.target)
     # A margin that is found is tried with other noise: the descent may not spend what that takes.
     share, hunt.limit = hunt.limit, hunt.limit - len(SEEDS)
-    if not members or not hunt.afford([entry.at(members[0], entry.scale[-1])]):
-        return None
-    smallest = yield from descend(hunt, entry, members, seed)
+    affordable = bool(members and hunt.afford([entry.at(members[0], entry.scale[-1])]))
+    smallest = (yield from descend(hunt, entry, members, seed)) if affordable else None
     hunt.limit = share
-    if smallest is None:
-        return Margin(None, limit)
-    step, member = smallest
+    known = _known(hunt, entry, axis)
+    if known is None:
+        return Margin(None, limit) if affordable else None
+    value, member = known
+    if smallest is not None and entry.scale[smallest[0]] == value:
+        member = smallest[1]
+    return (yield from _found(hunt, entry, axis, value, member))
+
+
+def _found(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member) -> Asking[Margin]:
     failed, tried = yield from other_noise(hunt, member)
-    return Margin(float(entry.scale[step]), limit, failed, tried, hunt.command(member))
+    refined = _refined(hunt, entry, axis, value, member)
+    return Margin(float(value), float(entry.scale[-1]), failed, tried, hunt.command(member), refined)
+
+
+def _known(hunt: Hunt, entry: Levels, axis: int) -> tuple[Any, Member] | None:
+    """The smallest change that any stage has met a failure at, which may be none at all, and the member that fails."""
+    failures = (
+        (value, member)
+        for member, result in hunt.history.result_of.items()
+        if within(member)
+        and (value := _changed(hunt, entry, axis, member)) is not None
+        and fails(result, hunt.protocol.stability)
+    )
+    return min(failures, key=lambda pair: _harm(entry, pair[0]), default=None)
+
+
+def _refined(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member) -> bool:
+    """Whether the arm that fails at ``value`` was tried with a change that is less by a step of the descent, and did
+    not show a failure there."""
+    step = next((place for place, level in enumerate(entry.scale) if _harm(entry, level) >= _harm(entry, value)), 0)
+    if step == 0:
+        return True
+    arm, lowest = _arm(member), _harm(entry, entry.scale[max(step - 1 - int(STEP * step), 0)])
+    return any(
+        _arm(other) == arm
+        and (less := _changed(hunt, entry, axis, other)) is not None
+        and lowest <= _harm(entry, less) < _harm(entry, value)
+        and not suspect(result, hunt.protocol.stability)
+        for other, result in hunt.history.result_of.items()
+    )
+
+
+def _arm(member: Member) -> Member:
+    """The member without what a margin varies, and whatever its noise."""
+    return replace(member, gain=None, delay=None, short=None, seed=0)
+
+
+def _changed(hunt: Hunt, entry: Levels, axis: int, member: Member) -> Any:
+    """How far a member's loop is changed on the scale of a margin; None if it is changed in another way."""
+    changed = changes(member, hunt.protocol)
+    (gain, delay), other = changed[axis - 1], changed[2 - axis]
+    if other != UNCHANGED:
+        return None
+    if entry.kind == "delay":
+        return delay if gain == 1.0 and delay >= 0 else None
+    return gain if delay == 0 and _harm(entry, gain) >= _harm(entry, 1.0) else None
+
+
+def _harm(entry: Levels, value: Any) -> float:
+    """A number that grows with the harm of a change."""
+    return -float(value) if entry.kind == "gain down" else float(value)

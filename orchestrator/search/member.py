@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 from ..benchmark import cases
-from ..benchmark.case import Case
+from ..benchmark.case import Case, Test
 from ..benchmark.protocol import Protocol
 from ..benchmark.variation import Variation, vary
 
@@ -16,6 +17,16 @@ Pair = tuple[float, float]
 
 NOMINAL = "nominal"
 """The system that parameters are changed of."""
+
+
+class Change(NamedTuple):
+    """What is changed of an axis: the factor of the loop gain, and the delay [s] beside the benchmark's."""
+
+    gain: float
+    delay: Fraction
+
+
+UNCHANGED = Change(1.0, Fraction(0))
 
 
 @dataclass(frozen=True)
@@ -72,16 +83,39 @@ class Member:
         )
 
 
-def possible(member: Member, protocol: Protocol) -> bool:
-    """Whether it lies within Table 1 and is simulated as a whole case, in a loop that its test asks for: A1 asks for
-    all gains from 1 to the test's, A2 for all delays from that of the loop on."""
-    test, T_d = protocol.test(member.test), protocol.loop.delay
-    for axis in (1, 2):
-        gain, delay = (test.gain, test.delay) if test.axis == axis else (1.0, Fraction(0))
-        value, late = (member.gain or (gain, gain))[axis - 1], (member.delay or (T_d + delay, T_d + delay))[axis - 1]
-        if not min(1.0, gain) <= value <= max(1.0, gain) or not 0 <= late - T_d <= delay:
-            return False
+def changes(member: Member, protocol: Protocol) -> tuple[Change, Change]:
+    """The change of each axis: the test's own, unless the member has others."""
+    asked, T_d = (asked_of(protocol.test(member.test), axis) for axis in (1, 2)), protocol.loop.delay
+    first, second = (
+        Change(
+            own.gain if member.gain is None else member.gain[place],
+            own.delay if member.delay is None else member.delay[place] - T_d,
+        )
+        for place, own in enumerate(asked)
+    )
+    return first, second
+
+
+def asked_of(test: Test, axis: int) -> Change:
+    """The change of an axis that a test asks for."""
+    return Change(test.gain, test.delay) if test.axis == axis else UNCHANGED
+
+
+def within(member: Member) -> bool:
+    """Whether it lies within Table 1 and is simulated as a whole case."""
     return member.short is None and all(abs(value) <= 1.0 for _, value in member.deviations)
+
+
+def possible(member: Member, protocol: Protocol) -> bool:
+    """Whether it is within Table 1, as a whole case, in a loop that its test asks for: A1 asks for all gains from 1 to
+    the test's, A2 for all delays from that of the loop on."""
+    if not within(member):
+        return False
+    for axis, (gain, delay) in enumerate(changes(member, protocol), start=1):
+        asked = asked_of(protocol.test(member.test), axis)
+        if not min(1.0, asked.gain) <= gain <= max(1.0, asked.gain) or not 0 <= delay <= asked.delay:
+            return False
+    return True
 
 
 def names(protocol: Protocol) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from .history import Asking
 from .hunt import Hunt, card, possible
 from .member import Member, Pair, loose
 from .short import short
-from .target import Target, severity, targets
+from .target import Target, fails, severity, targets
 
 STABILITY, COST = 1, 1
 """Shares of the two radii of what is left, beside one of each margin."""
@@ -50,16 +50,21 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
     lasts = not members or bool(hunt.afford([wider(members[0], scale[-1])]))
     smallest = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
+    stability_refined = not hunt.cut
     yield from hunt.note("radius of stability")
     hunt.allot(1.0)
     try:
-        cost = yield from _radius_of_cost(hunt)
+        cost, cost_refined = yield from _radius_of_cost(hunt)
     except Spent:
         lasts = False
     yield from hunt.note("radius of V")
     # What fails with its own noise may hold with the one that members of other factors share.
     least = SCALES[smallest[0]] if smallest is not None else 1.0 if broken else None
-    return Radius(cost, least, SCALES[-1]) if lasts else None
+    # A3 may fail in a loop that is not changed, of which no smaller factor was tried.
+    results, limits = hunt.history.result_of, hunt.protocol.stability
+    if (least is None or least > 1.0) and any(fails(results[member], limits) for member in possible(hunt)):
+        least, stability_refined = 1.0, False
+    return Radius(cost, least, SCALES[-1], cost_refined, stability_refined) if lasts else None
 
 
 def scaled(member: Member, factor: float) -> Member:
@@ -67,9 +72,11 @@ def scaled(member: Member, factor: float) -> Member:
     return replace(member, deviations=tuple((name, factor * value) for name, value in member.deviations))
 
 
-def _radius_of_cost(hunt: Hunt) -> Asking[float | None]:
-    """By bisection: at 1 V of all that was found; else V with the worst member of each criterion at each configuration,
-    of short simulations, and with the other criteria as they are at 1.
+def _radius_of_cost(hunt: Hunt) -> Asking[tuple[float | None, bool]]:
+    """The radius, and whether its share lasted for it.
+
+    By bisection: at 1 V of all that was found; else V with the worst member of each criterion at each configuration, of
+    short simulations, and with the other criteria as they are at 1.
 
     Raises :class:`Spent` if the stage's share does not even last for the first steps.
     """
@@ -98,18 +105,18 @@ def _radius_of_cost(hunt: Hunt) -> Asking[float | None]:
 
     low, one, high = -1, steps.index(1.0), len(steps) - 1
     if not worst:
-        return None
+        return None, True
     if (yield from too_much(one)):
         high = one
     elif (yield from too_much(high)):
         low = one
     else:
-        return None
+        return None, True
     with suppress(Spent):
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if (yield from too_much(middle)) else (middle, high)
-    return steps[high]
+    return steps[high], high - low == 1
 
 
 def _cost(hunt: Hunt, values: dict[tuple[Target, Pair], float], shares: Sequence[float | None]) -> float:

@@ -27,8 +27,9 @@ MAX_SIMULATIONS = 100_000
 
 class DryRun(Struct):
     """What a study would do: ``cases`` in all, those that are ``stored`` from an earlier run, and the processor time of
-    one [s], measured by the first or read from the store; ``seconds`` is the time that the others take on ``workers``
-    processes.
+    one of the others [s], by their simulated time: how long a simulated second takes is measured by one case, or read
+    from the store. What is recorded for a report counts, too, and start and end, each of which takes as long as this.
+    ``seconds`` is the time that all take on ``workers`` processes.
 
     A study that decides by its results is played with results on target: then these are typical numbers.
     """
@@ -42,15 +43,18 @@ class DryRun(Struct):
 
 def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | None) -> DryRun:
     """What ``study`` would do with what is stored in ``folder``; the first sample of one case is simulated, which
-    refuses what the study would refuse, and one whole case to measure the time.
+    refuses what the study would refuse, and the longest of the first cases to measure the time.
 
     A case that is asked for again counts once, as it is in the store by then.
     """
-    cases, times, first, asked, rehearsed = 0, list[float](), list[BatchEntry](), set[str](), list[Pairing]()
+    begin = time.perf_counter()
+    cases, first, asked, rehearsed = 0, list[BatchEntry](), set[str](), list[Pairing]()
+    taken, done, left = list[float](), 0.0, 0.0  # what is stored took, and simulated; and what is left simulates [s]
     with ExitStack() as stack:
         earlier = stack.enter_context(store.opened(folder)) if folder and (folder / store.FILE).is_file() else None
 
         def answer(request: Request) -> Any:
+            nonlocal left
             match request:
                 case Batch(entries):
                     first.extend(entries[: not first])
@@ -63,19 +67,22 @@ def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | No
                         rehearsal.rehearse(case, pairing, probe=False, compare=False)
                         rehearsed.append(pairing)
                     return rehearsal.Rehearsal()
-                case Record():
+                case Record(_, shown):
+                    left += sum(to_show.case.end for to_show in shown)
                     return ()
                 case Now():
                     return Instant("", 0.0, workers)
             return None
 
         def run_all(entry: BatchEntry, keys: Sequence[str]) -> list[CaseRun]:
-            nonlocal cases
+            nonlocal cases, done, left
             rest = entry.protocol, entry.cases, entry.pairing, entry.patience is not None
             there = {} if earlier is None or entry.force else stored.load(earlier, keys, *rest)
             new = [number for number, key in enumerate(keys) if key not in asked]
             cases += len(new)
-            times.extend(there[number].wall_time for number in new if number in there)
+            taken.extend(there[number].wall_time for number in new if number in there)
+            done += sum(entry.cases[number].end for number in new if number in there)
+            left += sum(entry.cases[number].end for number in new if number not in there)
             # A search that never fails on made-up results would go on for ever.
             if cases > MAX_SIMULATIONS:
                 raise _Enough
@@ -83,8 +90,11 @@ def plan(study: Requests[Any], execute: Execute, workers: int, folder: Path | No
 
         with suppress(_Enough):
             answered(study, answer)
-    seconds_per_case = sum(times) / len(times) if times else _seconds(first[0], execute) if first else 0.0
-    return DryRun(cases, len(times), seconds_per_case, seconds_per_case * (cases - len(times)) / workers, workers)
+    per_second = sum(taken) / done if taken else _seconds(first[0], execute) if first else 0.0
+    number = cases - len(taken)
+    around = 2.0 * workers * (time.perf_counter() - begin)
+    seconds_per_case = (per_second * left + around) / number if number else 0.0
+    return DryRun(cases, len(taken), seconds_per_case, seconds_per_case * number / workers, workers)
 
 
 class _Enough(Exception):
@@ -92,12 +102,13 @@ class _Enough(Exception):
 
 
 def _seconds(entry: BatchEntry, execute: Execute) -> float:
-    """The time that the first case of an entry takes [s]; with the start of its process if it comes to nothing."""
-    begin = time.perf_counter()
+    """The time that a simulated second of the longest case of an entry takes [s]; with the start of its process if it
+    comes to nothing."""
+    longest, begin = max(entry.cases, key=lambda case: case.end), time.perf_counter()
     with store.opened(None) as empty:
-        one = Batch((BatchEntry(entry.protocol, entry.pairing, entry.cases[:1]),))
+        one = Batch((BatchEntry(entry.protocol, entry.pairing, (longest,)),))
         ((run,),) = batch.run(one, execute, empty)
-    return run.wall_time or time.perf_counter() - begin
+    return (run.wall_time or time.perf_counter() - begin) / longest.end
 
 
 def on_target(protocol: Protocol, case: Case, status: Status = Status.DONE, share: float = 1.0) -> CaseRun:

@@ -226,11 +226,13 @@ class StageDone:
 
 @dataclass(frozen=True)
 class TrialDone:
-    """A candidate is tried, the number ``done`` of ``total``."""
+    """A candidate is tried, the number ``done`` of ``total``; ``best`` is the best so far in all of the objective's
+    cases, None if none has been tried in those that were added last."""
 
     trial: Trial
     done: int
     total: int
+    best: Trial | None = None
 
 
 Event = SeedDone | StageDone | TrialDone | CaseChecked

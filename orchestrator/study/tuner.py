@@ -98,7 +98,8 @@ Judge = Callable[[Trial], Requests[CandidateVerdict]]
 @dataclass
 class Tuner:
     """A search for parameters: ``pairing`` makes a candidate's, ``cases`` of ``protocol`` are the objective, to which
-    counterexamples are added. ``judged`` are the verdicts by the trial's number."""
+    counterexamples are added. ``judged`` are the verdicts by the trial's number, and ``counted`` how many cases its
+    objective counts."""
 
     protocol: Protocol
     pairing: Callable[[Mapping[str, float]], Pairing]
@@ -107,6 +108,7 @@ class Tuner:
     cases: list[Case]
     trials: list[Trial] = field(default_factory=list)
     judged: dict[int, tuple[int, CandidateVerdict]] = field(default_factory=dict)
+    counted: dict[int, int] = field(default_factory=dict)
 
     @property
     def rules(self) -> Rules:
@@ -127,7 +129,8 @@ class Tuner:
             self.proposals.tell([tried.objective for tried in generation])
             for tried in generation:
                 self.trials.append(tried)
-                yield Tell(TrialDone(tried, len(self.trials), budget))
+                self.counted[tried.number] = len(self.cases)
+                yield Tell(TrialDone(tried, len(self.trials), budget, self.leading()))
             # What V alone makes worse than half of the last generation, no sampler builds on.
             worst = statistics.median(tried.objective for tried in generation) if first else worst
             generations += 1
@@ -163,7 +166,15 @@ class Tuner:
         again = yield from self.attempt([(tried.number, tried.values) for tried in ranked[:GENERATION]], math.inf)
         for tried in again:
             self.trials[tried.number] = tried
+            self.counted[tried.number] = len(self.cases)
         return sorted(again, key=lambda tried: tried.objective)
+
+    def leading(self) -> Trial | None:
+        """The best of the candidates that have been tried in all of the objective's cases so far."""
+        tried = (
+            trial for trial in self.trials if not trial.cut_short and self.counted[trial.number] == len(self.cases)
+        )
+        return min(tried, key=lambda candidate: candidate.objective, default=None)
 
     def verdict(self, candidate: Trial) -> bool | None:
         """Whether a candidate holds A1 to A3 on the whole protocol; None if it has not been tried there."""

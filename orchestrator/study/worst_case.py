@@ -21,6 +21,7 @@ from ..search import answers
 from ..search.findings import BUDGET, Step
 from ..search.history import Ask, Asking, History
 from ..search.hunt import Hunt, least
+from ..search.margins import lowered
 from ..search.margins import margins as margins_of
 from ..search.member import NOMINAL, Member, case_of, of_case, parameters
 from ..search.radius import radius as radius_of
@@ -183,6 +184,9 @@ def _stages(hunt: Hunt, seed: int) -> Asking[dict[str, Any]]:
     fields["margins"] = (yield from margins_of(hunt, seed)) if hunt.complete else {}
     fields["requirements"] = yield from answers.requirements(hunt)
     fields["radius"] = (yield from radius_of(hunt)) if hunt.complete else None
+    # What the radius has met counts for all of it, too.
+    fields["margins"] = yield from lowered(hunt, fields["margins"])
+    fields["requirements"] = yield from answers.broken_since(hunt, fields["requirements"])
     return fields
 
 

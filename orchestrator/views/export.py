@@ -121,6 +121,7 @@ as let the keys and one more column stand beside each other, but no fewer than t
 
 _SPECIAL = {char: f"\\{char}" for char in "&%$#_{}"} | {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$",
+    "≤": r"$\leq$", "≥": r"$\geq$",
     "|": r"\textbar{}", "µ": r"$\mu$", "×": r"$\times$", "±": r"$\pm$", "°": r"$^\circ$",
 }  # fmt: skip
 

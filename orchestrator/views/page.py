@@ -117,7 +117,7 @@ def _motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
                 "name": moved.name,
                 "rest": moved.rest,
                 "motion": _columns(moved.motion, (1.0, *[MILLIMETRE.factor] * 2, 1.0, 1.0), pool),
-                "torque": _columns(moved.torque, (1.0, 1.0, 1.0), pool),
+                "torque": _columns(moved.torque, (1.0,) * moved.torque.shape[1], pool),
                 "end": moved.end,
                 "force": moved.force if any(moved.force) else None,
                 "window": moved.window,

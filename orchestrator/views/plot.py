@@ -261,8 +261,8 @@ class Moved:
     """A recorded motion of the arm about its link angles ``rest`` [rad].
 
     ``motion`` (shape (N, 5)) has time [s], offsets of the tool along x and z [m], changes of both link angles [rad];
-    ``torque`` (shape (M, 3)) time [s] and both torques [N.m]. A ``force`` [N], if there is one, acts in the time
-    ``window`` [s]; ``places`` are times [s] worth a look.
+    ``torque`` (shape (M, 3)) time [s] and both torques [N.m], or (shape (M, 5)) their bounds, the upper ones last. A
+    ``force`` [N], if there is one, acts in the time ``window`` [s]; ``places`` are times [s] worth a look.
     """
 
     name: str

@@ -15,13 +15,13 @@ VERDICTS: Mapping[bool | None, str] = {True: "met", False: "not met", None: "not
 
 class Value(NamedTuple):
     """A number with what belongs to it: its standard deviation, a ``unit`` in place of the column's, ``beyond`` (``<``
-    or ``>``) if it is the limit that nothing was found up to, whether it is ``good``, and whether it was ``given``,
-    as a parameter is: then it is shown with six figures."""
+    or ``>``) if it is the limit that nothing was found up to, or (``≤`` or ``≥``) if it was not refined, whether it is
+    ``good``, and whether it was ``given``, as a parameter is: then it is shown with six figures."""
 
     value: float | None
     deviation: float | None = None
     unit: Unit | None = None
-    beyond: Literal["", "<", ">"] = ""
+    beyond: Literal["", "<", ">", "≤", "≥"] = ""
     good: bool | None = None
     given: bool = False
 

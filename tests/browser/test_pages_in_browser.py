@@ -267,3 +267,28 @@ def test_a_phone_shows_what_a_table_means_and_a_readable_table_of_failures(open_
     (row,) = page.locator("#failures tbody tr").all()
     assert row.bounding_box()["height"] < 500
     assert row.locator(".copy").get_attribute("data-copy") == simulate_command(RESULTS.head, pages.UNSTABLE.id)
+
+
+def test_the_name_of_a_case_is_broken_behind_a_point_only(open_page):
+    """It was "c02.sli" and "ppery.g" on a phone."""
+    page = open_page(report(), *LOOKS[1])
+    show(page, "summary")
+    for link in page.locator("#summary button.link").all():
+        if "." in (name := link.inner_text()) and " " not in name:
+            assert link.evaluate("(one) => one.querySelectorAll('wbr').length") == name.count(".")
+            lines = link.evaluate("(one) => one.getClientRects().length")
+            assert lines <= name.count(".") + 1
+
+
+@pytest.mark.parametrize("html", [report, comparison])
+def test_every_tab_is_printed(html, open_page):
+    page = open_page(html())
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    for name in VIEWS[html]:
+        assert page.locator(f"#{name}").is_visible()
+        for each in page.locator(f"#{name} .chart:visible").all():
+            assert each.locator("canvas").count() == 1
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.emulate_media(media="screen")
+    assert sum(page.locator(f"#{name}").is_visible() for name in VIEWS[html]) == 1

@@ -58,6 +58,7 @@ function motionPlayer(stand, { links, circles: radii, circleWords }, moved) {
     const [right, up, ...changes] = interpolated(t, [x, z, dq_1, dq_2], time);
     const error = Math.hypot(right, up);
     const torques = torque[0].length ? interpolated(torque[0], torque.slice(1), time) : [null, null];
+    const between = (axis) => (torques[axis] === (torques[axis + 2] ?? torques[axis]) ? "" : ` to ${figures(torques[axis + 2])}`);
     const tcp = moving.pose(bent(factor, changes));
     circles.forEach(([radius, drawing]) => drawing.setAttribute("r", radius * factor));
     const path = [];
@@ -71,7 +72,7 @@ function motionPlayer(stand, { links, circles: radii, circleWords }, moved) {
     scrub.setAttribute("aria-valuetext", `${time.toFixed(2)} seconds, error ${figures(error)} millimetres`);
     $("#motion-text").textContent =
       `${moved.name}. t = ${time.toFixed(3)} s, TCP error ${error.toFixed(3)} mm, ` +
-      `u_m1 ${figures(torques[0])} Nm, u_m2 ${figures(torques[1])} Nm, force ${force ? "on" : "off"}. ` +
+      `u_m1 ${figures(torques[0])}${between(0)} Nm, u_m2 ${figures(torques[1])}${between(1)} Nm, force ${force ? "on" : "off"}. ` +
       `Link angles' changes are magnified ${factor} ×, the circles (${circleWords}) with them.`;
   };
   const stop = () => {

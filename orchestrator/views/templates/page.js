@@ -114,6 +114,13 @@ function openPanel(id) {
   draw();
 }
 
+/** All panels are printed, also those that nobody has looked at. */
+addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("printed");
+  draw();
+});
+addEventListener("afterprint", () => document.documentElement.classList.remove("printed"));
+
 function startPage() {
   const tabs = [...document.querySelectorAll('[role="tab"]')];
   tabs.forEach((tab, index) => {
