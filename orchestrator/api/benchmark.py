@@ -41,10 +41,13 @@ if TYPE_CHECKING:
     from .simulation import Simulation
 
     OnSeed = Callable[[int, Evaluation], None]
-    OnProgress = Callable[[str, int, Mapping[str, float | None]], None]
+    OnProgress = Callable[[str, int, float, float | None, Mapping[str, float | None]], None]
     OnTrial = Callable[[Trial, int, int], None]
 
 T = TypeVar("T")
+
+TRIAL = ("trial", "done", "total")
+"""Of a :class:`.TrialDone`, what callbacks get; the best so far is for the lines of commands."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +262,7 @@ class Benchmark(Testbed, Displayable):
         from ..study.tune import TuningStudy
 
         study = made(TuningStudy, "tune", vary or {}, **options)
-        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
+        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial, *TRIAL))
 
     @entered
     def sweep(
@@ -281,7 +284,7 @@ class Benchmark(Testbed, Displayable):
         from ..study.sweep import SweepStudy
 
         study = made(SweepStudy, "sweep", values or {}, **options)
-        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial))
+        return self.run(study, controller, folder=folder, on_event=_told(TrialDone, on_trial, *TRIAL))
 
     @entered
     def verify(self, controller: Given = None, *, on_result: OnResult | None = None, **options: Any) -> Verification:
@@ -437,12 +440,11 @@ class Benchmark(Testbed, Displayable):
         return engine.Engine(execute, self.processes, None if folder is None else Path(folder), on_run, on_event)
 
 
-def _told(kind: type, call: Callable[..., None] | None) -> OnEvent:
-    """Calls ``call`` with the fields of each event of this kind."""
+def _told(kind: type, call: Callable[..., None] | None, *names: str) -> OnEvent:
+    """Calls ``call`` with the fields ``names`` of each event of this kind, by default with all."""
 
     def told(event: Event) -> None:
         if call is not None and isinstance(event, kind):
-            # What a stage or a trial is told with beside what callbacks were promised is for the commands alone.
-            call(*(value for name, value in vars(event).items() if name != "best"))
+            call(*(getattr(event, name) for name in names or vars(event)))
 
     return told
