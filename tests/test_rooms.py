@@ -28,6 +28,7 @@ FLOORS = (
     ("pairing",),
     ("study",),
     ("api",),
+    ("service",),
     ("cli", "gym"),
     (PACKAGE, *COMMANDS),
 )

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from msgspec.structs import asdict
 
 from ..loop.trajectory import Status
-from .protocol import Stability
+from .protocol import Protocol, Stability
 from .results import (
     CaseResult,
     ConfigurationScore,
@@ -23,6 +23,7 @@ from .results import (
     Scorecard,
     Verdict,
     WorstCase,
+    rules,
 )
 from .tally import UNJUDGED, Outcome, tally
 
@@ -54,6 +55,18 @@ def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = No
         },
         configurations=tuple(_configuration(rules, group) for group in _by_configuration(results)),
     )
+
+
+def cost_so_far(protocol: Protocol, results: Sequence[CaseResult]) -> float | None:
+    """The mean of V_k over the configurations whose performance tests are all done; None before the first."""
+    tests = {test.name: len(protocol.sets[test.systems]) for test in protocol.tests if test.criteria}
+    counts: dict[int, int] = {}
+    for result in results:
+        if result.test in tests:
+            counts[result.configuration.index] = counts.get(result.configuration.index, 0) + 1
+    # V is a mean over configurations of the worst case: of one that is not complete, it would only grow.
+    ready = [result for result in results if counts.get(result.configuration.index) == sum(tests.values())]
+    return score(rules(protocol), ready).cost if ready else None
 
 
 def _by_configuration(results: Iterable[CaseResult]) -> list[list[CaseResult]]:

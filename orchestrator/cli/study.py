@@ -17,8 +17,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..api.benchmark import Benchmark
 from ..benchmark.protocol import Protocol
-from ..benchmark.results import CaseResult, rules
-from ..benchmark.scorecard import score
+from ..benchmark.results import CaseResult
+from ..benchmark.scorecard import cost_so_far
 from ..codec import to_json
 from ..documents.document import Comparable, Document
 from ..documents.evaluation import Evaluation
@@ -62,22 +62,10 @@ def progress(protocol: Protocol | None = None) -> Iterator[OnResult]:
             results.append(result)
             bar.update(task, completed=done, total=total)
             if protocol is not None and (done % ESTIMATE_EVERY == 0 or done == total):
-                cost = estimate(protocol, results)
+                cost = cost_so_far(protocol, results)
                 bar.update(task, cost="-" if cost is None else f"{cost:.1f}")
 
         yield update
-
-
-def estimate(protocol: Protocol, results: Sequence[CaseResult]) -> float | None:
-    """The mean of V_k over the configurations whose performance tests are all done; None before the first."""
-    tests = {test.name: len(protocol.sets[test.systems]) for test in protocol.tests if test.criteria}
-    counts: dict[int, int] = {}
-    for result in results:
-        if result.test in tests:
-            counts[result.configuration.index] = counts.get(result.configuration.index, 0) + 1
-    # V is a mean over configurations of the worst case: of one that is not complete, it would only grow.
-    ready = [result for result in results if counts.get(result.configuration.index) == sum(tests.values())]
-    return score(rules(protocol), ready).cost if ready else None
 
 
 Shown = Document | Evaluation

@@ -37,6 +37,16 @@ def setting(head: Head, seed: int | None = None) -> Setting:
     return Setting(head.controller, head.plant, head.protocol_file or head.protocol, chosen, sample_time)
 
 
+def evaluate_command(file: str, mapping: str = "", protocol: str = "paper") -> str:
+    """The whole command that evaluates the FMU ``file`` with a ``mapping`` file, if there is one."""
+    words = ["python", "-m", "orchestrator.evaluate", file]
+    if mapping:
+        words += ["--mapping", mapping]
+    if protocol != "paper":
+        words += ["--protocol", protocol]
+    return shlex.join(words)
+
+
 def simulate_command(head: Head, id: str) -> str:
     """The whole command that simulates the case ``id`` again, with the controller, protocol, seed and values of
     ``head``."""

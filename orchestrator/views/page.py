@@ -10,7 +10,7 @@ import base64
 import functools
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
@@ -21,7 +21,7 @@ from markupsafe import Markup
 from ..text import printable
 from .echarts import Pool, plot_data
 from .plot import Heat, MovingArm, Plot, PosedArm
-from .table import Headline, Page, Summary, Table, shown
+from .table import Headline, Page, Part, Summary, Table, shown
 from .units import MILLIMETRE, number
 
 FILES = resources.files(__package__) / "templates"
@@ -48,12 +48,12 @@ def page_html(page: Page) -> str:
     """The page as one HTML file, which needs no network."""
     parts = page.parts
     names = (name for name, kinds in SCRIPTS.items() if any(isinstance(part, kinds) for part in parts))
-    program = "\n".join(map(_text, names))
-    library = _text(LIBRARY)
+    program = "\n".join(map(template_text, names))
+    library = template_text(LIBRARY)
     return _filled(
         "page.html",
         page=page,
-        style=Markup(_text("style.css")),
+        style=Markup(template_text("style.css")),
         library=Markup(library),
         program=Markup(program),
         data=Markup(script_json(page_data(page))),
@@ -151,11 +151,22 @@ def _filled(template: str, **context: Any) -> str:
     return _environment().get_template(template).render(context)
 
 
+def parts_html(parts: Sequence[Part]) -> str:
+    """Parts of a page as a piece of HTML for a page of the same style: escaped, and without scripts."""
+    return _filled("pieces.html", parts=parts)
+
+
 @functools.cache
 def _environment() -> Environment:
-    """Templates are escaped, without control characters but for what is marked as safe."""
+    """The templates of this folder."""
+    return environment(template_text)
+
+
+def environment(read: Callable[[str], str | None]) -> Environment:
+    """Templates that are escaped, without control characters but for what is marked as safe. ``read`` gives the text of
+    one by its name, or None."""
     made = Environment(
-        loader=FunctionLoader(_text),
+        loader=FunctionLoader(read),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -169,7 +180,8 @@ def _environment() -> Environment:
     return made
 
 
-def _text(name: str) -> str:
+def template_text(name: str) -> str:
+    """The text of a template, style or script of this folder."""
     return (FILES / name).read_text(encoding="utf-8")
 
 

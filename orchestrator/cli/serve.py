@@ -1,0 +1,204 @@
+"""The command ``serve``: a service for groups, and who may use it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import socket
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..benchmark import protocol
+from ..errors import InputError
+from ..service import accounts
+from ..service.borders import is_loopback
+from ..service.database import Database
+from ..service.files import Files
+from ..service.records import Conduct, Limits, Settings
+from .guard import EXIT_OK
+from .values import MAX_LIMIT, Parser, natural, number
+
+# Imports inside functions: the sandbox is tried, and the packages of the extra are loaded, when a service begins.
+
+EXAMPLES = """examples:
+  flexible-manipulator serve                          for oneself: open http://127.0.0.1:8080
+  flexible-manipulator serve --data /srv/benchmark --invite "Ada"
+                                                      a link for Ada, who may then come in
+  flexible-manipulator serve --data /srv/benchmark --accounts --host 0.0.0.0
+                                                      for a group, on all addresses of this machine
+  flexible-manipulator serve --data /srv/benchmark --people
+  flexible-manipulator serve --data /srv/benchmark --remove "Ada"
+
+exit codes: 0 ended by Ctrl-C, or done; 1 the machine fails, 2 bad input"""
+
+MB = 1e6
+
+PACKAGES = ("starlette", "uvicorn", "python_multipart")
+"""What the extra installs."""
+
+GRACE = 2
+"""Seconds that open pages get at the end; they follow for as long as the service lasts."""
+
+MAX_CONNECTIONS = 1000
+"""Connections at a time; a client that holds more open is told to come again."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    given = _parser().parse_args(arguments)
+    if given.invite is not None or given.remove is not None or given.people:
+        return _manage(given)
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if missing:
+        message = f"The service needs {', '.join(missing)}: pip install 'flexible-manipulator-benchmark[service]'"
+        raise InputError(message, "no-service")
+    if not is_loopback(given.host) and not given.accounts:
+        message = f"{given.host} can be reached by others, who could evaluate, read and delete what they like."
+        raise InputError(message, "no-accounts", given.host)
+    protocol.load(given.protocol)
+    protected, warning = fenced(given.trust, given.accounts)
+    conduct = Conduct(
+        protocol=_place(given.protocol),
+        processes=given.jobs,
+        sandbox=protected,
+        scheduler=given.scheduler or "",
+        evaluations=given.evaluations,
+    )
+    limits = Limits(given.max_queue, int(given.max_disk * MB), int(given.max_upload * MB))
+    return _serve(given, Settings(given.accounts, warning, limits, conduct))
+
+
+def _parser() -> Parser:
+    parser = Parser("serve", "Serve pages on which FMUs are evaluated and compared.", EXAMPLES)
+    parser.add_argument(
+        *("--data", "--data-dir"),
+        type=Path,
+        default=Path("service"),
+        metavar="FOLDER",
+        help="where everything is kept (default: service)",
+    )
+    parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="where to listen (default: 127.0.0.1)")
+    parser.add_argument("--port", type=natural(0, 65535), default=8080, metavar="N", help="the port (default: 8080)")
+    parser.add_argument("--accounts", action="store_true", help="only who was invited may come in")
+    people = parser.add_argument_group("people, while the service runs or not")
+    chosen = people.add_mutually_exclusive_group()
+    chosen.add_argument("--invite", metavar="NAME", help="print a link by which somebody comes in; an older one ends")
+    chosen.add_argument("--remove", metavar="NAME", help="remove somebody with all runs")
+    chosen.add_argument("--people", action="store_true", help="list who was invited")
+    people.add_argument("--url", metavar="URL", help="the service's address in links (default: of --host and --port)")
+    work = parser.add_argument_group("work")
+    work.add_argument(
+        "--protocol",
+        default="paper",
+        metavar="NAME",
+        help=f"what is evaluated: one of {', '.join(protocol.names())}; or a protocol file (.toml) (default: paper)",
+    )
+    work.add_argument("--evaluations", type=natural(1, 64), default=1, metavar="N", help="at a time (default: 1)")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    work.add_argument(
+        "--jobs", type=natural(1), default=cores, metavar="N", help="processes of one (default: all cores)"
+    )
+    work.add_argument("--scheduler", metavar="ADDRESS", help="evaluate on a Dask cluster, such as tcp://host:8786")
+    work.add_argument("--trust", action="store_true", help="run FMUs without a sandbox, with your permissions")
+    limits = parser.add_argument_group("limits, for each person")
+    for name, default, what in (
+        ("upload", Limits.upload / MB, "size of an FMU"),
+        ("disk", Limits.disk / MB, "of all runs and their FMUs"),
+    ):
+        size = number(most=MAX_LIMIT, above=0.0)
+        limits.add_argument(
+            f"--max-{name}", type=size, default=default, metavar="MB", help=f"{what} (default: {default:g})"
+        )
+    limits.add_argument(
+        "--max-queue",
+        type=natural(1),
+        default=Limits.queue,
+        metavar="N",
+        help=f"runs that have not ended (default: {Limits.queue})",
+    )
+    return parser
+
+
+def _place(name: str) -> str:
+    """A protocol as jobs find it, which run in other folders."""
+    return name if name in protocol.names() else str(Path(name).absolute())
+
+
+def fenced(trust: bool, several: bool) -> tuple[bool, str]:
+    """Whether jobs run in a sandbox, and what is warned of if not.
+
+    Raises :class:`InputError` for a service of several people on a machine without one.
+    """
+    if trust:
+        return False, "FMUs run without a sandbox here: an FMU can do whatever the service can." if several else ""
+    from ..execution.sandbox_probe import leaks
+
+    try:
+        leaking = leaks()
+    except InputError as problem:
+        if several:
+            raise InputError(f"FMUs of several people need a sandbox. {problem}", "no-fence") from None
+        return False, "FMUs run without a sandbox here, with your permissions: take only those that you trust."
+    if leaking:
+        raise InputError(f"The sandbox of this machine allows what it must not: {', '.join(leaking)}.", "no-fence")
+    return True, ""
+
+
+def _serve(given: argparse.Namespace, settings: Settings) -> int:
+    import uvicorn
+
+    from ..service.app import application, check_folder
+
+    check_folder(given.data)
+    family = socket.AF_INET6 if ":" in given.host else socket.AF_INET
+    try:
+        listening = socket.create_server((given.host, given.port), family=family, backlog=512)
+    except OSError as problem:
+        message = f"{given.host}:{given.port} cannot be listened on: {problem.strerror or problem}."
+        raise InputError(message, "no-port", given.port) from None
+    print(f"{_address(given.host, listening.getsockname()[1])} (Ctrl-C ends it)", flush=True)
+    if settings.warning:
+        print(settings.warning, file=sys.stderr)
+    config = uvicorn.Config(
+        application(given.data, settings),
+        log_level="warning",
+        # Which pages people look at is nobody's business.
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=GRACE,
+        limit_concurrency=MAX_CONNECTIONS,
+    )
+    try:
+        uvicorn.Server(config).run(sockets=[listening])
+    except KeyboardInterrupt:  # how a service ends
+        pass
+    finally:
+        listening.close()
+    return EXIT_OK
+
+
+def _address(host: str, port: int) -> str:
+    shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
+    return f"http://[{shown}]:{port}" if ":" in shown else f"http://{shown}:{port}"
+
+
+def _manage(given: argparse.Namespace) -> int:
+    """Invite, remove or list people; a service that runs in the folder finds them at once."""
+    files = Files(given.data.absolute())
+    files.prepare()
+    database = Database(files.database)
+    try:
+        if given.invite is not None:
+            key = accounts.invited(database, given.invite)
+            # Behind the #, which browsers do not send: no log of a server on the way has it.
+            print(f"{(given.url or _address(given.host, given.port)).rstrip('/')}/join#{key}")
+        elif given.remove is not None:
+            accounts.removed(database, given.remove)
+        else:
+            names = [person.name for person in database.people() if person != accounts.LOCAL]
+            print("\n".join(names) or "nobody was invited")
+    finally:
+        database.close()
+    return EXIT_OK

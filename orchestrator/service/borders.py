@@ -1,0 +1,131 @@
+"""What every request passes: who may ask from where, and which headers every answer has.
+
+A browser sends requests for any page that its user looks at. So nothing changes by GET, and what changes something must
+come from a page of this service.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+from collections.abc import AsyncIterator
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+READING = ("GET", "HEAD", "OPTIONS")
+
+MAX_FORM = 8 * 1024**2
+"""Largest request [bytes] that is no upload: a binding of two thousand variables."""
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
+    "connect-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+"""Of the service's own pages: no script but the one file. Styles stand in attributes as well, as in reports."""
+
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""Of reports: a page of its own, without this service's cookies or address, also if it is opened by itself. Its scripts
+are those whose hashes stand in the policy that it has inside."""
+
+HEADERS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+
+
+class Refusal(Exception):
+    """A request that is not done, with the HTTP ``status`` and a sentence."""
+
+    def __init__(self, status: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class Borders:
+    """Middleware around the whole application; ``local`` is a service without accounts."""
+
+    def __init__(self, app: ASGIApp, local: bool) -> None:
+        self._app, self._local = app, local
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request pass, or say why not."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        problem = refusal(scope["method"], Headers(scope=scope), self._local)
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in {**HEADERS, "content-security-policy": POLICY}.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        if problem:
+            await PlainTextResponse(f"{problem}\n", 403)(scope, receive, with_headers)
+            return
+        await self._app(scope, receive, with_headers)
+
+
+def refusal(method: str, headers: Headers, local: bool) -> str:
+    """Why a request must not pass; empty if it may."""
+    host = headers.get("host", "")
+    # A name that an attacker has pointed at this machine ("DNS rebinding") would make their page one of this service.
+    if local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+        return "This service has no accounts, and answers on this machine only: open it as http://127.0.0.1."
+    if method in READING:
+        return ""
+    origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+    if (origin is not None and urlsplit(origin).netloc != host) or site not in ("same-origin", "none"):
+        return "This request comes from another site's page."
+    if origin is None and "cookie" in headers:  # every browser says where a change comes from
+        return "This request does not say which page it comes from."
+    return ""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a name or an address is this machine's own, which nobody else reaches."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+async def body(request: Request, most: int, patience: float, time: float) -> AsyncIterator[bytes]:
+    """The pieces of a request's body.
+
+    Raises :class:`Refusal` for more than ``most`` bytes, for a client that is silent for ``patience`` [s], and for a
+    body that takes longer than ``time`` [s]: who sends one byte a second would else keep a place for ever.
+    """
+    stated = request.headers.get("content-length", "0")
+    too_large = Refusal(413, f"This is larger than the {most / 1e6:.0f} MB that are taken.")
+    if not stated.isdecimal() or int(stated[:20]) > most:
+        raise too_large
+    size, pieces, clock = 0, request.stream(), asyncio.get_running_loop().time
+    end = clock() + time
+    while True:
+        try:
+            piece = await asyncio.wait_for(anext(pieces), min(patience, max(end - clock(), 0.001)))
+        except StopAsyncIteration:
+            return
+        except asyncio.TimeoutError:
+            raise Refusal(408, "The upload has stopped, or takes too long. Nothing of it is kept.") from None
+        size += len(piece)
+        if size > most:
+            raise too_large
+        yield piece
+
+
+async def whole_body(request: Request, patience: float) -> bytes:
+    """A small body at once; raises as :func:`body`."""
+    return b"".join([piece async for piece in body(request, MAX_FORM, patience, 4 * patience)])

@@ -1,0 +1,54 @@
+"""The ordinary comparison of finished runs, in a process of its own: reading results takes memory that stays."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+from asyncio.subprocess import DEVNULL, PIPE
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..documents.compare_page import FILE
+from ..documents.comparison import grouped
+from ..documents.evaluation import Evaluation
+from ..documents.files import prepare_folder
+from ..text import printable
+from .borders import Refusal
+from .files import Files
+from .runner import environment
+
+TIME = 120.0
+"""Seconds that a comparison may take."""
+
+
+async def compared(files: Files, id: str, folders: Sequence[Path]) -> None:
+    """Write the page that compares the evaluations in ``folders``; raises :class:`Refusal` if that fails."""
+    place = files.comparison(id)
+    if (place / FILE).is_file():
+        return
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", __name__, str(place), *map(str, folders)),
+        stdin=DEVNULL,
+        stdout=DEVNULL,
+        stderr=PIPE,
+        env=environment(files),
+    )
+    try:
+        _, said = await asyncio.wait_for(process.communicate(), TIME)
+    except asyncio.TimeoutError:
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()
+        raise Refusal(503, "The comparison took too long.") from None
+    if not (place / FILE).is_file():
+        raise Refusal(500, f"The runs could not be compared: {printable(said[-300:])}")
+
+
+def main(place: Path, folders: Sequence[Path]) -> None:
+    """Write the page into the folder ``place``."""
+    prepare_folder(place)
+    grouped([(Evaluation.load(folder), folder) for folder in folders]).report(place / FILE)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), [Path(word) for word in sys.argv[2:]])

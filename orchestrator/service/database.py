@@ -1,0 +1,276 @@
+"""The one file of state: people, sessions, runs with their history, and comparisons. Each method is one transaction.
+
+It is used by one thread. Other processes may read and write beside it, such as a command that invites somebody.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import astuple, fields
+from pathlib import Path
+
+from ..errors import EnvironmentFault, InputError
+from .records import FINAL, Person, Run, State
+
+FORM = 1
+"""Of the tables. A later version that changes them reads this number."""
+
+BUSY = 5.0
+"""Seconds that a transaction waits for another process."""
+
+TABLES = """
+CREATE TABLE people (
+    id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL
+) STRICT;
+CREATE TABLE sessions (
+    key TEXT PRIMARY KEY, person TEXT NOT NULL REFERENCES people ON DELETE CASCADE, until REAL NOT NULL
+) STRICT;
+CREATE TABLE runs (
+    id TEXT PRIMARY KEY, owner TEXT NOT NULL REFERENCES people ON DELETE CASCADE, name TEXT NOT NULL,
+    file_name TEXT NOT NULL, sha256 TEXT NOT NULL, size INTEGER NOT NULL, created REAL NOT NULL, state TEXT NOT NULL,
+    running INTEGER NOT NULL, attempts INTEGER NOT NULL, interruptions INTEGER NOT NULL, not_before REAL NOT NULL,
+    started REAL NOT NULL, reason TEXT NOT NULL, binding TEXT NOT NULL, verdict TEXT NOT NULL, quick_cost REAL,
+    cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL
+) STRICT;
+CREATE INDEX runs_by_owner ON runs (owner, created);
+CREATE INDEX runs_by_state ON runs (state);
+CREATE INDEX runs_by_file ON runs (sha256);
+CREATE TABLE history (
+    run TEXT NOT NULL REFERENCES runs ON DELETE CASCADE, at REAL NOT NULL, text TEXT NOT NULL
+) STRICT;
+CREATE INDEX history_by_run ON history (run, at);
+CREATE TABLE comparisons (
+    id TEXT PRIMARY KEY, owner TEXT NOT NULL REFERENCES people ON DELETE CASCADE, runs TEXT NOT NULL,
+    created REAL NOT NULL
+) STRICT;
+CREATE TABLE form (number INTEGER NOT NULL) STRICT;
+"""
+
+COLUMNS = ", ".join(field.name for field in fields(Run))
+MARKS = ", ".join("?" for _ in fields(Run))
+FINALS = ", ".join(f"'{state.value}'" for state in FINAL)
+
+
+class Changed(Exception):
+    """The run is not what it was when the change was decided, or is no more."""
+
+
+class Database:
+    """The state of the service in the SQLite file ``file``, which is made if it is missing.
+
+    Raises :class:`InputError` for a file of a later version, :class:`EnvironmentFault` for one that cannot be opened.
+    A method raises :class:`EnvironmentFault` if the disk is full or the file locked; nothing has changed then.
+    """
+
+    def __init__(self, file: Path) -> None:
+        try:
+            # The thread that makes it need not be the one that uses it; only one does.
+            self._connection = sqlite3.connect(file, timeout=BUSY, isolation_level=None, check_same_thread=False)
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            # What has been answered must outlive a power cut: each commit reaches the disk.
+            self._connection.execute("PRAGMA synchronous = FULL")
+            self._connection.execute("PRAGMA foreign_keys = ON")
+            # Deleted means deleted, also in the free pages of the file.
+            self._connection.execute("PRAGMA secure_delete = ON")
+            with self._transaction() as connection:
+                if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'form'").fetchone():
+                    for statement in filter(str.strip, TABLES.split(";")):
+                        connection.execute(statement)
+                    connection.execute("INSERT INTO form VALUES (?)", (FORM,))
+                (form,) = connection.execute("SELECT number FROM form").fetchone()
+        except sqlite3.Error as problem:
+            message = f"{file} cannot be opened as the service's database: {problem}."
+            raise EnvironmentFault(message, "no-database") from problem
+        if form != FORM:
+            message = f"{file} was made by another version of the service (form {form}; this one reads {FORM})."
+            raise InputError(message, "other-database", file, form)
+
+    def close(self) -> None:
+        """End its use."""
+        self._connection.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        try:
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._connection
+            except BaseException:
+                self._connection.execute("ROLLBACK")
+                raise
+            self._connection.execute("COMMIT")
+        except sqlite3.OperationalError as problem:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise EnvironmentFault(f"The service's database cannot be written: {problem}.", "no-database") from problem
+
+    def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
+        try:
+            return self._connection.execute(query, values).fetchall()
+        except sqlite3.OperationalError as problem:
+            raise EnvironmentFault(f"The service's database cannot be read: {problem}.", "no-database") from problem
+
+    # People
+
+    def add_person(self, person: Person, key: str, now: float) -> None:
+        """Add somebody, who comes in by what has the hash ``key``."""
+        with self._transaction() as connection:
+            connection.execute("INSERT INTO people VALUES (?, ?, ?, ?)", (person.id, person.name, key, now))
+
+    def change_key(self, person: str, key: str) -> None:
+        """Give somebody another key; who came in by the old one is out."""
+        with self._transaction() as connection:
+            connection.execute("UPDATE people SET key = ? WHERE id = ?", (key, person))
+            connection.execute("DELETE FROM sessions WHERE person = ?", (person,))
+
+    def person(self, id: str) -> tuple[Person, str] | None:
+        """Somebody with the hash of the key."""
+        rows = self._rows("SELECT id, name, key FROM people WHERE id = ?", id)
+        return (Person(rows[0][0], rows[0][1]), str(rows[0][2])) if rows else None
+
+    def people(self) -> list[Person]:
+        """Everybody, by name."""
+        return [Person(*row) for row in self._rows("SELECT id, name FROM people ORDER BY name")]
+
+    def remove_person(self, id: str) -> None:
+        """Remove somebody with all sessions, runs and comparisons."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM people WHERE id = ?", (id,))
+
+    def add_session(self, key: str, person: str, until: float, now: float) -> None:
+        """Somebody has come in; sessions that have run out are forgotten."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM sessions WHERE until < ?", (now,))
+            connection.execute("INSERT INTO sessions VALUES (?, ?, ?)", (key, person, until))
+
+    def session(self, key: str, now: float) -> Person | None:
+        """Who came in with this session."""
+        query = "SELECT p.id, p.name FROM sessions s JOIN people p ON p.id = s.person WHERE s.key = ? AND s.until > ?"
+        rows = self._rows(query, key, now)
+        return Person(*rows[0]) if rows else None
+
+    def end_session(self, key: str) -> None:
+        """Somebody leaves."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM sessions WHERE key = ?", (key,))
+
+    # Runs
+
+    def add_run(self, run: Run, text: str) -> None:
+        """Add a run, and the beginning of its history."""
+        with self._transaction() as connection:
+            connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
+            connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
+
+    def change(self, before: Run, after: Run, text: str, now: float) -> Run:
+        """Replace a run by its next form, with a line of its history; returns what is stored.
+
+        Raises :class:`Changed` if it is not ``before`` any more: two things happened at a time, and the first counts.
+        """
+        columns = ", ".join(f"{field.name} = ?" for field in fields(Run) if field.name != "revision")
+        values = [value for field, value in zip(fields(Run), _values(after), strict=True) if field.name != "revision"]
+        with self._transaction() as connection:
+            changed = connection.execute(
+                f"UPDATE runs SET {columns}, revision = revision + 1 WHERE id = ? AND revision = ?",
+                (*values, before.id, before.revision),
+            )
+            if changed.rowcount != 1:
+                raise Changed(before.id)
+            connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
+        stored = self.run(before.id)
+        assert stored is not None
+        return stored
+
+    def run(self, id: str) -> Run | None:
+        """The run with this id."""
+        return next(iter(self._runs("WHERE id = ?", id)), None)
+
+    def runs_of(self, owner: str, most: int = 200) -> list[Run]:
+        """The newest runs of somebody, the newest first."""
+        return self._runs("WHERE owner = ? ORDER BY created DESC LIMIT ?", owner, most)
+
+    def waiting(self) -> list[Run]:
+        """Runs whose next stage is to begin."""
+        return self._runs(f"WHERE state NOT IN ({FINALS}) AND running = 0 ORDER BY created")
+
+    def running(self) -> list[Run]:
+        """Runs of which a stage is under way."""
+        return self._runs("WHERE running = 1")
+
+    def finished(self) -> list[Run]:
+        """Finished runs: those that meet all requirements first, then by V."""
+        ranked = "WHERE state = 'finished' AND cost IS NOT NULL ORDER BY remark <> '', holds = 0, cost LIMIT 500"
+        return self._runs(ranked)
+
+    def served(self) -> dict[str, float]:
+        """When a stage of each person's was last started."""
+        rows = self._rows("SELECT owner, MAX(started) FROM runs GROUP BY owner")
+        return {row[0]: row[1] for row in rows}
+
+    def usage(self, owner: str) -> tuple[int, int]:
+        """How many runs of somebody have not ended, and what all of them take on the disk [bytes]."""
+        query = (
+            f"SELECT COALESCE(SUM(state NOT IN ({FINALS})), 0), COALESCE(SUM(disk + size), 0) FROM runs WHERE owner = ?"
+        )
+        (row,) = self._rows(query, owner)
+        return int(row[0]), int(row[1])
+
+    def is_used(self, sha256: str) -> bool:
+        """Whether a run has this FMU."""
+        return bool(self._rows("SELECT 1 FROM runs WHERE sha256 = ? LIMIT 1", sha256))
+
+    def ids(self) -> set[str]:
+        """Ids of all runs and comparisons."""
+        return {row[0] for row in self._rows("SELECT id FROM runs UNION SELECT id FROM comparisons")}
+
+    def files(self) -> set[str]:
+        """SHA-256 of all FMUs."""
+        return {row[0] for row in self._rows("SELECT DISTINCT sha256 FROM runs")}
+
+    def history(self, id: str, most: int = 100) -> list[tuple[float, str]]:
+        """What has happened to a run, the latest ``most`` lines, in their order."""
+        rows = self._rows("SELECT at, text FROM history WHERE run = ? ORDER BY rowid DESC LIMIT ?", id, most)
+        return [(row[0], row[1]) for row in reversed(rows)]
+
+    def remove_run(self, id: str) -> None:
+        """Remove a run with its history."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM runs WHERE id = ?", (id,))
+
+    def _runs(self, condition: str, *values: object) -> list[Run]:
+        return [_run(row) for row in self._rows(f"SELECT {COLUMNS} FROM runs {condition}", *values)]
+
+    # Comparisons
+
+    def add_comparison(self, id: str, owner: str, runs: Iterable[str], now: float) -> None:
+        """Keep which runs somebody compares."""
+        with self._transaction() as connection:
+            connection.execute("INSERT INTO comparisons VALUES (?, ?, ?, ?)", (id, owner, " ".join(runs), now))
+
+    def comparison(self, id: str) -> tuple[str, tuple[str, ...]] | None:
+        """The owner of a comparison, and its runs."""
+        rows = self._rows("SELECT owner, runs FROM comparisons WHERE id = ?", id)
+        return (str(rows[0][0]), tuple(str(rows[0][1]).split())) if rows else None
+
+    def comparisons_with(self, run: str) -> list[str]:
+        """Ids of the comparisons that a run is part of."""
+        rows = self._rows("SELECT id FROM comparisons WHERE ' ' || runs || ' ' LIKE ?", f"% {run} %")
+        return [row[0] for row in rows]
+
+    def remove_comparison(self, id: str) -> None:
+        """Remove a comparison."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM comparisons WHERE id = ?", (id,))
+
+
+def _values(run: Run) -> tuple[object, ...]:
+    return tuple(value.value if isinstance(value, State) else value for value in astuple(run))
+
+
+def _run(row: tuple[object, ...] | sqlite3.Row) -> Run:
+    named = dict(zip((field.name for field in fields(Run)), row, strict=True))
+    holds = named["holds"]
+    named |= {"state": State(named["state"]), "running": bool(named["running"])}
+    return Run(**{**named, "holds": None if holds is None else bool(holds)})

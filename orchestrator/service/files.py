@@ -1,0 +1,232 @@
+"""The service's folder: FMUs by their content, a folder for each run and comparison by its id, and half an upload.
+
+Nothing here opens an FMU. What a person calls a file becomes a path nowhere but as the last part of one in the run's
+own folder, after :func:`plain_name`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from filelock import FileLock, Timeout
+
+from ..documents.files import prepare_folder
+from ..errors import EnvironmentFault, InputError
+
+BEGINNING = b"PK"
+"""Of every zip file. It keeps a slip, such as a model that was not exported, from waiting for its turn."""
+
+SHOWN = {
+    "report.html": "text/html; charset=utf-8",
+    "results.json": "application/json",
+    "cases.csv": "text/csv; charset=utf-8",
+    "trajectories.npz": "application/octet-stream",
+}
+"""Files of an evaluation that are given out, with their types."""
+
+QUICK, EVALUATION = "quick", "evaluation"
+"""Folders of the two evaluations in that of a run."""
+
+SCORECARD, FINDINGS, INTERFACE, BINDING, LOG = (
+    "scorecard.html",
+    "findings.html",
+    "interface.json",
+    "binding.toml",
+    "log.txt",
+)
+"""What a job writes for the pages, the mapping file that it is given, and what it said."""
+
+ID = re.compile(r"[0-9a-f]{24}")
+"""An id, and the only form of one that becomes a path."""
+
+
+def new_id() -> str:
+    """An id that nobody guesses."""
+    return secrets.token_hex(12)
+
+
+def plain_name(name: str) -> str:
+    """What an FMU is called in its run's folder: letters of ASCII, digits, dots and dashes, with the ending ``.fmu``.
+
+    Reports and commands show this name, so that a command can be pasted where the file is.
+    """
+    stem = re.sub(r"\.fmu$", "", name.replace("\\", "/").rpartition("/")[2], flags=re.IGNORECASE)
+    return (re.sub(r"[^A-Za-z0-9._-]+", "_", stem).strip("._-")[:60] or "controller") + ".fmu"
+
+
+@dataclass(frozen=True)
+class Files:
+    """The service's folder ``root``, which :meth:`prepare` makes."""
+
+    root: Path
+
+    @property
+    def database(self) -> Path:
+        """The file of all state."""
+        return self.root / "service.sqlite"
+
+    @property
+    def cache(self) -> Path:
+        """Where jobs extract FMUs. It can be deleted while nothing runs."""
+        return self.root / "cache"
+
+    def prepare(self) -> None:
+        """Make the folders, for nobody else to read.
+
+        Raises :class:`~orchestrator.errors.InputError` if that fails.
+        """
+        prepare_folder(self.root)
+        # FMUs and results are other people's.
+        self.root.chmod(0o700)
+        for name in ("fmus", "runs", "comparisons", "incoming", "cache"):
+            prepare_folder(self.root / name)
+
+    def taken(self) -> FileLock:
+        """The lock on the folder, taken; raises :class:`~orchestrator.errors.InputError` if another service has it."""
+        lock = FileLock(self.root / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            message = f"Another service works in {self.root}. One folder is for one service."
+            raise InputError(message, "folder-in-use", self.root) from None
+        return lock
+
+    def fmu(self, sha256: str) -> Path:
+        """An FMU by the hash of its bytes."""
+        assert re.fullmatch("[0-9a-f]{64}", sha256)
+        return self.root / "fmus" / f"{sha256}.fmu"
+
+    def run(self, id: str) -> Path:
+        """The folder of a run."""
+        return self._by_id("runs", id)
+
+    def comparison(self, id: str) -> Path:
+        """The folder of a comparison."""
+        return self._by_id("comparisons", id)
+
+    def _by_id(self, kind: str, id: str) -> Path:
+        assert ID.fullmatch(id), "ids are checked where they come in"
+        return self.root / kind / id
+
+    def incoming(self) -> Incoming:
+        """Begin to take an upload."""
+        return Incoming(self, self.root / "incoming" / new_id())
+
+    def begin(self, id: str, sha256: str, file_name: str, binding: str) -> Path:
+        """The folder of a run as a job finds it: with its FMU and its mapping file.
+
+        Raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full, or the FMU is gone.
+        """
+        folder = self.run(id)
+        try:
+            folder.mkdir(exist_ok=True)
+            file = folder / file_name
+            if not file.exists():
+                try:
+                    os.link(self.fmu(sha256), file)
+                except OSError:  # file systems without hard links
+                    shutil.copy(self.fmu(sha256), file)
+            (folder / BINDING).write_text(binding, encoding="utf-8")
+        except OSError as problem:
+            message = f"The run's folder cannot be written: {problem.strerror}."
+            raise EnvironmentFault(message, "not-written") from problem
+        return folder
+
+    def forget(self, id: str, names: Iterable[str]) -> None:
+        """Remove files of a run that another binding makes anew."""
+        for name in names:
+            (self.run(id) / name).unlink(missing_ok=True)
+        for folder in (QUICK, EVALUATION):
+            shutil.rmtree(self.run(id) / folder, ignore_errors=True)
+
+    def forget_outcome(self, id: str, name: str) -> None:
+        """Remove the outcome of a stage that is done again."""
+        (self.run(id) / name).unlink(missing_ok=True)
+
+    def remove_run(self, id: str) -> None:
+        """Remove the folder of a run."""
+        shutil.rmtree(self.run(id), ignore_errors=True)
+
+    def remove_comparison(self, id: str) -> None:
+        """Remove the folder of a comparison."""
+        shutil.rmtree(self.comparison(id), ignore_errors=True)
+
+    def remove_fmu(self, sha256: str) -> None:
+        """Remove an FMU, and what jobs have extracted of it."""
+        self.fmu(sha256).unlink(missing_ok=True)
+        shutil.rmtree(self.cache / "fmus" / sha256, ignore_errors=True)
+
+    def sweep(self, ids: set[str], fmus: set[str]) -> None:
+        """Remove what no run or comparison of ``ids``, and none of these ``fmus``, stands for: the end of a service
+        may have come between a row and its folder."""
+        shutil.rmtree(self.root / "incoming", ignore_errors=True)
+        prepare_folder(self.root / "incoming")
+        for kind in ("runs", "comparisons"):
+            for entry in (self.root / kind).iterdir():
+                if entry.name not in ids:
+                    shutil.rmtree(entry, ignore_errors=True)
+        for file in (self.root / "fmus").iterdir():
+            if file.stem not in fmus:
+                file.unlink(missing_ok=True)
+                shutil.rmtree(self.cache / "fmus" / file.stem, ignore_errors=True)
+
+
+class Incoming:
+    """An upload, taken piece by piece; what is not :meth:`kept` is removed by :meth:`close`."""
+
+    def __init__(self, files: Files, file: Path) -> None:
+        self.size, self._files, self._file = 0, files, file
+        self._digest, self._begin = hashlib.sha256(), b""
+        try:
+            self._stream: IO[bytes] = file.open("wb")
+        except OSError as problem:
+            raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem
+
+    def add(self, piece: bytes) -> None:
+        """Store a piece; raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full."""
+        try:
+            self._stream.write(piece)
+        except OSError as problem:
+            raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem
+        self._digest.update(piece)
+        self._begin = (self._begin + piece[:2])[:2]
+        self.size += len(piece)
+
+    def settle(self) -> None:
+        """Have the bytes on the disk, which may take a while; raises as :meth:`add`."""
+        try:
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+        except OSError as problem:
+            raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem
+
+    def kept(self) -> str:
+        """The SHA-256 of the whole, under which it is found from now on. Call :meth:`settle` before.
+
+        Raises :class:`~orchestrator.errors.InputError` for what is no zip file,
+        :class:`~orchestrator.errors.EnvironmentFault` if it cannot be renamed.
+        """
+        if self._begin != BEGINNING:
+            raise InputError("This is no FMU: an FMU is a zip file.", "bad-archive")
+        sha256 = self._digest.hexdigest()
+        try:
+            os.replace(self._file, self._files.fmu(sha256))
+        except OSError as problem:
+            raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem
+        return sha256
+
+    def close(self) -> None:
+        """Remove what was not kept."""
+        with contextlib.suppress(OSError):
+            self._stream.close()
+            self._file.unlink(missing_ok=True)

@@ -1,0 +1,63 @@
+"""What the form for a binding offers: the connectors, and an FMU's variables as far as they can be bound or set."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from ..codec import Scalar
+from ..errors import InputError
+from ..fmi.connectors import CONTROLLER, Connector, bind
+from ..fmi.variables import GIVEN, Variable, variables
+from ..pairing.controller import Controller
+from ..text import spelled
+from .records import ConnectorRecord, Interface, VariableRecord
+
+MOST = 2000
+"""Variables that a form offers; a page of 100,000 helps nobody. Inputs and outputs come first."""
+
+ORDER = ("input", "output", "parameter")
+
+
+def interface_of(controller: Controller) -> Interface:
+    """The interface of a ``controller``: what each connector is bound to now, as far as it is clear.
+
+    Raises :class:`InputError` if its FMU cannot be opened.
+    """
+    by_name = variables(controller.archive.description)
+    given: dict[str, Scalar] = {}
+    mapping: dict[str, str] = {}
+    with suppress(InputError):  # a mapping that does not fit is what the form is to mend
+        given, mapping = dict(controller.setup.parameters), dict(controller.setup.mapping)
+    listed = [variable for variable in by_name.values() if variable.causality in ORDER]
+    listed.sort(key=lambda variable: ORDER.index(variable.causality))
+    shown = [variable for variable in listed if variable.causality == "output" or variable.can_be_set]
+    return Interface(
+        connectors=tuple(_connector(controller, connector, mapping) for connector in CONTROLLER),
+        variables=tuple(map(_variable, shown[:MOST])),
+        left_out=max(len(shown) - MOST, 0),
+        given=given,
+    )
+
+
+def _connector(controller: Controller, connector: Connector, mapping: dict[str, str]) -> ConnectorRecord:
+    """A connector alone: that another one is ambiguous does not hide what is known of this one."""
+    bound: tuple[str, ...] = ()
+    found = ""
+    own = {name: mapping[name] for name in (connector.name, *connector.components()) if name in mapping}
+    with suppress(InputError):
+        binding = bind(controller.archive.description, (connector,), controller.file_name, own)
+        if connector.name in binding:
+            bound = tuple(variable.name for variable in binding[connector.name].variables)
+            found = binding[connector.name].spelled
+    if own and not bound:  # it does not fit, and is what was asked for
+        bound, found = tuple(own.values()), "mapped"
+    return ConnectorRecord(
+        connector.name, connector.unit, connector.meaning, connector.required, connector.causalities, bound, found
+    )
+
+
+def _variable(variable: Variable) -> VariableRecord:
+    start = ", ".join(map(spelled, variable.start)) if variable.causality in GIVEN else ""
+    return VariableRecord(
+        variable.name, variable.causality, variable.type, variable.unit or "", variable.size, start[:500]
+    )

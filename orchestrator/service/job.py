@@ -1,0 +1,215 @@
+"""One stage of a run, in a process of its own: the ordinary check or evaluation, through the public face.
+
+It is started in the run's folder, and reads its task from standard input. That stays open as long as the service lives:
+when it ends, so does the job, and nothing of it is left over. Progress goes to standard output, one line each; the
+outcome is a file, so that it is found even if nobody was there to hear of it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from filelock import FileLock
+
+from ..codec import from_json, to_json
+from ..errors import BenchmarkError, Crash, EnvironmentFault
+from .files import EVALUATION, FINDINGS, INTERFACE, QUICK, SCORECARD
+from .records import Outcome, Progress, Stage, Task
+
+# Imports inside functions: what computes takes seconds to load, and a process that is to end must hear of it before.
+
+if TYPE_CHECKING:
+    from ..benchmark.results import CaseResult
+    from ..conformance.finding import Finding
+    from ..documents.evaluation import Evaluation
+    from ..pairing.controller import Controller
+
+OUTCOME = "{}.json"
+"""The file of a stage's outcome."""
+
+LOCK = "job.lock"
+"""Held by a job: one whose service was killed may last a little longer than the next service needs to start another."""
+
+LOCK_TIME = 120.0
+"""Seconds to wait for it."""
+
+TELL_EVERY = 0.25
+"""Seconds between two messages of progress."""
+
+GRACE = 10.0
+"""Seconds that a job has to end by itself, once its service has."""
+
+EXIT_ORPHANED = 75
+
+ADVICE = {
+    "connector-missing": "Choose its variables in the form below.",
+    "connector-half": "Choose both variables in the form below.",
+    "connector-ambiguous": "Choose one in the form below.",
+    "connector-parameter": "Leave {value} empty in the form below.",
+    "bad-mapping": "Correct the form below.",
+    "no-connector": "Correct the form below.",
+    "no-variable": "Correct the form below.",
+    "wrong-unit": "Choose another variable in the form below.",
+    "undriven-input": "Give it a constant in the form for another binding.",
+    "other-sample-time": "",
+}
+"""What to do about a problem on the page of a run, by its stable code."""
+
+
+def outcome_of(folder: Path, stage: Stage) -> Outcome | None:
+    """The outcome that a job has left in a run's ``folder``; None if there is none, or not a whole one."""
+    file = folder / OUTCOME.format(stage)
+    try:
+        return from_json(file.read_bytes(), Outcome) if file.stat().st_size < 1 << 20 else None
+    except (OSError, ValueError):
+        return None
+
+
+def main() -> int:
+    """Do the task that comes in; returns the exit code, 0 if there is an outcome."""
+    told = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
+    # What a library prints is no message.
+    os.dup2(2, 1)
+    # A service that was started in the background by a script ignores Ctrl-C, and so would its jobs their end.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    task = from_json(sys.stdin.buffer.readline(), Task)
+    threading.Thread(target=_end_with_service, daemon=True).start()
+    with FileLock(LOCK, timeout=LOCK_TIME):
+        outcome = done(task, Path.cwd(), _Teller(told))
+        from ..documents.files import write_text
+
+        write_text(Path(OUTCOME.format(task.stage)), to_json(outcome))
+    return 0
+
+
+def _end_with_service() -> None:
+    """Wait for the end of the service, and end this process as a Ctrl-C does: its workers go with it."""
+    import _thread
+
+    while sys.stdin.buffer.read(1):
+        pass
+    _thread.interrupt_main()
+    time.sleep(GRACE)
+    os._exit(EXIT_ORPHANED)
+
+
+class _Teller:
+    """Tells progress; not every case, as a line for each would be much for those who watch a hundred runs."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream, self._last = stream, 0.0
+
+    def __call__(self, progress: Progress, at_once: bool = False) -> None:
+        now = time.monotonic()
+        if at_once or now - self._last >= TELL_EVERY:
+            self._last = now
+            print(to_json(progress, indent=None), file=self._stream, flush=True)
+
+
+Tell = Callable[[Progress, bool], None]
+
+
+def done(task: Task, folder: Path, tell: Tell) -> Outcome:
+    """The outcome of ``task``, whose files are in ``folder``."""
+    try:
+        outcome = _checked(task, folder, tell) if task.stage == "checking" else _evaluated(task, folder, tell)
+    except EnvironmentFault as fault:
+        outcome = Outcome(task.stage, "fault", str(fault))
+    except Crash as crash:
+        outcome = Outcome(task.stage, "fault" if crash.what == "killed" else "failed", str(crash))
+    except BenchmarkError as error:
+        # This machine lacks it, whatever the controller is.
+        here = getattr(error, "what", "") in ("no-sandbox", "folder-in-use", "no-dask")
+        outcome = Outcome(task.stage, "fault" if here else "failed", str(error))
+    except (OSError, MemoryError) as problem:
+        outcome = Outcome(task.stage, "fault", str(problem) or type(problem).__name__)
+    from msgspec.structs import replace
+
+    return replace(outcome, disk=_size(folder), reason=outcome.reason[:2000])
+
+
+def _size(folder: Path) -> int:
+    """What a folder takes [bytes], without the FMU, which is counted once for all."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file() and file.suffix.lower() != ".fmu")
+
+
+def _controller(task: Task) -> Controller:
+    from ..pairing.controller import Controller
+
+    return Controller(task.file, mapping=task.binding or {})
+
+
+def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
+    """Check the controller; its findings become a piece of a page, and its variables the form for a binding."""
+    from ..api.benchmark import Benchmark
+    from ..conformance.finding import Severity
+    from ..documents.files import write_text
+    from ..documents.findings import Findings
+    from ..views.page import parts_html
+    from .interface import interface_of
+
+    controller = _controller(task)
+    found: list[Finding] = []
+    for finding in Benchmark(sandbox=task.sandbox, workers=task.processes).iter_check(controller):
+        if not found:  # the archive has been opened: who waits may look at the form
+            write_text(folder / INTERFACE, to_json(interface_of(controller)))
+        found.append(finding)
+        tell(Progress(finding=(finding.severity.value, finding.subject, finding.text[:500])), True)
+    findings = Findings(controller.file_name, tuple(found))
+    for finding in found:
+        if advice := ADVICE.get(finding.what, "").format(value=finding.value):
+            findings = findings.advised(finding, advice)
+    write_text(folder / FINDINGS, parts_html(findings.summary().parts))
+    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    if not errors:
+        return Outcome(task.stage, "done", verdict=findings.worst.value)
+    return Outcome(task.stage, "refused", errors[0].text, verdict=findings.worst.value)
+
+
+def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
+    """Evaluate the controller; the store in the folder keeps what is finished."""
+    from ..api.benchmark import Benchmark
+    from ..benchmark.scorecard import cost_so_far
+    from ..documents.commands import evaluate_command
+    from ..documents.files import REPORT, write_text
+    from ..loop.trajectory import Status
+    from ..views.page import parts_html
+
+    place = folder / (QUICK if task.stage == "quick" else EVALUATION)
+    bench = Benchmark(
+        protocol=task.protocol,
+        workers=task.processes,
+        sandbox=task.sandbox,
+        scheduler=task.scheduler or None,
+        command=evaluate_command(task.file, task.binding, task.protocol),
+    )
+    results: list[CaseResult] = []
+
+    def on_result(result: CaseResult, done: int, total: int) -> None:
+        results.append(result)
+        tell(Progress(done, total, cost_so_far(bench.rules, results) if done % 4 == 0 else None), done == total)
+
+    evaluation = bench.evaluate(_controller(task), folder=place, on_result=on_result)
+    evaluation.report(place / REPORT, place)
+    write_text(place / SCORECARD, parts_html(evaluation.summary().parts))
+    return _outcome(task, evaluation, any(case.status is Status.LOST for case in evaluation.cases))
+
+
+def _outcome(task: Task, evaluation: Evaluation, lost: bool) -> Outcome:
+    rank = evaluation.rank
+    return Outcome(task.stage, "done", lost=lost, cost=rank.V, holds=rank.holds, remark=rank.reason)
+
+
+if __name__ == "__main__":
+    try:
+        code = main()
+    except KeyboardInterrupt:
+        code = EXIT_ORPHANED
+    raise SystemExit(code)

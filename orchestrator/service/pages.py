@@ -1,0 +1,431 @@
+"""The pages: HTML of templates, which escape all that they are given, and the live progress."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import AsyncIterator
+from importlib import resources
+from typing import Any
+from urllib.parse import parse_qsl
+
+from markupsafe import Markup
+from starlette.datastructures import UploadFile
+from starlette.formparsers import MultiPartException, MultiPartParser
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from ..codec import Struct, to_json
+from ..documents.compare_page import FILE as COMPARISON
+from ..version import __version__
+from ..views.page import environment, template_text
+from . import accounts, binding
+from .borders import REPORT_POLICY, Refusal, body, whole_body
+from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
+from .people import COOKIE, asking, person_asking, service_of
+from .records import ConnectorRecord, Interface, Run, State, VariableRecord
+from .service import Service
+from .shown import moment, run_view, table
+
+FILES = resources.files(__package__) / "templates"
+
+PIECE_BYTES = 1 << 18
+
+ALIVE = 15.0
+"""Seconds after which a stream without news says that it is alive, so that nothing on the way closes it."""
+
+CALM = 0.3
+"""Seconds between two messages of a stream."""
+
+FEW = 200
+"""Variables that are offered as a list to choose from; of more, a field completes what is typed."""
+
+MAX_FIELDS = 10_000
+
+STATE_WORDS = {
+    State.RECEIVED: "waits for its check",
+    State.CHECKING: "is checked",
+    State.QUICK: "quick evaluation",
+    State.EVALUATING: "evaluation",
+    State.FINISHED: "finished",
+    State.REFUSED: "refused",
+    State.FAILED: "failed",
+    State.CANCELLED: "cancelled",
+}
+
+
+class News(Struct):
+    """A message of a stream: where a run is, for the page that shows it."""
+
+    revision: int
+    final: bool
+    done: int = 0
+    total: int = 0
+    cost: str = ""
+    text: str = ""
+
+
+def page(request: Request, template: str, status: int = 200, **context: Any) -> Response:
+    """A page made of a template."""
+    service = service_of(request)
+    common = {
+        "person": person_asking(request) if service.settings.accounts else None,
+        "warning": service.settings.warning,
+        "version": __version__,
+        "here": request.url.path,
+    }
+    return HTMLResponse(_environment().get_template(template).render({**common, **context}), status)
+
+
+@functools.cache
+def _environment() -> Any:
+    made = environment(lambda name: _own(name) or template_text(name))
+    made.globals |= {"cost": shown_cost, "state_words": state_words}
+    made.filters["moment"] = moment
+    return made
+
+
+def _own(name: str) -> str | None:
+    file = FILES / name
+    return file.read_text(encoding="utf-8") if file.is_file() else None
+
+
+def shown_cost(value: float | None) -> str:
+    """V for people."""
+    return "–" if value is None else f"{value:.1f}"
+
+
+def state_words(run: Run) -> str:
+    """Where a run is, in words."""
+    waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING) and not run.running
+    return ("waits for its " if waits else "") + STATE_WORDS[run.state]
+
+
+async def start(request: Request) -> Response:
+    """Where an FMU is dropped, with one's own runs and the table of all."""
+    service = service_of(request)
+    person = person_asking(request)
+    if person is None:
+        return RedirectResponse("/join", 303)
+    runs = service.database.runs_of(person.id)
+    limits = service.settings.limits
+    return page(
+        *(request, "start.html"),
+        runs=runs,
+        rows=table(service, person.id),
+        accounts=service.settings.accounts,
+        most=limits.upload,
+        protocol=service.settings.conduct.protocol,
+    )
+
+
+async def submit(request: Request) -> Response:
+    """Take an FMU from a form; a page with scripts sends it to the JSON face, and shows how far it is."""
+    service, person = asking(request)
+    limits = service.settings.limits
+    pieces = body(request, limits.upload + (1 << 20), limits.patience, limits.upload_time)
+    service.check_quota(person)
+    try:
+        form = await MultiPartParser(request.headers, pieces, max_files=1, max_fields=2).parse()  # type: ignore[arg-type]
+    except MultiPartException as problem:
+        raise Refusal(400, f"This is no upload: {problem.message}") from None
+    except KeyError:
+        raise Refusal(400, "This is no upload.") from None
+    file = form.get("file")
+    if not isinstance(file, UploadFile) or not file.filename:
+        raise Refusal(400, "Choose an FMU first.")
+    run = await service.accept(person, file.filename, _pieces(file))
+    await form.close()
+    return RedirectResponse(f"/runs/{run.id}", 303)
+
+
+async def _pieces(file: UploadFile) -> AsyncIterator[bytes]:
+    while piece := await file.read(PIECE_BYTES):
+        yield piece
+
+
+async def run_page(request: Request) -> Response:
+    """A run: where it is, what was found, its results, and the form for another binding."""
+    service, person = asking(request)
+    return _run_page(request, service, service.own(person, request.path_params["id"]))
+
+
+def _run_page(
+    request: Request,
+    service: Service,
+    run: Run,
+    problem: str = "",
+    typed: dict[str, str] | None = None,
+    status: int = 200,
+) -> Response:
+    interface = service.interface(run)
+    here = EVALUATION if run.state is State.FINISHED else QUICK
+    card = service.piece(run, here, SCORECARD)
+    return page(
+        *(request, "run.html", status),
+        run=run,
+        view=run_view(service, run),
+        findings=Markup(service.piece(run, FINDINGS)),
+        scorecard=Markup(card),
+        place=here,
+        files=[name for name in SHOWN if (service.files.run(run.id) / here / name).is_file()],
+        fields=[] if interface is None else fields(interface, typed or {}),
+        settable=[]
+        if interface is None
+        else [(v, _given(interface, v, typed or {})) for v in binding.values(interface)],
+        left_out=0 if interface is None else interface.left_out,
+        problem=problem,
+        open=bool(problem) or (run.state is State.REFUSED and interface is not None),
+        few=FEW,
+        protocol=service.settings.conduct.protocol,
+    )
+
+
+Field = tuple[ConnectorRecord, list[tuple[str, str]], list[VariableRecord]]
+"""A connector, the names and values of its two fields, and what they offer."""
+
+
+def fields(interface: Interface, typed: dict[str, str]) -> list[Field]:
+    """The fields of the form, as they were ``typed``, else as the connectors are bound."""
+    found: list[Field] = []
+    for connector in interface.connectors:
+        bound = (*connector.bound, "", "")[:2]
+        parts = [
+            (part, typed.get(f"map:{part}", now))
+            for part, now in zip(binding.components(connector), bound, strict=True)
+        ]
+        found.append((connector, parts, binding.candidates(interface, connector)))
+    return found
+
+
+def _given(interface: Interface, variable: VariableRecord, typed: dict[str, str]) -> str:
+    if (text := typed.get(f"set:{variable.name}")) is not None:
+        return text
+    values = [interface.given.get(name) for name in (variable.name, *_elements(variable))]
+    return ", ".join(_spelled(value) for value in values if value is not None)
+
+
+def _elements(variable: VariableRecord) -> list[str]:
+    return [f"{variable.name}[{number}]" for number in range(1, variable.size + 1)] if 1 < variable.size <= 100 else []
+
+
+def _spelled(value: bool | int | float | str) -> str:
+    return ("true" if value else "false") if isinstance(value, bool) else str(value)
+
+
+async def bind(request: Request) -> Response:
+    """Bind by the form."""
+    service, person = asking(request)
+    run = service.own(person, request.path_params["id"])
+    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
+    try:
+        typed = dict(parse_qsl(text, max_num_fields=MAX_FIELDS, keep_blank_values=True))
+    except ValueError:
+        raise Refusal(400, "This form has too many fields.") from None
+    chosen, given = (
+        {name.removeprefix(kind): value for name, value in typed.items() if name.startswith(kind)}
+        for kind in ("map:", "set:")
+    )
+    try:
+        bound = service.bind_by_form(run, chosen, given)
+    except ValueError as problem:
+        raise Refusal(400, str(problem)) from None
+    return RedirectResponse(f"/runs/{bound.id}", 303)
+
+
+async def cancel(request: Request) -> Response:
+    """End a run."""
+    service, person = asking(request)
+    run = service.cancel(service.own(person, request.path_params["id"]))
+    return RedirectResponse(f"/runs/{run.id}", 303)
+
+
+async def retry(request: Request) -> Response:
+    """Begin again with a run."""
+    service, person = asking(request)
+    run = service.retry(service.own(person, request.path_params["id"]))
+    return RedirectResponse(f"/runs/{run.id}", 303)
+
+
+async def remove(request: Request) -> Response:
+    """Delete a run."""
+    service, person = asking(request)
+    service.remove(service.own(person, request.path_params["id"]))
+    return RedirectResponse("/", 303)
+
+
+async def file(request: Request) -> Response:
+    """A file of an evaluation; a report in a world of its own."""
+    service, person = asking(request)
+    names = request.path_params
+    found = service.file(service.own(person, names["id"]), names["place"], names["file"])
+    if found.suffix == ".html":
+        return FileResponse(found, media_type=SHOWN[found.name], headers={"content-security-policy": REPORT_POLICY})
+    return FileResponse(found, media_type=SHOWN[found.name], filename=found.name)
+
+
+async def mapping(request: Request) -> Response:
+    """The mapping file that was used, for one's own machine."""
+    service, person = asking(request)
+    run = service.own(person, request.path_params["id"])
+    headers = {"content-disposition": "attachment; filename=binding.toml"}
+    return Response(run.binding, media_type="application/toml", headers=headers)
+
+
+async def compare(request: Request) -> Response:
+    """Compare the runs that were ticked."""
+    service, person = asking(request)
+    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
+    try:
+        ids = [value for name, value in parse_qsl(text, max_num_fields=300) if name == "run"]
+    except ValueError:
+        raise Refusal(400, "These are too many runs.") from None
+    return RedirectResponse(f"/comparisons/{await service.compare(person, ids)}", 303)
+
+
+async def comparison(request: Request) -> Response:
+    """A comparison."""
+    service, person = asking(request)
+    id = request.path_params["id"]
+    return page(request, "comparison.html", id=id, runs=service.comparison(person, id))
+
+
+async def comparison_page(request: Request) -> Response:
+    """The ordinary page of a comparison, in a world of its own."""
+    service, person = asking(request)
+    id = request.path_params["id"]
+    service.comparison(person, id)
+    place = service.files.comparison(id) / COMPARISON
+    if not place.is_file():
+        raise Refusal(404, "There is no such comparison any more. Make it again.")
+    return FileResponse(
+        place, media_type="text/html; charset=utf-8", headers={"content-security-policy": REPORT_POLICY}
+    )
+
+
+async def events(request: Request) -> Response:
+    """The live progress of a run."""
+    service, person = asking(request)
+    run = service.own(person, request.path_params["id"])
+    return _stream(request, person.id, lambda: _news(service, run.id))
+
+
+async def all_events(request: Request) -> Response:
+    """That something has changed among one's runs."""
+    service, person = asking(request)
+
+    def news() -> News:
+        runs = service.database.runs_of(person.id)
+        # Runs that are deleted count as well, and those of others change the table.
+        ended = len(table(service, person.id))
+        return News(sum(run.revision + 1 for run in runs) * 1000 + ended, False)
+
+    return _stream(request, person.id, news)
+
+
+def _news(service: Service, id: str) -> News:
+    run = service.database.run(id)
+    if run is None:
+        return News(-1, True)
+    live = service.runner.live.get(id)
+    if live is None:
+        return News(run.revision, run.state.is_final)
+    last = live.findings[-1] if live.findings and run.state is State.CHECKING else None
+    text = f"{last[1]}: {last[2]}" if last else ""
+    progress = live.progress
+    cost = "" if progress.cost is None else shown_cost(progress.cost)
+    return News(run.revision, run.state.is_final, progress.done, progress.total, cost, text)
+
+
+def _stream(request: Request, person: str, news: Any) -> Response:
+    """Server-sent events: a message whenever ``news()`` gives another one."""
+    service = service_of(request)
+    if service.streams[person] >= service.settings.limits.streams:
+        raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
+
+    async def messages() -> AsyncIterator[str]:
+        service.streams[person] += 1
+        try:
+            last = None
+            while not service.closing:
+                told = news()
+                if told != last:
+                    last = told
+                    yield f"data: {to_json(told, indent=None)}\n\n"
+                    if told.final:
+                        return
+                    await asyncio.sleep(CALM)
+                elif not await service.runner.news(ALIVE):
+                    yield ": alive\n\n"
+        finally:
+            service.streams[person] -= 1
+
+    return StreamingResponse(messages(), media_type="text/event-stream")
+
+
+async def join(request: Request) -> Response:
+    """Where an invitation leads."""
+    return page(request, "join.html", problem="")
+
+
+async def come_in(request: Request) -> Response:
+    """Come in by a key."""
+    service = service_of(request)
+    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
+    key = dict(parse_qsl(text, max_num_fields=5)).get("key", "")
+    person = accounts.known(service.database, key[:200])
+    if person is None:
+        return page(
+            request, "join.html", 403, problem="This invitation is not known here, or a newer one has replaced it."
+        )
+    answer = RedirectResponse("/", 303)
+    secure = request.url.scheme == "https"
+    token = accounts.begin_session(service.database, person)
+    age = int(accounts.SESSION_TIME)
+    answer.set_cookie(COOKIE, token, max_age=age, httponly=True, samesite="strict", secure=secure)
+    return answer
+
+
+async def leave(request: Request) -> Response:
+    """End the session."""
+    service, _ = asking(request)
+    service.database.end_session(accounts.hashed(request.cookies.get(COOKIE, "")))
+    answer = RedirectResponse("/join", 303)
+    answer.delete_cookie(COOKIE)
+    return answer
+
+
+async def static(request: Request) -> Response:
+    """The style and the script of all pages."""
+    name = request.path_params["name"]
+    if name == "style.css":
+        return Response(template_text("style.css") + (_own("service.css") or ""), media_type="text/css")
+    if name == "service.js":
+        return Response(_own("service.js") or "", media_type="text/javascript")
+    raise Refusal(404, "There is no such page.")
+
+
+def routes() -> list[Route]:
+    """The routes of all pages."""
+    get, post = ["GET"], ["POST"]
+    return [
+        Route("/", start, methods=get),
+        Route("/events", all_events, methods=get),
+        Route("/join", join, methods=get),
+        Route("/join", come_in, methods=post),
+        Route("/leave", leave, methods=post),
+        Route("/runs", submit, methods=post),
+        Route("/runs/{id}", run_page, methods=get),
+        Route("/runs/{id}/events", events, methods=get),
+        Route("/runs/{id}/binding", bind, methods=post),
+        Route("/runs/{id}/binding.toml", mapping, methods=get),
+        Route("/runs/{id}/cancel", cancel, methods=post),
+        Route("/runs/{id}/retry", retry, methods=post),
+        Route("/runs/{id}/delete", remove, methods=post),
+        Route("/runs/{id}/{place}/{file}", file, methods=get),
+        Route("/comparisons", compare, methods=post),
+        Route("/comparisons/{id}", comparison, methods=get),
+        Route("/comparisons/{id}/page", comparison_page, methods=get),
+        Route("/static/{name}", static, methods=get),
+    ]

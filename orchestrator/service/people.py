@@ -1,0 +1,39 @@
+"""Who asks: the session of a browser, the key of a program, or the one person of a service without accounts."""
+
+from __future__ import annotations
+
+from starlette.requests import Request
+
+from . import accounts
+from .borders import Refusal
+from .records import Person
+from .service import Service
+
+COOKIE = "session"
+
+
+def service_of(request: Request) -> Service:
+    """The service that is asked."""
+    found = request.app.state.service
+    assert isinstance(found, Service)
+    return found
+
+
+def person_asking(request: Request) -> Person | None:
+    """Who asks; None if that is nobody known."""
+    service = service_of(request)
+    if not service.settings.accounts:
+        return accounts.LOCAL
+    scheme, _, key = request.headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer":
+        return accounts.known(service.database, key)
+    token = request.cookies.get(COOKIE)
+    return accounts.in_session(service.database, token) if token else None
+
+
+def asking(request: Request) -> tuple[Service, Person]:
+    """The service and who asks; raises :class:`.Refusal` for a stranger."""
+    person = person_asking(request)
+    if person is None:
+        raise Refusal(401, "Come in by your invitation first.")
+    return service_of(request), person

@@ -1,0 +1,309 @@
+"""Runs what waits: a process for each stage, watched, ended with the service, and heard of by whoever looks on.
+
+All of it happens in the one thread of the service; what takes long is in the jobs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import sys
+import time
+from asyncio.subprocess import PIPE, Process
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..cache import VARIABLE
+from ..codec import from_json, to_json
+from ..errors import BenchmarkError
+from ..text import printable
+from . import queue, states
+from .database import Changed, Database
+from .files import BINDING, LOG, Files
+from .job import OUTCOME, outcome_of
+from .records import STAGES, Conduct, Outcome, Progress, Run, Stage, Task
+
+JOB = ("-m", f"{__package__}.job")
+"""What the interpreter is started with."""
+
+LOOK_EVERY = 1.0
+"""Seconds between two looks for what waits, beside those when something happens: a delay may have passed."""
+
+END_TIME = 15.0
+"""Seconds that a job has to end when it is told to."""
+
+MAX_LINE = 1 << 16
+"""Longest message of a job [bytes]."""
+
+MAX_LOG = 1 << 16
+"""What is kept of a job's log [bytes] in the reason of a fault, and in a folder when it begins again."""
+
+MAX_FINDINGS = 200
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class Live:
+    """What is known of a stage under way: its process, the latest progress, the findings of a check so far."""
+
+    run: Run
+    process: Process | None = None
+    progress: Progress = field(default_factory=Progress)
+    findings: deque[tuple[str, str, str]] = field(default_factory=lambda: deque(maxlen=MAX_FINDINGS))
+    unwanted: bool = False
+
+
+class Runner:
+    """Gives the runs of a database their stages, one process each."""
+
+    def __init__(self, database: Database, files: Files, conduct: Conduct, job: tuple[str, ...] = JOB) -> None:
+        self._database, self._files, self._conduct, self._job = database, files, conduct, job
+        self.live: dict[str, Live] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._woken, self._news = asyncio.Event(), asyncio.Event()
+        self._closing = False
+
+    def recover(self) -> None:
+        """After the end of an earlier service: what was under way is queued again, and nothing is left lying about."""
+        for run in self._database.running():
+            self._database.change(run, *states.interrupted(run), time.time())
+        self._files.sweep(self._database.ids(), self._database.files())
+
+    def wake(self) -> None:
+        """There is something new: for the queue, and for those who look on."""
+        self._woken.set()
+        news, self._news = self._news, asyncio.Event()
+        news.set()
+
+    async def news(self, timeout: float) -> bool:
+        """Wait until something has happened to any run; False if nothing has for so long [s]."""
+        try:
+            await asyncio.wait_for(self._news.wait(), timeout)
+        except asyncio.TimeoutError:
+            return False
+        return True
+
+    def place(self, run: Run) -> int | None:
+        """How many stages of the same length begin before that of a run; None if it does not wait."""
+        return queue.places(self._database.waiting(), self._database.served()).get(run.id)
+
+    async def work(self) -> None:
+        """Start what may begin, for ever."""
+        while True:
+            self._woken.clear()
+            try:
+                while (run := self._next()) is not None:
+                    self._start(run)
+            except BenchmarkError as problem:
+                # A full disk or a locked database: it is looked for again, and nothing is lost.
+                logger.warning("%s", problem)
+                await asyncio.sleep(LOOK_EVERY)
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._woken.wait(), LOOK_EVERY)
+
+    async def close(self) -> None:
+        """End all jobs. Their stages begin again with the next service."""
+        self._closing = True
+        tasks = list(self._tasks)
+        for live in self.live.values():
+            _let_go(live.process)
+        if tasks:
+            await asyncio.wait(tasks, timeout=END_TIME)
+        for live in self.live.values():
+            _kill(live.process)
+
+    def cancel(self, run: Run) -> Run:
+        """End a run; raises :class:`.Changed` if it is another by now."""
+        after = self._database.change(run, *states.cancelled(run), time.time())
+        self._drop(run.id)
+        self.wake()
+        return after
+
+    def remove(self, run: Run) -> None:
+        """Remove a run and all that is its own. What a job may still write into its folder goes when it has ended."""
+        comparisons = self._database.comparisons_with(run.id)
+        self._database.remove_run(run.id)
+        for id in comparisons:  # they show its results
+            self._database.remove_comparison(id)
+            self._files.remove_comparison(id)
+        self._drop(run.id)
+        self._clear(run)
+        self.wake()
+
+    def _clear(self, run: Run) -> None:
+        self._files.remove_run(run.id)
+        if not self._database.is_used(run.sha256):
+            self._files.remove_fmu(run.sha256)
+
+    def _drop(self, id: str) -> None:
+        if (live := self.live.get(id)) is not None:
+            live.unwanted = True
+            _let_go(live.process)
+
+    def begin_anew(self, run: Run, binding: str) -> Run:
+        """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
+        after = self._database.change(run, *states.bound(run, binding), time.time())
+        self._files.forget(run.id, map(OUTCOME.format, STAGES))
+        self.wake()
+        return after
+
+    def retry(self, run: Run) -> Run:
+        """Begin again with a run that failed or was cancelled; raises :class:`.Changed` if it is another by now."""
+        for stage in STAGES:
+            self._files.forget_outcome(run.id, OUTCOME.format(stage))
+        after = self._database.change(run, *states.retried(run), time.time())
+        self.wake()
+        return after
+
+    def _next(self) -> Run | None:
+        if self._closing:
+            return None
+        # One that was cancelled and begun again waits until its former process has ended.
+        waiting = [run for run in self._database.waiting() if run.id not in self.live]
+        under_way = [live.run for live in self.live.values()]
+        return queue.chosen(waiting, under_way, self._database.served(), self._conduct.evaluations, time.time())
+
+    def _start(self, run: Run) -> None:
+        assert run.stage is not None
+        folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
+        run = self._database.change(run, *states.started(run, time.time()), time.time())
+        live = self.live[run.id] = Live(run)
+        task = asyncio.create_task(self._watch(live, folder))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        self.wake()
+
+    async def _watch(self, live: Live, folder: Path) -> None:
+        """One stage from its start to its outcome."""
+        stage = live.run.stage
+        assert stage is not None
+        try:
+            outcome = outcome_of(folder, stage)
+            # An earlier service may have ended between the outcome and the change that tells of it.
+            if outcome is None:
+                outcome = await self._done(live, folder, stage)
+        except OSError as problem:
+            outcome = Outcome(stage, "fault", f"the job could not be started: {problem.strerror or problem}")
+        finally:
+            _kill(live.process)
+        await self._settle(live, stage, outcome)
+
+    async def _settle(self, live: Live, stage: Stage, outcome: Outcome) -> None:
+        """Store the outcome, which is tried until it is stored: a full disk may have room again."""
+        while not (live.unwanted or self._closing):
+            try:
+                after, text = states.ended(live.run, outcome, time.time())
+                if not after.state.is_final and after.state is live.run.state:
+                    # Before the change: else the next attempt would take this outcome for its own.
+                    self._files.forget_outcome(live.run.id, OUTCOME.format(stage))
+                self._database.change(live.run, after, text, time.time())
+                break
+            except Changed:  # cancelled or removed meanwhile
+                break
+            except BenchmarkError as problem:
+                logger.warning("%s", problem)
+                await asyncio.sleep(LOOK_EVERY)
+        self.live.pop(live.run.id, None)
+        if self._database.run(live.run.id) is None:
+            self._clear(live.run)
+        self.wake()
+
+    async def _done(self, live: Live, folder: Path, stage: Stage) -> Outcome:
+        log = folder / LOG
+        with log.open("wb") as stream:
+            live.process = process = await asyncio.create_subprocess_exec(
+                *(sys.executable, *self._job),
+                cwd=folder,
+                stdin=PIPE,
+                stdout=PIPE,
+                stderr=stream,
+                env=environment(self._files),
+                limit=MAX_LINE,
+                # A Ctrl-C in the service's terminal is not for its jobs: it tells them itself.
+                start_new_session=True,
+            )
+        assert process.stdin is not None and process.stdout is not None
+        with contextlib.suppress(ConnectionError):
+            process.stdin.write(to_json(self._task(live.run, stage), indent=None).encode() + b"\n")
+            await process.stdin.drain()
+        if live.unwanted or self._closing:
+            _let_go(process)
+        try:
+            await asyncio.wait_for(self._listen(live, process), self._conduct.stage_time)
+            code = await asyncio.wait_for(process.wait(), END_TIME)
+        except asyncio.TimeoutError:
+            _kill(process)
+            await process.wait()
+            limit = f"{states.WORDS[stage]} took longer than {self._conduct.stage_time:g} s"
+            return Outcome(stage, "failed", limit)
+        outcome = outcome_of(folder, stage)
+        if code == 0 and outcome is not None:
+            return outcome
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with the exit code {code}"
+        return Outcome(stage, "fault", f"the process of {states.WORDS[stage]} {how}{_last_line(log)}")
+
+    async def _listen(self, live: Live, process: Process) -> None:
+        """Take the messages of a job until it has no more."""
+        assert process.stdout is not None
+        while True:
+            try:
+                line = await process.stdout.readline()
+            except ValueError:  # longer than any message
+                continue
+            if not line:
+                return
+            with contextlib.suppress(ValueError):
+                progress = from_json(line, Progress)
+                if progress.finding is not None:
+                    live.findings.append(progress.finding)
+                else:
+                    cost = live.progress.cost if progress.cost is None else progress.cost
+                    live.progress = Progress(progress.done, progress.total, cost)
+                self.wake()
+
+    def _task(self, run: Run, stage: Stage) -> Task:
+        conduct = self._conduct
+        return Task(
+            stage=stage,
+            file=run.file_name,
+            binding=BINDING if run.binding else "",
+            protocol=conduct.quick_protocol if stage == "quick" else conduct.protocol,
+            processes=conduct.processes,
+            sandbox=conduct.sandbox,
+            scheduler=conduct.scheduler if stage == "evaluating" else "",
+        )
+
+
+def environment(files: Files) -> Mapping[str, str]:
+    """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted."""
+    return {**os.environ, VARIABLE: str(files.cache), "PYTHONUNBUFFERED": "1"}
+
+
+def _let_go(process: Process | None) -> None:
+    """Tell a job to end: it does when its standard input is closed."""
+    if process is not None and process.stdin is not None:
+        process.stdin.close()
+
+
+def _kill(process: Process | None) -> None:
+    """End what is left of a job, with all processes of its session."""
+    if process is not None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _last_line(log: Path) -> str:
+    """What a job said last."""
+    try:
+        with log.open("rb") as stream:
+            stream.seek(max(log.stat().st_size - MAX_LOG, 0))
+            lines = printable(stream.read(MAX_LOG)).strip().splitlines()
+    except OSError:
+        return ""
+    return f": {lines[-1][:300]}" if lines else ""

@@ -1,0 +1,104 @@
+"""What becomes of a run when something happens to it: pure functions from a run to its next form, with a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from .records import STAGES, Outcome, Run, Stage, State
+
+MAX_ATTEMPTS = 3
+"""Times that a stage is begun before a fault of the machine counts as the end."""
+
+MAX_INTERRUPTIONS = 100
+"""The same for a stage that was under way when the service itself ended. A run that brings the whole machine down would
+else do so after every start; the bound is large, since an operator may restart often."""
+
+DELAYS = (2.0, 30.0)
+"""Seconds before the second and the third attempt: a full disk or memory needs time to be freed."""
+
+WORDS: Mapping[Stage, str] = {"checking": "the check", "quick": "the quick evaluation", "evaluating": "the evaluation"}
+
+Change = tuple[Run, str]
+"""The next form of a run, and what is told of the change."""
+
+
+def started(run: Run, now: float) -> Change:
+    """A process begins with its next stage."""
+    assert run.stage is not None, run.state
+    begun = replace(run, state=State(run.stage), running=True, started=now, not_before=0.0)
+    again = f", attempt {run.attempts + 1} of {MAX_ATTEMPTS}" if run.attempts else ""
+    return begun, f"{WORDS[run.stage]} has begun{again}"
+
+
+def ended(run: Run, outcome: Outcome, now: float) -> Change:
+    """The stage has ended with an ``outcome``. What the machine lost is tried again, while the controller's own faults
+    are final: they would only be repeated."""
+    disk = outcome.disk or run.disk
+    if outcome.kind == "fault" or (outcome.lost and run.attempts + 1 < MAX_ATTEMPTS):
+        return _again(replace(run, disk=disk), outcome.reason or "cases were lost to this machine", now)
+    at_rest = replace(run, running=False, attempts=0, interruptions=0, not_before=0.0, disk=disk, reason="")
+    if outcome.kind == "refused":
+        refused = replace(at_rest, state=State.REFUSED, reason=outcome.reason, verdict=outcome.verdict)
+        return refused, f"refused: {outcome.reason}"
+    if outcome.kind == "failed":
+        return replace(at_rest, state=State.FAILED, reason=outcome.reason), f"failed: {outcome.reason}"
+    if outcome.stage == "checking":
+        passed = replace(at_rest, state=State.QUICK, verdict=outcome.verdict)
+        return passed, "the check has passed"
+    if outcome.stage == "quick":
+        return replace(at_rest, state=State.EVALUATING, quick_cost=outcome.cost), "the quick evaluation has ended"
+    finished = replace(at_rest, state=State.FINISHED, cost=outcome.cost, holds=outcome.holds, remark=outcome.remark)
+    return finished, "finished"
+
+
+def _again(run: Run, reason: str, now: float) -> Change:
+    attempts = run.attempts + 1
+    if attempts >= MAX_ATTEMPTS:
+        text = f"{reason} (this machine failed {attempts} times; nothing is held against the controller)"
+        return replace(run, state=State.FAILED, running=False, attempts=0, reason=text), f"failed: {text}"
+    delay = DELAYS[min(attempts, len(DELAYS)) - 1]
+    waiting = replace(run, running=False, attempts=attempts, not_before=now + delay, reason=reason)
+    return waiting, f"a fault of this machine: {reason}; it is tried again in {delay:g} s"
+
+
+def interrupted(run: Run) -> Change:
+    """The service ended while a stage was under way: it is queued again."""
+    times = run.interruptions + 1
+    if times >= MAX_INTERRUPTIONS:
+        text = f"the service has ended {times} times during this stage"
+        return replace(run, state=State.FAILED, running=False, interruptions=0, reason=text), f"failed: {text}"
+    return replace(run, running=False, interruptions=times), "queued again after an end of the service"
+
+
+def cancelled(run: Run) -> Change:
+    """Its owner wants no more of it."""
+    return replace(run, state=State.CANCELLED, running=False, attempts=0, not_before=0.0, reason=""), "cancelled"
+
+
+def retried(run: Run) -> Change:
+    """A run that failed or was cancelled begins again where it was; what is finished is found in its store."""
+    return replace(run, state=State.RECEIVED, attempts=0, interruptions=0, not_before=0.0, reason=""), "begun again"
+
+
+def bound(run: Run, binding: str) -> Change:
+    """A refused run gets another binding, and begins again."""
+    changed = replace(run, binding=binding, state=State.RECEIVED, attempts=0, not_before=0.0, reason="", verdict="")
+    return changed, "bound anew"
+
+
+def steps(run: Run) -> tuple[tuple[str, str], ...]:
+    """The stages, and where each is: ``"done"``, ``"now"``, ``"next"`` or ``"left out"``."""
+    if run.state is State.FINISHED:
+        return tuple((stage, "done") for stage in STAGES)
+    here = STAGES.index(run.stage) if run.stage is not None else _reached(run)
+    words = "left out" if run.state.is_final else "next"
+    now = "ended" if run.state.is_final else "now"
+    return tuple(
+        (stage, "done" if place < here else now if place == here else words) for place, stage in enumerate(STAGES)
+    )
+
+
+def _reached(run: Run) -> int:
+    """The stage that a run ended in before its time."""
+    return 2 if run.quick_cost is not None else 1 if run.verdict and run.state is not State.REFUSED else 0
