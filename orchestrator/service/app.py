@@ -51,11 +51,8 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
                     yield
                 finally:
                     service.closing = True
-                    runner.wake()
                     await runner.close()
-                    work.cancel()
-                    with contextlib.suppress(asyncio.CancelledError):
-                        await work
+                    await work
             finally:
                 database.close()
 

@@ -135,7 +135,10 @@ class Files:
                     os.link(self.fmu(sha256), file)
                 except OSError:  # file systems without hard links
                     shutil.copy(self.fmu(sha256), file)
-            (folder / BINDING).write_text(binding, encoding="utf-8")
+            if binding:
+                (folder / BINDING).write_text(binding, encoding="utf-8")
+            else:
+                (folder / BINDING).unlink(missing_ok=True)
         except OSError as problem:
             message = f"The run's folder cannot be written: {problem.strerror}."
             raise EnvironmentFault(message, "not-written") from problem

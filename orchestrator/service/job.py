@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -79,7 +78,7 @@ def main() -> int:
     os.dup2(2, 1)
     # A service that was started in the background by a script ignores Ctrl-C, and so would its jobs their end.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    task = from_json(sys.stdin.buffer.readline(), Task)
+    task = from_json(_line(0), Task)
     threading.Thread(target=_end_with_service, daemon=True).start()
     with FileLock(LOCK, timeout=LOCK_TIME):
         outcome = done(task, Path.cwd(), _Teller(told))
@@ -89,11 +88,20 @@ def main() -> int:
     return 0
 
 
+def _line(stream: int) -> bytes:
+    """The first line of a stream, and no byte more."""
+    line = b""
+    while not line.endswith(b"\n") and (byte := os.read(stream, 1)):
+        line += byte
+    return line
+
+
 def _end_with_service() -> None:
     """Wait for the end of the service, and end this process as a Ctrl-C does: its workers go with it."""
     import _thread
 
-    while sys.stdin.buffer.read(1):
+    # Not sys.stdin, whose lock this thread would hold when the interpreter ends, which then aborts.
+    while os.read(0, 1):
         pass
     _thread.interrupt_main()
     time.sleep(GRACE)

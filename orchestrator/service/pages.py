@@ -18,6 +18,7 @@ from starlette.routing import Route
 
 from ..codec import Struct, to_json
 from ..documents.compare_page import FILE as COMPARISON
+from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
@@ -229,8 +230,8 @@ async def bind(request: Request) -> Response:
     )
     try:
         bound = service.bind_by_form(run, chosen, given)
-    except ValueError as problem:
-        raise Refusal(400, str(problem)) from None
+    except InputError as problem:  # what was typed is not lost
+        return _run_page(request, service, run, str(problem), typed, 400)
     return RedirectResponse(f"/runs/{bound.id}", 303)
 
 

@@ -94,8 +94,9 @@ class Runner:
         return queue.places(self._database.waiting(), self._database.served()).get(run.id)
 
     async def work(self) -> None:
-        """Start what may begin, for ever."""
-        while True:
+        """Start what may begin, until :meth:`close`."""
+        # No cancellation: wait_for of Python 3.11 loses one that comes together with what it waits for.
+        while not self._closing:
             self._woken.clear()
             try:
                 while (run := self._next()) is not None:
@@ -110,6 +111,7 @@ class Runner:
     async def close(self) -> None:
         """End all jobs. Their stages begin again with the next service."""
         self._closing = True
+        self.wake()
         tasks = list(self._tasks)
         for live in self.live.values():
             _let_go(live.process)
@@ -242,8 +244,8 @@ class Runner:
             await process.wait()
             limit = f"{states.WORDS[stage]} took longer than {self._conduct.stage_time:g} s"
             return Outcome(stage, "failed", limit)
-        outcome = outcome_of(folder, stage)
-        if code == 0 and outcome is not None:
+        # It is written last of all: how the process ended after that does not matter.
+        if (outcome := outcome_of(folder, stage)) is not None:
             return outcome
         how = f"was ended by signal {-code}" if code < 0 else f"ended with the exit code {code}"
         return Outcome(stage, "fault", f"the process of {states.WORDS[stage]} {how}{_last_line(log)}")

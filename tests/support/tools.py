@@ -86,7 +86,8 @@ PACKAGES = {
     "beacon": ("py_ecc",),
     "gymnasium": ("gymnasium", "greenlet"),
     "onnx": ("onnxruntime",),
-    "test": ("onnx", "playwright", "axe_playwright_python", "nbclient", "nbformat", "jsonschema"),
+    "service": ("starlette", "uvicorn", "python_multipart"),
+    "test": ("onnx", "playwright", "axe_playwright_python", "nbclient", "nbformat", "jsonschema", "httpx2"),
 }
 """Optional Python packages by the extra that installs them."""
 

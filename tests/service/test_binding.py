@@ -1,0 +1,97 @@
+"""From the form to the mapping file, and to the controller that the file describes."""
+
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orchestrator import Controller, InputError
+from orchestrator.bounded import read_toml
+from orchestrator.service import binding
+from orchestrator.service.interface import interface_of
+from orchestrator.service.records import ConnectorRecord, Interface, VariableRecord
+
+
+def variable(name: str, causality: str = "input", kind: str = "Real", size: int = 1, **rest) -> VariableRecord:
+    return VariableRecord(name, causality, kind, "rad", size, **rest)
+
+
+CONNECTORS = (
+    ConnectorRecord("q_m", "rad", "angles", False, ("input",)),
+    ConnectorRecord("u_m", "N.m", "torques", True, ("output",)),
+)
+VARIABLES = (
+    *map(variable, ("In1", "In2", 'od"d\\\n[', "free")),
+    variable("both", size=2),
+    *(variable(name, "output") for name in ("Out1", "Out2")),
+    variable("K", "parameter"),
+    variable("on", "parameter", "Boolean"),
+    variable("mode", "parameter", "Enumeration"),
+    variable("row", "parameter", size=3),
+    variable("label", "parameter", "String"),
+)
+INTERFACE = Interface(CONNECTORS, VARIABLES)
+
+
+def file_of(chosen: dict[str, str], given: dict[str, str] | None = None) -> dict:
+    return loaded(binding.mapping_file(INTERFACE, chosen, given or {}))
+
+
+def loaded(text: str) -> dict:
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "binding.toml"
+        file.write_text(text, encoding="utf-8")
+        return read_toml(file)
+
+
+def test_a_form_becomes_a_mapping_file_whatever_the_names_are():
+    chosen = {"q_m[1]": "In1", "q_m[2]": 'od"d\\\n[', "u_m[1]": "Out1", "u_m[2]": "Out2"}
+    given = {"K": "1e-3", "on": "TRUE", "mode": "Manual", "row": "1, 2;3", "label": "a b", "free": " "}
+    assert file_of(chosen, given) == {
+        "map": chosen,
+        "parameters": {"K": 1e-3, "on": True, "mode": "Manual", "row": [1.0, 2.0, 3.0], "label": "a b"},
+    }
+
+
+def test_an_array_is_both_axes():
+    assert file_of({"q_m[1]": "both"}) == {"map": {"q_m": "both"}}
+
+
+@pytest.mark.parametrize(
+    ("chosen", "code"),
+    [
+        ({"q_m[1]": "In1"}, "bad-mapping"),
+        ({"q_m[2]": "In1"}, "bad-mapping"),
+        ({"q_m[1]": "both", "q_m[2]": "In1"}, "bad-mapping"),
+        ({"q_m[1]": "In1", "q_m[2]": "In1"}, "bad-mapping"),
+        ({"q_m[1]": "../x", "q_m[2]": "In1"}, "no-variable"),
+    ],
+)
+def test_what_is_no_binding_is_refused(chosen, code):
+    with pytest.raises(InputError) as refused:
+        binding.mapping_file(INTERFACE, chosen, {})
+    assert refused.value.what == code
+
+
+def test_a_value_for_no_variable_is_refused_and_an_empty_form_is_no_file():
+    with pytest.raises(InputError, match="no variable x"):
+        binding.mapping_file(INTERFACE, {}, {"x": "1"})
+    assert binding.mapping_file(INTERFACE, {}, {"K": ""}) == ""
+
+
+@given(st.dictionaries(st.text(st.characters(codec="utf-8"), min_size=1), st.text(st.characters(codec="utf-8"))))
+def test_any_text_is_read_as_it_was_written(names):
+    text = binding.written(names, names)
+    assert not text or loaded(text) == {"map": names, **({"parameters": names} if names else {})}
+
+
+def test_the_interface_of_an_fmu_shows_what_is_bound_and_what_could_be(pid_file):
+    interface = interface_of(Controller(pid_file))
+    bound = {connector.name: connector.bound for connector in interface.connectors}
+    assert bound["q_m"] == ("q_m[1]", "q_m[2]") and bound["e"] == ()
+    assert {v.name for v in binding.candidates(interface, interface.connectors[1])} >= {"u_m[1]", "u_m[2]"}
+    assert "K_p[1]" in {v.name for v in binding.values(interface)} and "q_m[1]" not in {
+        v.name for v in binding.values(interface)
+    }
