@@ -22,7 +22,8 @@ EXAMPLES = """examples:
   flexible-manipulator submit my.fmu --to http://127.0.0.1:8080 --map q_m[1]=In1 --map q_m[2]=In2
   flexible-manipulator submit my.fmu --to http://127.0.0.1:8080 --no-wait --json
 
-exit codes: 0 finished, or received with --no-wait; 1 failed, cancelled, or the service is away; 2 refused, or bad input"""
+exit codes: 0 finished, or received with --no-wait; 1 failed, cancelled, or the service is away; 2 refused,
+or bad input"""
 
 KEY = "BENCHMARK_KEY"
 """Environment variable with one's key: what is on a command line, other users of the machine can read."""

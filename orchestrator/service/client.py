@@ -6,6 +6,7 @@ import http.client
 import json
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
@@ -76,10 +77,9 @@ class Client:
         connection = kind(self._host, self._port, timeout=TIMEOUT)
         sent = {"authorization": f"Bearer {self._key}"} if self._key else {}
         try:
-            try:
+            # Refused before it was all sent: the answer says why.
+            with suppress(BrokenPipeError, ConnectionResetError):
                 connection.request(method, self._base + path, body, {**sent, **(headers or {})})
-            except (BrokenPipeError, ConnectionResetError):  # refused before it was all sent: the answer says why
-                pass
             response = connection.getresponse()
             text, status = response.read(), response.status
         except (OSError, http.client.HTTPException) as problem:

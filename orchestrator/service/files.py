@@ -19,6 +19,7 @@ from typing import IO
 
 from filelock import FileLock, Timeout
 
+from ..cache import VARIABLE
 from ..documents.files import prepare_folder
 from ..errors import EnvironmentFault, InputError
 
@@ -76,8 +77,9 @@ class Files:
 
     @property
     def cache(self) -> Path:
-        """Where jobs extract FMUs. It can be deleted while nothing runs."""
-        return self.root / "cache"
+        """Where jobs extract FMUs and compile, so that what is deleted is deleted there, too: a folder of the service's
+        own, unless the environment names one. It can be deleted while nothing runs."""
+        return Path(os.environ.get(VARIABLE) or self.root / "cache")
 
     def prepare(self) -> None:
         """Make the folders, for nobody else to read.
@@ -87,8 +89,9 @@ class Files:
         prepare_folder(self.root)
         # FMUs and results are other people's.
         self.root.chmod(0o700)
-        for name in ("fmus", "runs", "comparisons", "incoming", "cache"):
+        for name in ("fmus", "runs", "comparisons", "incoming"):
             prepare_folder(self.root / name)
+        prepare_folder(self.cache)
 
     def taken(self) -> FileLock:
         """The lock on the folder, taken; raises :class:`~orchestrator.errors.InputError` if another service has it."""

@@ -12,13 +12,14 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from filelock import FileLock
 
 from ..codec import from_json, to_json
-from ..errors import BenchmarkError, Crash, EnvironmentFault
+from ..errors import BenchmarkError, Crash, EnvironmentFault, InputError
 from .files import EVALUATION, FINDINGS, INTERFACE, QUICK, SCORECARD
 from .records import Outcome, Progress, Stage, Task
 
@@ -166,8 +167,9 @@ def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
     controller = _controller(task)
     found: list[Finding] = []
     for finding in Benchmark(sandbox=task.sandbox, workers=task.processes).iter_check(controller):
-        if not found:  # the archive has been opened: who waits may look at the form
-            write_text(folder / INTERFACE, to_json(interface_of(controller)))
+        if not found:  # the archive has been looked at: who waits may look at the form
+            with suppress(InputError):  # which the finding tells
+                write_text(folder / INTERFACE, to_json(interface_of(controller)))
         found.append(finding)
         tell(Progress(finding=(finding.severity.value, finding.subject, finding.text[:500])), True)
     findings = Findings(controller.file_name, tuple(found))
@@ -189,6 +191,7 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
     from ..documents.files import REPORT, write_text
     from ..loop.trajectory import Status
     from ..views.page import parts_html
+    from ..views.table import Facts
 
     place = folder / (QUICK if task.stage == "quick" else EVALUATION)
     bench = Benchmark(
@@ -206,7 +209,9 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
 
     evaluation = bench.evaluate(_controller(task), folder=place, on_result=on_result)
     evaluation.report(place / REPORT, place)
-    write_text(place / SCORECARD, parts_html(evaluation.summary().parts))
+    # How it was obtained stands in the report below.
+    shown = [part for part in evaluation.summary().parts if not isinstance(part, Facts)]
+    write_text(place / SCORECARD, parts_html(shown))
     return _outcome(task, evaluation, any(case.status is Status.LOST for case in evaluation.cases))
 
 

@@ -56,6 +56,12 @@ document.addEventListener("click", async ({ target }) => {
   setTimeout(() => (button.textContent = "copy"), 2000);
 });
 
+document.addEventListener("input", ({ target }) => {
+  if (!target.matches(".filter")) return;
+  const words = target.value.toLowerCase().split(/\s+/);
+  for (const row of target.closest(".card").querySelectorAll("tbody tr")) row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word));
+});
+
 const form = $("[data-upload]");
 if (form) {
   const text = $("#upload-text");
