@@ -135,9 +135,8 @@ def uploads(fmu: Path, count: int, people: int, minutes: float) -> None:
             for name, times in answers.items():
                 ordered = sorted(1e3 * each for each in times)
                 high = ordered[int(0.95 * len(ordered))]
-                print(
-                    f"{name}: median {statistics.median(ordered):.0f} ms, 95 % {high:.0f} ms, largest {ordered[-1]:.0f} ms"
-                )
+                middle = statistics.median(ordered)
+                print(f"{name}: median {middle:.0f} ms, 95 % {high:.0f} ms, largest {ordered[-1]:.0f} ms")
             print(f"memory of the service: {before:.0f} MB before, {service.memory():.0f} MB after")
         finally:
             service.end()

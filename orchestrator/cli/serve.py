@@ -38,12 +38,6 @@ MB = 1e6
 PACKAGES = ("starlette", "uvicorn", "python_multipart")
 """What the extra installs."""
 
-GRACE = 2
-"""Seconds that open pages get at the end; they follow for as long as the service lasts."""
-
-MAX_CONNECTIONS = 1000
-"""Connections at a time; a client that holds more open is told to come again."""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
@@ -73,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> Parser:
     parser = Parser("serve", "Serve pages on which FMUs are evaluated and compared.", EXAMPLES)
     parser.add_argument(
-        *("--data", "--data-dir"),
+        "--data",
         type=Path,
         default=Path("service"),
         metavar="FOLDER",
@@ -147,9 +141,8 @@ def fenced(trust: bool, several: bool) -> tuple[bool, str]:
 
 
 def _serve(given: argparse.Namespace, settings: Settings) -> int:
-    import uvicorn
-
     from ..service.app import application, check_folder
+    from ..service.server import Server
 
     check_folder(given.data)
     family = socket.AF_INET6 if ":" in given.host else socket.AF_INET
@@ -161,17 +154,8 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
     print(f"{_address(given.host, listening.getsockname()[1])} (Ctrl-C ends it)", flush=True)
     if settings.warning:
         print(settings.warning, file=sys.stderr)
-    config = uvicorn.Config(
-        application(given.data, settings),
-        log_level="warning",
-        # Which pages people look at is nobody's business.
-        access_log=False,
-        server_header=False,
-        timeout_graceful_shutdown=GRACE,
-        limit_concurrency=MAX_CONNECTIONS,
-    )
     try:
-        uvicorn.Server(config).run(sockets=[listening])
+        Server(application(given.data, settings)).run(sockets=[listening])
     except KeyboardInterrupt:  # how a service ends
         pass
     finally:

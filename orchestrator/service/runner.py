@@ -284,7 +284,7 @@ class Runner:
 
 def environment(files: Files) -> Mapping[str, str]:
     """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted."""
-    return {**os.environ, VARIABLE: str(files.cache), "PYTHONUNBUFFERED": "1"}
+    return {**os.environ, VARIABLE: str(files.cache)}
 
 
 def _let_go(process: Process | None) -> None:

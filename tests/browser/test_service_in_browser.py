@@ -1,5 +1,5 @@
-"""A person with a browser: an FMU with unusual names is uploaded, bound in the form, watched and read; and the pages fit
-the screen, are accessible, and can be used by keyboard."""
+"""A person with a browser: an FMU with unusual names is uploaded, bound in the form, watched and read; and the pages
+fit the screen, are accessible, and can be used by keyboard."""
 
 import contextlib
 import socket
@@ -23,13 +23,11 @@ SIZES = [(1400, 900), (390, 844)]
 @contextlib.contextmanager
 def served(folder, settings, job):
     """The address of a service on loopback, which ends with the block."""
-    import uvicorn
-
     from orchestrator.service.app import application
+    from orchestrator.service.server import Server
 
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        config = uvicorn.Config(application(folder, settings, job), log_level="warning", timeout_graceful_shutdown=1)
-        server = uvicorn.Server(config)
+        server = Server(application(folder, settings, job))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
         thread.start()
         try:
@@ -45,21 +43,20 @@ def served(folder, settings, job):
 @pytest.fixture
 def opened(chromium):
     """A function that opens a page of a size; nothing may go wrong in it, nor go out to others."""
-    troubles, pages = [], []
+    troubles = []
 
+    @contextlib.contextmanager
     def page_of(size=SIZES[0], address=""):
         page = chromium.new_page(viewport=dict(zip(("width", "height"), size, strict=True)))
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(30_000)
         page.on("console", lambda said: troubles.append(said.text) if is_trouble(said) else None)
         page.on("pageerror", lambda error: troubles.append(str(error)))
         known = (address, "data:", "blob:")
         page.on("request", lambda asked: None if asked.url.startswith(known) else troubles.append(asked.url))
-        pages.append(page)
-        return page
+        yield page
+        page.close()  # before the service ends, which a page that follows it would complain of
 
     yield page_of
-    for page in pages:
-        page.close()
     assert troubles == []
 
 
@@ -85,8 +82,7 @@ def test_an_fmu_with_unusual_names_is_uploaded_bound_watched_and_read(size, open
     short = str(tmp_path / "short.toml")
     settings = replace(ALONE, conduct=replace(ALONE.conduct, protocol=short, quick_protocol=short, processes=2))
     file = unusual(quick_pid_file, tmp_path / "Regler Müller <1>.fmu")
-    with served(tmp_path / "data", settings, JOB) as address:
-        page = opened(size, address)
+    with served(tmp_path / "data", settings, JOB) as address, opened(size, address) as page:
         page.goto(address)
         assert_fits_and_is_accessible(page)
         page.locator("#file").set_input_files(file)
@@ -115,8 +111,7 @@ def test_an_fmu_with_unusual_names_is_uploaded_bound_watched_and_read(size, open
 
 
 def test_the_start_page_follows_runs_and_the_keyboard_is_enough(opened, tmp_path):
-    with served(tmp_path / "data", ALONE, FAKE) as address:
-        page = opened(SIZES[0], address)
+    with served(tmp_path / "data", ALONE, FAKE) as address, opened(SIZES[0], address) as page:
         page.goto(address)
         (tmp_path / "a.fmu").write_bytes(fmu(evaluating={"cost": 88.25}))
         (tmp_path / "b.fmu").write_bytes(fmu(quick={"wait": 60}))
@@ -137,8 +132,7 @@ def test_the_start_page_follows_runs_and_the_keyboard_is_enough(opened, tmp_path
 
 
 def test_a_file_that_is_no_fmu_is_told_without_leaving_the_page(opened, tmp_path):
-    with served(tmp_path / "data", ALONE, FAKE) as address:
-        page = opened(SIZES[1], address)
+    with served(tmp_path / "data", ALONE, FAKE) as address, opened(SIZES[1], address) as page:
         page.goto(address)
         (tmp_path / "a.fmu").write_bytes(b"no zip file")
         page.locator("#file").set_input_files(tmp_path / "a.fmu")

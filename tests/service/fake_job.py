@@ -1,8 +1,8 @@
 """A job that computes nothing: what it does stands in the FMU itself, as JSON behind the beginning of a zip file.
 
 ``{"checking": {"kind": "refused", "reason": "..."}}`` is the outcome of a stage. Beside the fields of an outcome, there
-are ``wait`` [s], ``exit`` (an exit code without an outcome), ``times`` (how often: afterwards it is done), ``say`` (a line on
-standard output) and ``files`` (by their paths in the run's folder).
+are ``wait`` [s], ``exit`` (an exit code without an outcome), ``times`` (how often: afterwards it is done), ``say`` (a
+line on standard output) and ``files`` (by their paths in the run's folder).
 """
 
 import json

@@ -9,10 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from service.conftest import ALONE, Asker
-from service.unusual import BINDING, NAMES, unusual
 from support.command_lines import call
 from support.tools import require
+
+from service.conftest import ALONE, Asker
+from service.unusual import BINDING, NAMES, unusual
 
 require("starlette", "uvicorn", "python_multipart", "httpx2")
 

@@ -255,7 +255,7 @@ def test_pages_escape_what_comes_from_fmus(me):
 def test_every_answer_has_the_headers_that_protect_it(me):
     for path in ("/", "/api/runs", "/nowhere", "/static/service.js", "/api/nowhere"):
         headers = me.get(path).headers
-        assert headers["x-content-type-options"] == "nosniff" and headers["referrer-policy"] == "no-referrer"
+        assert headers["x-content-type-options"] == "nosniff" and headers["referrer-policy"] == "same-origin"
         assert "frame-ancestors" in headers["content-security-policy"]
     assert me.get("/api/nowhere").json() == {"error": "There is no such page."}
 

@@ -97,6 +97,7 @@ TOOLS: Mapping[str, Tool] = {
     "sanitizers": Tool("needs AddressSanitizer (gcc or clang with its runtime)", lambda: bool(sanitizing_compiler())),
     "gcc": _program("gcc", "needs gcc"),
     "bash": _program("bash", "needs bash"),
+    "curl": _program("curl", "needs curl"),
     "clang": _program("clang", "needs clang"),
     "bubblewrap": Tool("needs bubblewrap (bwrap) that may make namespaces", bubblewrap_works),
     "namespaces": Tool("needs Linux that allows user namespaces", namespaces_work),
