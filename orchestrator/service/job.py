@@ -199,7 +199,8 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
         workers=task.processes,
         sandbox=task.sandbox,
         scheduler=task.scheduler or None,
-        command=evaluate_command(task.file, task.binding, task.protocol),
+        # The file's name alone: where it is here says nothing elsewhere.
+        command=evaluate_command(task.file, task.binding, Path(task.protocol).name),
     )
     results: list[CaseResult] = []
 

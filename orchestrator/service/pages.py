@@ -117,7 +117,7 @@ async def start(request: Request) -> Response:
         rows=table(service, person.id),
         accounts=service.settings.accounts,
         most=limits.upload,
-        protocol=service.settings.conduct.protocol,
+        protocol=service.settings.conduct.protocol_name,
     )
 
 
@@ -179,7 +179,7 @@ def _run_page(
         problem=problem,
         open=bool(problem) or (run.state is State.REFUSED and interface is not None),
         few=FEW,
-        protocol=service.settings.conduct.protocol,
+        protocol=service.settings.conduct.protocol_name,
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Literal
 
 from ..codec import Finite, Natural, Scalar, Struct
@@ -120,6 +121,11 @@ class Conduct:
     scheduler: str = ""
     evaluations: int = 1
     stage_time: float = 6 * 3600.0
+
+    @property
+    def protocol_name(self) -> str:
+        """The protocol for people, who need not know where its file is."""
+        return Path(self.protocol).stem
 
 
 @dataclass(frozen=True)
