@@ -149,7 +149,9 @@ class Service:
 
     def command(self, run: Run) -> str:
         """The command that repeats a run."""
-        return evaluate_command(run.file_name, BINDING if run.binding else "", Path(self.settings.conduct.protocol).name)
+        return evaluate_command(
+            run.file_name, BINDING if run.binding else "", Path(self.settings.conduct.protocol).name
+        )
 
     async def compare(self, person: Person, ids: Sequence[str]) -> str:
         """Compare finished runs; returns the id of the comparison."""
