@@ -170,13 +170,15 @@ def _until(met: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.5)
 
 
-def kills(fmu: Path, count: int, submissions: int, seed: int) -> None:
-    """Kill the service, a job or a worker at random moments; count what is lost, twice, or not equal."""
+def kills(fmu: Path, count: int, submissions: int, pause: float, seed: int) -> None:
+    """Kill the service, a job or a worker at random moments; count what is lost, twice, or not equal. What has failed
+    three times, visibly, is begun again as its owner would."""
     chance, killed = random.Random(seed), {"service": 0, "job": 0}
     with serving("--trust", "--evaluations", "1", "--max-queue", "1000", short=True) as service:
         ids = [Client(service.url).submit(fmu)["id"] for _ in range(submissions)]
         while sum(killed.values()) < count:
-            time.sleep(chance.uniform(0.05, 4.0))
+            # Some come during a check, which begins anew, others later: each stage has to end now and then.
+            time.sleep(chance.uniform(0.05, pause))
             jobs = service.jobs()
             if chance.random() < 0.6 or not jobs:
                 service.end(signal.SIGKILL)
@@ -193,18 +195,18 @@ def kills(fmu: Path, count: int, submissions: int, seed: int) -> None:
                     client.ask("POST", f"/api/runs/{run['id']}/retry")
             if all(run["state"] == "finished" for run in runs):
                 ids.append(client.submit(fmu)["id"])
-        ends = [Client(service.url).follow(id, lambda run: None) for id in ids]
-        for run in ends:
-            if run["state"] == "failed":
-                Client(service.url).ask("POST", f"/api/runs/{run['id']}/retry")
+        for id in ids:
+            if Client(service.url).follow(id, lambda run: None)["state"] == "failed":
+                Client(service.url).ask("POST", f"/api/runs/{id}/retry")
         ends = [Client(service.url).follow(id, lambda run: None) for id in ids]
         protocol = str(service.folder.parent / "short.toml")
-        mine = Benchmark(protocol).evaluate(Controller(fmu), folder=service.folder.parent / "mine")
-        assert mine.folder is None or mine.folder
+        Benchmark(protocol).evaluate(Controller(fmu), folder=service.folder.parent / "mine")
         wanted = _cases(service.folder.parent / "mine")
         equal = [_cases(service.folder / "runs" / id / "evaluation") == wanted for id in ids]
         once = [[event["text"] for event in run["history"]].count("finished") == 1 for run in ends]
-    print(f"{killed['service']} kills of the service, {killed['job']} of its jobs and workers, {len(ids)} submissions:")
+    again = sum(event["text"] == "begun again" for run in ends for event in run["history"])
+    told = f"{killed['service']} kills of the service, {killed['job']} of its jobs and workers"
+    print(f"{told}, {len(ids)} submissions, {again} times begun again by hand after three faults:")
     print(
         f"finished {sum(run['state'] == 'finished' for run in ends)}, once {sum(once)}, equal to the bit {sum(equal)}"
     )
@@ -233,6 +235,8 @@ def main() -> None:
     parser.add_argument("what", choices=("first", "uploads", "kills", "growth"))
     parser.add_argument("--count", type=int, help="uploads, kills or submissions")
     parser.add_argument("--rounds", type=int, default=2, help="of first")
+    parser.add_argument("--submissions", type=int, default=30, help="of kills, at the least")
+    parser.add_argument("--pause", type=float, default=15.0, help="longest time [s] between two kills")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
@@ -243,7 +247,7 @@ def main() -> None:
         elif given.what == "uploads":
             uploads(fmu, given.count or 100, 20, 1.0)
         elif given.what == "kills":
-            kills(fmu, given.count or 200, 30, given.seed)
+            kills(fmu, given.count or 200, given.submissions, given.pause, given.seed)
         else:
             growth(given.count or 2000)
 

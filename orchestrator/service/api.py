@@ -69,7 +69,8 @@ async def _submit(request: Request) -> Response:
     service, person = asking(request)
     limits = service.settings.limits
     pieces = body(request, limits.upload, limits.patience, limits.upload_time)
-    run = await service.accept(person, request.query_params.get("name", "controller.fmu"), pieces)
+    with service.uploading(person):
+        run = await service.accept(person, request.query_params.get("name", "controller.fmu"), pieces)
     return _json(run_view(service, run), 201)
 
 

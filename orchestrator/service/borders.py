@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -102,7 +102,7 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost"
 
 
-async def body(request: Request, most: int, patience: float, time: float) -> AsyncIterator[bytes]:
+async def body(request: Request, most: int, patience: float, time: float) -> AsyncGenerator[bytes, None]:
     """The pieces of a request's body.
 
     Raises :class:`Refusal` for more than ``most`` bytes, for a client that is silent for ``patience`` [s], and for a

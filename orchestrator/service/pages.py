@@ -127,17 +127,19 @@ async def submit(request: Request) -> Response:
     limits = service.settings.limits
     pieces = body(request, limits.upload + (1 << 20), limits.patience, limits.upload_time)
     service.check_quota(person)
-    try:
-        form = await MultiPartParser(request.headers, pieces, max_files=1, max_fields=2).parse()  # type: ignore[arg-type]
-    except MultiPartException as problem:
-        raise Refusal(400, f"This is no upload: {problem.message}") from None
-    except KeyError:
-        raise Refusal(400, "This is no upload.") from None
-    file = form.get("file")
-    if not isinstance(file, UploadFile) or not file.filename:
-        raise Refusal(400, "Choose an FMU first.")
-    run = await service.accept(person, file.filename, _pieces(file))
-    await form.close()
+    with service.uploading(person):
+        try:
+            parser = MultiPartParser(request.headers, pieces, max_files=1, max_fields=2)
+            form = await parser.parse()
+        except MultiPartException as problem:
+            raise Refusal(400, f"This is no upload: {problem.message}") from None
+        except KeyError:
+            raise Refusal(400, "This is no upload.") from None
+        file = form.get("file")
+        if not isinstance(file, UploadFile) or not file.filename:
+            raise Refusal(400, "Choose an FMU first.")
+        run = await service.accept(person, file.filename, _pieces(file))
+        await form.close()
     return RedirectResponse(f"/runs/{run.id}", 303)
 
 

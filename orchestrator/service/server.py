@@ -12,8 +12,9 @@ from .service import Service
 GRACE = 3
 """Seconds that requests under way have to end, once the service is to end."""
 
-MAX_CONNECTIONS = 1000
-"""Connections at a time; a client that comes when there are more is told to come again."""
+MAX_CONNECTIONS = 500
+"""Connections at a time, of 1024 open files that a process usually has; who comes when there are more is told to come
+again."""
 
 
 class Server(uvicorn.Server):

@@ -6,7 +6,8 @@ import asyncio
 import hashlib
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,6 +43,7 @@ class Service:
     files: Files
     runner: Runner
     streams: Counter[str] = field(default_factory=Counter)
+    uploads: Counter[str] = field(default_factory=Counter)
     closing: bool = False
     comparing: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
@@ -64,6 +66,18 @@ class Service:
                 f"Your runs take {disk / 1e6:.0f} MB of the {limits.disk / 1e6:.0f} MB that you have. Delete some."
             )
             raise Refusal(507, message)
+
+    @contextmanager
+    def uploading(self, person: Person) -> Iterator[None]:
+        """While an upload of ``person`` lasts. What is half uploaded is in no quota of the disk: there is a number of
+        them instead."""
+        if self.uploads[person.id] >= self.settings.limits.uploads:
+            raise Refusal(429, f"{self.uploads[person.id]} of your uploads are under way. Wait for one of them.")
+        self.uploads[person.id] += 1
+        try:
+            yield
+        finally:
+            self.uploads[person.id] -= 1
 
     async def accept(self, person: Person, name: str, pieces: AsyncIterator[bytes], text: str = "") -> Run:
         """Take an upload, with the ``text`` of a mapping file if there is one; returns the run that waits."""

@@ -185,6 +185,14 @@ def test_uploads_are_bounded_and_what_is_no_fmu_is_refused(serve, limited):
     assert me.get("/api/runs").json() == []
 
 
+def test_so_many_uploads_at_a_time(serve, limited):
+    me = Asker(serve(limited(uploads=1)))
+    service = me.client.app.state.service
+    with service.uploading(accounts.LOCAL):
+        assert me.post("/api/runs?name=a.fmu", fmu()).status_code == 429
+    assert me.post("/api/runs?name=a.fmu", fmu()).status_code == 201
+
+
 def test_quotas_of_the_queue_and_of_the_disk(serve, limited):
     me = Asker(serve(limited(queue=2, disk=5000)))
     for name in ("a.fmu", "b.fmu"):
