@@ -37,6 +37,7 @@ CONTENTS = {
     "Tutorials": [
         "tutorial-evaluate",
         "tutorial-tune",
+        "tutorial-service",
         "tutorial-worst-case",
         "tutorial-compare",
         "design",
@@ -53,6 +54,7 @@ CONTENTS = {
         "compare",
         "python",
         "running",
+        "service",
     ],
     "Write a controller": [
         "exporting",

@@ -97,8 +97,8 @@ class Run:
 @dataclass(frozen=True)
 class Limits:
     """What one person may have: ``queue`` runs that have not ended, ``disk`` [bytes] of all runs; ``upload`` is the
-    largest FMU [bytes], ``uploads`` and ``streams`` are uploads and live pages at a time. ``patience`` [s] is how long a client may be silent, and
-    ``upload_time`` [s] how long an upload may take."""
+    largest FMU [bytes], ``uploads`` and ``streams`` are uploads and live pages at a time. ``patience`` [s] is how long
+    a client may be silent, and ``upload_time`` [s] how long an upload may take."""
 
     queue: int = 20
     disk: int = 4 * 1024**3

@@ -1,0 +1,109 @@
+"""Clients that send half, nothing, or slowly, over real connections: they cost nothing and keep nothing."""
+
+import socket
+import time
+from dataclasses import replace
+from urllib.parse import urlsplit
+
+import pytest
+from browser.test_service_in_browser import served
+from support.tools import require
+
+from orchestrator.service.client import Client
+from orchestrator.service.files import Files
+from orchestrator.service.records import Limits
+from service.conftest import ALONE, FAKE, fmu
+
+require("starlette", "uvicorn", "python_multipart")
+
+
+@pytest.fixture
+def address(tmp_path):
+    settings = replace(ALONE, limits=Limits(upload=10_000, patience=0.6, upload_time=2.0))
+    with served(tmp_path / "data", settings, FAKE) as url:
+        yield url
+
+
+def connected(address: str, head: str) -> socket.socket:
+    parts = urlsplit(address)
+    client = socket.create_connection((parts.hostname, parts.port), timeout=20)
+    client.sendall(f"POST /api/runs?name=a.fmu HTTP/1.1\r\nHost: {parts.netloc}\r\n{head}\r\n\r\n".encode())
+    return client
+
+
+def answer(client: socket.socket) -> bytes:
+    received = b""
+    try:
+        while piece := client.recv(1 << 16):
+            received += piece
+            if b"\r\n\r\n" in received:
+                break
+    except OSError:
+        pass
+    return received
+
+
+def nothing_is_left(tmp_path, address: str) -> None:
+    """And the service answers as before."""
+    root = Files(tmp_path / "data").root
+    for _ in range(100):
+        if not list((root / "incoming").iterdir()):
+            break
+        time.sleep(0.05)
+    assert list((root / "incoming").iterdir()) == [] and list((root / "fmus").iterdir()) == []
+    assert Client(address).ask("GET", "/api/runs")["answer"] == []
+
+
+def test_half_an_upload_leaves_nothing(address, tmp_path):
+    for _ in range(10):
+        with connected(address, "Content-Length: 5000") as client:
+            client.sendall(b"PK" + bytes(1000))
+    nothing_is_left(tmp_path, address)
+
+
+def test_a_silent_client_is_answered_after_a_while(address, tmp_path):
+    with connected(address, "Content-Length: 5000") as client:
+        client.sendall(b"PK")
+        begin = time.monotonic()
+        assert b" 408 " in answer(client) and time.monotonic() - begin < 10
+    nothing_is_left(tmp_path, address)
+
+
+def test_one_byte_after_the_other_ends_with_the_time_of_an_upload(address, tmp_path):
+    with connected(address, "Content-Length: 5000") as client:
+        client.settimeout(0.05)
+        received = b""
+        for _ in range(200):
+            try:
+                client.sendall(b"P")
+                received += client.recv(1000)
+            except TimeoutError:
+                continue
+            except OSError:
+                break
+            if received:
+                break
+        assert b" 408 " in received
+    nothing_is_left(tmp_path, address)
+
+
+@pytest.mark.parametrize("head", ["Content-Length: 99999999999", "Transfer-Encoding: chunked"])
+def test_more_than_is_taken_is_refused_at_once(address, tmp_path, head):
+    with connected(address, head) as client:
+        if "chunked" in head:
+            for _ in range(20):
+                try:
+                    client.sendall(b"400\r\nPK" + bytes(1022) + b"\r\n")
+                except OSError:
+                    break
+        assert b" 413 " in answer(client)
+    nothing_is_left(tmp_path, address)
+
+
+def test_what_is_no_http_disturbs_nobody(address, tmp_path):
+    parts = urlsplit(address)
+    for nonsense in (b"\x16\x03\x01", b"GET / HTTP/9.9\r\n\r\n", b"A" * 100_000, b"GET /%00%ff\xff HTTP/1.1\r\n\r\n"):
+        with socket.create_connection((parts.hostname, parts.port), timeout=5) as client:
+            client.sendall(nonsense)
+    nothing_is_left(tmp_path, address)
+    assert Client(address).ask("POST", "/api/runs?name=a.fmu", fmu())["state"] == "received"
