@@ -13,7 +13,6 @@ from pathlib import Path
 from ..benchmark import protocol
 from ..errors import InputError
 from ..service import accounts
-from ..service.borders import is_loopback
 from ..service.database import Database
 from ..service.files import Files
 from ..service.records import Conduct, Limits, Settings
@@ -48,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if missing:
         message = f"The service needs {', '.join(missing)}: pip install 'flexible-manipulator-benchmark[service]'"
         raise InputError(message, "no-service")
-    if not is_loopback(given.host) and not given.accounts:
+    if not accounts.is_loopback(given.host) and not given.accounts:
         message = f"{given.host} can be reached by others, who could evaluate, read and delete what they like."
         raise InputError(message, "no-accounts", given.host)
     protocol.load(given.protocol)

@@ -7,7 +7,6 @@ come from a page of this service.
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 from collections.abc import AsyncGenerator
 from urllib.parse import urlsplit
 
@@ -15,6 +14,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from .accounts import is_loopback
 
 READING = ("GET", "HEAD", "OPTIONS")
 
@@ -92,14 +93,6 @@ def refusal(method: str, headers: Headers, local: bool) -> str:
     if origin is None and "cookie" in headers:  # every browser says where a change comes from
         return "This request does not say which page it comes from."
     return ""
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a name or an address is this machine's own, which nobody else reaches."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"
 
 
 async def body(request: Request, most: int, patience: float, time: float) -> AsyncGenerator[bytes, None]:

@@ -5,6 +5,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -123,6 +124,19 @@ def test_the_name_of_the_extra_is_said_where_it_is_missing(tmp_path, monkeypatch
     monkeypatch.setattr(serve, "find_spec", lambda name: None)
     finished = call("serve", folder=tmp_path)
     assert finished.code == 2 and "flexible-manipulator-benchmark[service]" in finished.err
+
+
+def test_commands_say_so_without_the_packages_of_the_extra(tmp_path):
+    """In a process where none of them can be imported."""
+    blocked = "import sys; sys.modules.update(dict.fromkeys(('starlette', 'uvicorn', 'python_multipart')))"
+    code = f"{blocked}; from orchestrator.cli.guard import run; sys.exit(run(sys.argv[1], sys.argv[2:]))"
+
+    def run(*words: str) -> subprocess.CompletedProcess:
+        return subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True)
+
+    assert run("serve").returncode == 2 and "[service]" in run("serve").stderr
+    assert run("serve", "--help").returncode == 0 and run("serve", "--people").returncode == 0
+    assert "does not answer" in run("submit", __file__, "--to", "http://127.0.0.1:9").stderr
 
 
 def test_several_people_need_a_sandbox(monkeypatch):
