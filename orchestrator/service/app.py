@@ -16,7 +16,7 @@ from starlette.responses import Response
 
 from ..codec import to_json
 from ..errors import BenchmarkError, InputError
-from . import accounts, api, pages
+from . import accounts, api, live, pages
 from .api import Problem
 from .borders import Borders, Refusal
 from .database import Database
@@ -57,7 +57,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
                 database.close()
 
     return Starlette(
-        routes=[*api.routes(), *pages.routes()],
+        routes=[*api.routes(), *live.routes(), *pages.routes()],
         middleware=[Middleware(Borders, local=not settings.accounts)],
         exception_handlers={
             Refusal: _refused,

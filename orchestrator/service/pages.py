@@ -1,8 +1,7 @@
-"""The pages: HTML of templates, which escape all that they are given, and the live progress."""
+"""The pages: HTML of templates, which escape all that they are given."""
 
 from __future__ import annotations
 
-import asyncio
 import functools
 from collections.abc import AsyncIterator
 from importlib import resources
@@ -13,10 +12,9 @@ from markupsafe import Markup
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from ..codec import Struct, to_json
 from ..documents.compare_page import FILE as COMPARISON
 from ..errors import InputError
 from ..version import __version__
@@ -27,44 +25,16 @@ from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of
 from .records import ConnectorRecord, Interface, Run, State, VariableRecord
 from .service import Service
-from .shown import moment, run_view, table
+from .shown import moment, run_view, shown_cost, state_words, table
 
 FILES = resources.files(__package__) / "templates"
 
 PIECE_BYTES = 1 << 18
 
-ALIVE = 15.0
-"""Seconds after which a stream without news says that it is alive, so that nothing on the way closes it."""
-
-CALM = 0.3
-"""Seconds between two messages of a stream."""
-
 FEW = 200
 """Variables that are offered as a list to choose from; of more, a field completes what is typed."""
 
 MAX_FIELDS = 10_000
-
-STATE_WORDS = {
-    State.RECEIVED: "waits for its check",
-    State.CHECKING: "is checked",
-    State.QUICK: "quick evaluation",
-    State.EVALUATING: "evaluation",
-    State.FINISHED: "finished",
-    State.REFUSED: "refused",
-    State.FAILED: "failed",
-    State.CANCELLED: "cancelled",
-}
-
-
-class News(Struct):
-    """A message of a stream: where a run is, for the page that shows it."""
-
-    revision: int
-    final: bool
-    done: int = 0
-    total: int = 0
-    cost: str = ""
-    text: str = ""
 
 
 def page(request: Request, template: str, status: int = 200, **context: Any) -> Response:
@@ -90,17 +60,6 @@ def _environment() -> Any:
 def _own(name: str) -> str | None:
     file = FILES / name
     return file.read_text(encoding="utf-8") if file.is_file() else None
-
-
-def shown_cost(value: float | None) -> str:
-    """V for people."""
-    return "–" if value is None else f"{value:.1f}"
-
-
-def state_words(run: Run) -> str:
-    """Where a run is, in words."""
-    waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING) and not run.running
-    return ("waits for its " if waits else "") + STATE_WORDS[run.state]
 
 
 async def start(request: Request) -> Response:
@@ -307,66 +266,6 @@ async def comparison_page(request: Request) -> Response:
     )
 
 
-async def events(request: Request) -> Response:
-    """The live progress of a run."""
-    service, person = asking(request)
-    run = service.own(person, request.path_params["id"])
-    return _stream(request, person.id, lambda: _news(service, run.id))
-
-
-async def all_events(request: Request) -> Response:
-    """That something has changed among one's runs."""
-    service, person = asking(request)
-
-    def news() -> News:
-        runs = service.database.runs_of(person.id)
-        # Runs that are deleted count as well, and those of others change the table.
-        ended = len(table(service, person.id))
-        return News(sum(run.revision + 1 for run in runs) * 1000 + ended, False)
-
-    return _stream(request, person.id, news)
-
-
-def _news(service: Service, id: str) -> News:
-    run = service.database.run(id)
-    if run is None:
-        return News(-1, True)
-    live = service.runner.live.get(id)
-    if live is None:
-        return News(run.revision, run.state.is_final)
-    last = live.findings[-1] if live.findings and run.state is State.CHECKING else None
-    text = f"{last[1]}: {last[2]}" if last else ""
-    progress = live.progress
-    cost = "" if progress.cost is None else shown_cost(progress.cost)
-    return News(run.revision, run.state.is_final, progress.done, progress.total, cost, text)
-
-
-def _stream(request: Request, person: str, news: Any) -> Response:
-    """Server-sent events: a message whenever ``news()`` gives another one."""
-    service = service_of(request)
-    if service.streams[person] >= service.settings.limits.streams:
-        raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
-
-    async def messages() -> AsyncIterator[str]:
-        service.streams[person] += 1
-        try:
-            last = None
-            while not service.closing:
-                told = news()
-                if told != last:
-                    last = told
-                    yield f"data: {to_json(told, indent=None)}\n\n"
-                    if told.final:
-                        return
-                    await asyncio.sleep(CALM)
-                elif not await service.runner.news(ALIVE):
-                    yield ": alive\n\n"
-        finally:
-            service.streams[person] -= 1
-
-    return StreamingResponse(messages(), media_type="text/event-stream")
-
-
 async def join(request: Request) -> Response:
     """Where an invitation leads."""
     return page(request, "join.html", problem="")
@@ -414,13 +313,11 @@ def routes() -> list[Route]:
     get, post = ["GET"], ["POST"]
     return [
         Route("/", start, methods=get),
-        Route("/events", all_events, methods=get),
         Route("/join", join, methods=get),
         Route("/join", come_in, methods=post),
         Route("/leave", leave, methods=post),
         Route("/runs", submit, methods=post),
         Route("/runs/{id}", run_page, methods=get),
-        Route("/runs/{id}/events", events, methods=get),
         Route("/runs/{id}/binding", bind, methods=post),
         Route("/runs/{id}/binding.toml", mapping, methods=get),
         Route("/runs/{id}/cancel", cancel, methods=post),

@@ -6,11 +6,23 @@ from datetime import datetime, timezone
 from typing import Literal
 
 from ..codec import Finite, Natural, Struct
-from .records import Run, Stage
+from .records import Run, Stage, State
 from .service import Service
 from .states import steps
 
 StepState = Literal["done", "now", "next", "ended", "left out"]
+
+
+STATE_WORDS = {
+    State.RECEIVED: "waits for its check",
+    State.CHECKING: "is checked",
+    State.QUICK: "quick evaluation",
+    State.EVALUATING: "evaluation",
+    State.FINISHED: "finished",
+    State.REFUSED: "refused",
+    State.FAILED: "failed",
+    State.CANCELLED: "cancelled",
+}
 
 
 class StepView(Struct):
@@ -137,3 +149,14 @@ def table(service: Service, person_id: str) -> list[RowView]:
 def moment(seconds: float) -> str:
     """A time as text, in UTC."""
     return datetime.fromtimestamp(seconds, timezone.utc).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def shown_cost(value: float | None) -> str:
+    """V for people."""
+    return "–" if value is None else f"{value:.1f}"
+
+
+def state_words(run: Run) -> str:
+    """Where a run is, in words."""
+    waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING) and not run.running
+    return ("waits for its " if waits else "") + STATE_WORDS[run.state]

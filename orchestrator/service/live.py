@@ -1,0 +1,98 @@
+"""Live progress: server-sent events that end with the run, the page or the service."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+
+from ..codec import Struct, to_json
+from .borders import Refusal
+from .people import asking
+from .records import State
+from .service import Service
+from .shown import shown_cost, table
+
+ALIVE = 15.0
+"""Seconds after which a stream without news says that it is alive, so that nothing on the way closes it."""
+
+CALM = 0.3
+"""Seconds between two messages of a stream."""
+
+
+class News(Struct):
+    """A message of a stream: where a run is, for the page that shows it."""
+
+    revision: int
+    final: bool
+    done: int = 0
+    total: int = 0
+    cost: str = ""
+    text: str = ""
+
+
+async def events(request: Request) -> Response:
+    """The live progress of a run."""
+    service, person = asking(request)
+    run = service.own(person, request.path_params["id"])
+    return _stream(service, person.id, lambda: _news(service, run.id))
+
+
+async def all_events(request: Request) -> Response:
+    """That something has changed among one's runs."""
+    service, person = asking(request)
+
+    def news() -> News:
+        runs = service.database.runs_of(person.id)
+        # Runs that are deleted count as well, and those of others change the table.
+        ended = len(table(service, person.id))
+        return News(sum(run.revision + 1 for run in runs) * 1000 + ended, False)
+
+    return _stream(service, person.id, news)
+
+
+def _news(service: Service, id: str) -> News:
+    run = service.database.run(id)
+    if run is None:
+        return News(-1, True)
+    live = service.runner.live.get(id)
+    if live is None:
+        return News(run.revision, run.state.is_final)
+    last = live.findings[-1] if live.findings and run.state is State.CHECKING else None
+    text = f"{last[1]}: {last[2]}" if last else ""
+    progress = live.progress
+    cost = "" if progress.cost is None else shown_cost(progress.cost)
+    return News(run.revision, run.state.is_final, progress.done, progress.total, cost, text)
+
+
+def _stream(service: Service, person: str, news: Callable[[], News]) -> Response:
+    """Server-sent events: a message whenever ``news()`` gives another one."""
+    if service.streams[person] >= service.settings.limits.streams:
+        raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
+
+    async def messages() -> AsyncIterator[str]:
+        service.streams[person] += 1
+        try:
+            last = None
+            while not service.closing:
+                told = news()
+                if told != last:
+                    last = told
+                    yield f"data: {to_json(told, indent=None)}\n\n"
+                    if told.final:
+                        return
+                    await asyncio.sleep(CALM)
+                elif not await service.runner.news(ALIVE):
+                    yield ": alive\n\n"
+        finally:
+            service.streams[person] -= 1
+
+    return StreamingResponse(messages(), media_type="text/event-stream")
+
+
+def routes() -> list[Route]:
+    """The routes of all streams."""
+    return [Route("/events", all_events, methods=["GET"]), Route("/runs/{id}/events", events, methods=["GET"])]
