@@ -70,8 +70,10 @@ def worst_at_each(hunt: Hunt) -> dict[tuple[Target, Pair], Member]:
 def heard(hunt: Hunt) -> Asking[None]:
     """Repeat the worst arms at the configurations with other noise, of a criterion that jumps: whether B6 is short or
     long is up to a controller that takes a force for an event or not, and near its threshold the noise may decide."""
-    hunt.allot(HEARD)
     worst = [member for (target, _), member in worst_at_each(hunt).items() if target.criterion in NICHES]
+    if not worst:
+        return
+    hunt.allot(HEARD)
     # Seed by seed, so that a small budget tries each pose with some.
     yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in FEW_SEEDS for member in worst]))
     yield from hunt.note("V with other noise")
