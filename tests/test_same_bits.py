@@ -1,18 +1,19 @@
 """Whole closed loops have the same bits on all platforms: one program in C, compiled for each and run where possible.
 
-The program has the plant, the imperfections and three controllers, made of the FMUs' sources. What it is compared with
-is the master loop on this machine. Where only compilation is possible, that is done.
+The program has the plant, the imperfections and several controllers, made of the FMUs' sources. What it is compared with
+is the master loop on this machine, and its judging with the one in Python. Where only compilation is possible, that is
+done.
 """
 
 from dataclasses import replace
 from fractions import Fraction
 
 import pytest
-from support.one_program import CONTROLLERS, PARTS, hash_of, loop_of, program_input, write_sources
+from support.one_program import LINEAR, answer, block_of, hash_of, program_input, rewritten, same, write_program
 from support.targets import TARGETS, compile_program, run_program, wine_prefix
 from support.tools import require
 
-import build_fmus
+from controller_fmu.export.one_program import CONTROLLERS, IMPERFECTIONS, PLANT
 from orchestrator import Benchmark, Controller
 from orchestrator.loop.scenario import Chirp, Drive, Noise, Pulse, Sensor
 
@@ -47,44 +48,37 @@ OFTEN = ("gcc-O0", "clang-O0")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """The FMUs by name."""
-    folder = tmp_path_factory.mktemp("parts")
-    return {name: build_fmus.build(name, folder) for name in PARTS}
+def program(tmp_path_factory):
+    """The program's sources."""
+    return write_program(tmp_path_factory.mktemp("program"))
 
 
 @pytest.fixture(scope="module")
-def loops(files):
+def loops(program):
     """The program's input, and what the master loop gives for it."""
-    given, wanted = [], []
+    blocks, wanted = [], []
     for name in CONTROLLERS:
-        controller = Controller(files[name])
+        controller = Controller(program.files[name])
         for case in CASES:
             trajectory = BENCH.simulate(controller, case).trajectory
             assert len(trajectory.command) == case.scenario.samples
-            given.append(loop_of(BENCH, name, controller, case, case.scenario.samples))
+            blocks.append(block_of(program, name, BENCH, case))
             wanted.append(hash_of(trajectory, case.scenario))
-    assert {loop.ticks for loop in given} == {1, 2} and len(set(wanted)) == len(wanted)
-    return program_input(given, files), wanted
+    assert len(set(wanted)) == len(wanted)
+    return program_input(blocks), wanted
 
 
-@pytest.fixture(scope="module")
-def sources(files, tmp_path_factory):
-    """The folder of the program's sources, and their names."""
-    folder = tmp_path_factory.mktemp("program")
-    return folder, write_sources(files, folder)
-
-
-def found(name, sources, loops, program="program.exe"):
-    """The hashes that the program gives on a target."""
-    folder, names = sources
+def found(name, program, text, product="program.exe"):
+    """What the program answers on a target."""
     target = TARGETS[name]
-    (folder / "loops.txt").write_text(loops[0])
-    built = compile_program(target, names, folder, program)
+    (program.folder / "loops.txt").write_text(text)
+    built = compile_program(target, program.sources, program.folder, product)
     if "wine" in target.needs:
         with wine_prefix() as environment:
-            return run_program(target, built, folder / "loops.txt", environment)
-    return run_program(target, built, folder / "loops.txt")
+            lines = run_program(target, built, program.folder / "loops.txt", environment)
+    else:
+        lines = run_program(target, built, program.folder / "loops.txt")
+    return [answer(line) for line in lines]
 
 
 @pytest.mark.parametrize(
@@ -95,35 +89,66 @@ def found(name, sources, loops, program="program.exe"):
         if target.runner is not None
     ],
 )
-def test_the_program_has_the_bits_of_the_master_loop(name, sources, loops):
-    assert found(name, sources, loops, f"{name}.exe") == loops[1]
+def test_the_program_has_the_bits_of_the_master_loop(name, program, loops):
+    text, wanted = loops
+    assert [one.hash for one in found(name, program, text, f"{name}.exe")] == wanted
 
 
 @slow
 @pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.runner is None])
-def test_it_compiles_for_other_systems(name, sources):
+def test_it_compiles_for_other_systems(name, program):
     require(*TARGETS[name].needs)
-    folder, names = sources
-    assert compile_program(TARGETS[name], names, folder, f"{name}.out").read_bytes()[:4] == b"\xcf\xfa\xed\xfe"
+    assert compile_program(TARGETS[name], program.sources, program.folder, f"{name}.out").read_bytes()[:4] == b"\xcf\xfa\xed\xfe"
+
+
+JUDGED = (*CONTROLLERS, LINEAR)
+
+
+def judged(name, program, protocol, controllers):
+    """The cases of a protocol that a target's program judges otherwise than Python, and how many there are."""
+    benchmark, cases, blocks = Benchmark(protocol, plant="native"), [], []
+    for controller in controllers:
+        results = benchmark.evaluate(Controller(program.files[controller])).results
+        for case in benchmark.cases:
+            cases.append((controller, case.id, results.case(case.id).judgement))
+            blocks.append(block_of(program, controller, benchmark, case))
+    answers = found(name, program, program_input(blocks), f"{name}.judged.exe")
+    pairs = zip(answers, cases, strict=True)
+    return [(*case, one) for one, case in pairs if not same(one, case[2], benchmark)], len(cases)
+
+
+@pytest.mark.needs("ziglang", "node")
+def test_cases_are_judged_in_webassembly_as_in_python(program):
+    wrong, count = judged("wasm32", program, "quick", JUDGED)
+    assert not wrong and count == 96
+
+
+@slow
+@pytest.mark.needs("ziglang", "node")
+@pytest.mark.parametrize("controller", ["DiagonalPID_C", "RobustLQG", LINEAR])
+def test_every_case_of_the_paper_is_judged_so(controller, program):
+    wrong, count = judged("wasm32", program, "paper", [controller])
+    assert not wrong and count == 324
 
 
 LAST_OF_SINE = "*cosine = elementary_number(c ^ other ^ ((quarter + 1) & 2) << 62);"
 FLAWS = {
-    "a-last-bit-in-the-sine": (PARTS[0], "elementary.h", "-0.16666666666666666", "-0.16666666666666669"),
-    "the-library's-in-the-plant": (PARTS[0], "elementary.h", LAST_OF_SINE, "*sine = sin(x); *cosine = cos(x);"),
-    "the-library's-in-the-chirp": (PARTS[1], "model.c", "elementary_sin(2.0", "sin(2.0"),
+    "a-last-bit-in-the-sine": (PLANT, "elementary.h", "-0.16666666666666666", "-0.16666666666666669"),
+    "the-library's-in-the-plant": (PLANT, "elementary.h", LAST_OF_SINE, "*sine = sin(x); *cosine = cos(x);"),
+    "the-library's-in-the-chirp": (IMPERFECTIONS, "model.c", "elementary_sin(2.0", "sin(2.0"),
 }
 """FMU, file, text and what takes its place."""
 
 
 @pytest.mark.needs("gcc")
 @pytest.mark.parametrize("flaw", FLAWS)
-def test_a_change_of_a_last_bit_is_seen(flaw, files, loops, tmp_path):
+def test_a_change_of_a_last_bit_is_seen(flaw, program, loops, tmp_path):
     part, file, text, other = FLAWS[flaw]
-    names = write_sources(files, tmp_path)
+    copy = rewritten(program, tmp_path)
     spoilt = tmp_path / part / file
     assert text in spoilt.read_text(encoding="utf-8")
     spoilt.write_text(spoilt.read_text(encoding="utf-8").replace(text, other, 1), encoding="utf-8")
-    pairs = zip(found("gcc-O0", (tmp_path, names), loops), loops[1], strict=True)
-    differs = [here != there for here, there in pairs]
+    given, wanted = loops
+    pairs = zip(found("gcc-O0", copy, given), wanted, strict=True)
+    differs = [here.hash != there for here, there in pairs]
     assert all(differs[0::3]) and all(differs[1::3])  # the cases with a chirp and a force from the start

@@ -83,7 +83,7 @@ def doubtful(
     sure in no direction, and in one of them the motion does not come to rest for sure, or if the TCP creeps to where
     its ``rest_error`` [m] is none; and the longer simulation has not reached its end.
     """
-    limits, left = protocol.stability, _left(protocol, case)
+    limits, left = protocol.stability, windows_left(protocol, case)
     if left <= 0 or not curves:
         return False
     if any(lasts(limits, amplitudes, left) for amplitudes in curves):
@@ -94,7 +94,7 @@ def doubtful(
     return creeps or not all(at_rest(limits, amplitudes, left) for amplitudes in curves)
 
 
-def _left(protocol: JudgingTables, case: JudgedCase) -> int:
+def windows_left(protocol: JudgingTables, case: JudgedCase) -> int:
     """Windows between the end of ``case`` and the latest one; none if it is not simulated further in any case."""
     limits, scenario, end = protocol.stability, case.scenario, case.end
     cut = scenario.duration < case.test.duration  # its user wants no more of it
@@ -105,6 +105,6 @@ def _left(protocol: JudgingTables, case: JudgedCase) -> int:
 
 def with_latest_end(protocol: JudgingTables, case: JudgedCase) -> Scenario:
     """The scenario of ``case`` with the latest end that it may be simulated to."""
-    if _left(protocol, case) == 0:
+    if windows_left(protocol, case) == 0:
         return case.scenario
     return replace(case.scenario, duration=Fraction(protocol.stability.longest))

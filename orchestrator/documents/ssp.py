@@ -65,11 +65,7 @@ def package(
     have different lengths, or no torque is delayed by one of them; samples are dropped, or measurements have jitter; or
     the controller has arrays.
     """
-    drive, sensor = scenario.drive, scenario.sensor
-    if drive.dropout or sensor.jitter:
-        raise InputError("An SSP package has neither dropped samples nor jitter.", "no-ssp")
-    plan = make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold)
-    tick = scenario.sample_time / plan.step.size
+    tick = tick_of(scenario)
     binding = controller_binding(controller, setup)
     angles, torques = binding["e" if "e" in binding else "q_m"], binding["u_m"]
     before, within = start_values(controller, binding, setup, steady, scenario.sample_time)
@@ -82,7 +78,7 @@ def package(
         raise InputError(message, "no-ssp", controller.name, other[0])
     components = {
         "plant": (plant, dict(scenario.parameters), tick),
-        "imperfections": (imperfections, _imperfections(scenario, steady, tick), tick / 2),
+        "imperfections": (imperfections, {**_steady(steady), **imperfection_values(scenario)}, tick / 2),
         "controller": (controller, {v.name: value for v, (value,) in starts.items()}, scenario.sample_time),
     }
     scales = [(-1.0 if angles.connector.name == "e" else 1.0) / factor for factor in angles.factors]
@@ -105,9 +101,29 @@ def package(
     return pack(files)
 
 
-def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values:
-    """The parameters of the FMU; times are exact there if ticks and delays are whole."""
+def tick_of(scenario: Scenario) -> Fraction:
+    """The step of the plant [s].
+
+    Raises :class:`~orchestrator.errors.InputError` if samples are dropped, or measurements have jitter.
+    """
+    drive, sensor = scenario.drive, scenario.sensor
+    if drive.dropout or sensor.jitter:
+        raise InputError("An SSP package has neither dropped samples nor jitter.", "no-ssp")
+    plan = make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold)
+    return scenario.sample_time / plan.step.size
+
+
+def _steady(steady: Steady) -> Values:
+    return _by_element({"q_m_ref": steady.q_m_ref, "u_m0": steady.u_m0})
+
+
+def imperfection_values(scenario: Scenario) -> dict[str, float]:
+    """The parameters of the FMU, but for the steady state; times are exact there if ticks and delays are whole.
+
+    Raises :class:`~orchestrator.errors.InputError` if there are no such ticks.
+    """
     drive, sensor, chirp, pulse = scenario.drive, scenario.sensor, scenario.chirp, scenario.pulse
+    tick = tick_of(scenario)
     exact = {"sensor_delay": [d / tick for d in sensor.delay], "drive_delay": [d / tick for d in drive.delay]}
     if (1 / tick).denominator != 1 or any(d.denominator != 1 for pair in exact.values() for d in pair):
         message = f"The delays split the sample time of {float(scenario.sample_time):g} s unevenly, or it is no "
@@ -117,8 +133,6 @@ def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values
         raise InputError(f"{message}one.", "no-ssp")
     random = stable_stream(sensor.noise.seed).get_state(legacy=False)["state"]
     pairs: dict[str, Iterable[float]] = {
-        "q_m_ref": steady.q_m_ref,
-        "u_m0": steady.u_m0,
         **{name: map(float, pair) for name, pair in exact.items()},
         "gain": drive.gain,
         "limit": [min(limit, STRONGEST) for limit in drive.limit],
@@ -129,7 +143,7 @@ def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values
         "force": pulse.force,
     }
     return {
-        **{f"{name}[{i}]": value for name, pair in pairs.items() for i, value in enumerate(pair, start=1)},
+        **_by_element(pairs),
         "rate": float(1 / tick),
         "ticks_per_sample": float(scenario.sample_time / tick),
         "angle_quantum": sensor.quantum,
@@ -137,6 +151,10 @@ def _imperfections(scenario: Scenario, steady: Steady, tick: Fraction) -> Values
         **{f"chirp_{name}": getattr(chirp, name) for name in ("start", "stop", "f_start", "f_stop")},
         **{f"force_{name}": getattr(pulse, name) for name in ("start", "stop")},
     }
+
+
+def _by_element(pairs: Mapping[str, Iterable[float]]) -> dict[str, float]:
+    return {f"{name}[{i}]": value for name, pair in pairs.items() for i, value in enumerate(pair, start=1)}
 
 
 def _words(number: int) -> list[float]:

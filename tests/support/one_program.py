@@ -1,142 +1,141 @@
-"""Closed loops of the benchmark as one program in C, made of the sources of the FMUs, and what its master loop gives.
+"""Cases of the benchmark in the program of ``controller_fmu/closed_loop``, and what the master loop and the judging in
+Python give.
 
-``tests/stubs/closed_loop.c`` is the program; :mod:`.targets` says what it is compiled for and how it is run.
+``tests/stubs/one_program.c`` is its command line; :mod:`.targets` says what it is compiled for and how it is run.
 """
 
 from __future__ import annotations
 
-import re
+import math
 import shutil
 import struct
-import tempfile
-import zipfile
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-import fmpy
 import numba
 import numpy as np
-from lxml import etree
 
-from controller_fmu.export import FMI_HEADERS, unpack
+import build_fmus
+from controller_fmu.export.one_program import (
+    FIGURES,
+    PARTS,
+    REASONS,
+    VERDICTS,
+    Unit,
+    linear_unit,
+    write_sources,
+)
+from controller_fmu.export.state_space import controller_from_state_space
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.case import Case
+from orchestrator.benchmark.results import Judgement, Measurements
+from orchestrator.benchmark.scorecard import kind
+from orchestrator.documents.flat_case import controller_values, flat_case, flat_matrices
+from orchestrator.fmi.archive import open_archive
 from orchestrator.loop.scenario import Scenario, chirp, chirp_signal
-from orchestrator.loop.trajectory import Trajectory
+from orchestrator.loop.setup import Setup
+from orchestrator.loop.trajectory import Status, Trajectory
 
-STUBS = Path(__file__).parents[1] / "stubs"
-PLANT, IMPERFECTIONS = "FlexibleManipulatorNative", "Imperfections"
-CONTROLLERS = ("DiagonalPID_C", "DitheredLQG_C", "RobustLQG")
-PARTS = (PLANT, IMPERFECTIONS, *CONTROLLERS)
+MAIN = Path(__file__).parents[1] / "stubs" / "one_program.c"
 
-GLOBAL = re.compile(rb"\b(?:component|model|pid)_\w+|\bdesign\b(?=\()")
-"""Names in the sources that several FMUs have, and that are not static."""
-
-NAMING = "fmi2Functions.h"
-"""The standard's header that says how functions are named. FMPy's has no prefix."""
-
-LINES = (
-    ("plant", "q_m", "imperfections", "q_m"),
-    ("imperfections", "y", "controller", "q_m"),
-    ("controller", "u_m", "imperfections", "u_c"),
-    *(("imperfections", name, "plant", name) for name in ("u_m", "u_d", "F")),
-)
-"""What is exchanged, in an order in which each output is read after what it depends on (docs/plant.md)."""
-
-PLACES = ("plant", "imperfections", "controller")
+LINEAR = "TwoLeads"
+A = [[0.95, 0.0, 0.0], [0.0, 0.95, 0.0], [0.0, 0.01, 0.9]]
+B = [[1.0, 0.0], [0.0, 1.0], [0.2, -0.1]]
+C = [[-260.0, 0.0, 3.0], [0.0, -90.0, -2.0]]
+D = [[6000.0, 0.0], [0.0, 2000.0]]
+BACK = [[1e-4, 0.0], [0.0, 1e-4], [0.0, 0.0]]
+"""A linear controller of three states, each axis with a filtered lead, slightly coupled; and against windup."""
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A closed loop as the program simulates it."""
+class Program(NamedTuple):
+    """The FMUs by name, the folder of the program's sources, those to compile, and its units."""
 
-    controller: str
-    samples: int
-    ticks: int
-    """Steps of the plant in a sample."""
-    sample_time: float
-    parameters: Mapping[str, Mapping[str, float]]
-    """By PLACES, then by variable."""
+    files: Mapping[str, Path]
+    folder: Path
+    sources: Sequence[str]
+    units: Sequence[Unit]
 
 
-def write_sources(files: Mapping[str, Path], folder: Path) -> list[str]:
-    """Write the program's sources for the FMUs ``files`` into ``folder``; returns the names of those to compile."""
-    units = []
-    for name in PARTS:
-        (folder / name).mkdir()
-        sources = {
-            path.removeprefix("sources/"): text
-            for path, text in unpack(files[name]).items()
-            if path.startswith("sources/")
-        }
-        sources[NAMING] = sources[NAMING].replace(
-            b"fmi2FullName(name) name", b"fmi2FullName(name) %b_##name" % name.encode()
-        )
-        for source, text in sources.items():
-            (folder / name / source).write_bytes(text)
-        own = sorted({found.decode() for text in sources.values() for found in GLOBAL.findall(text)})
-        lines = [f"#define {word} {name}_{word}" for word in own]
-        lines += [f'#include "{name}/{source}"' for source in sorted(sources) if source.endswith(".c")]
-        lines += ['#include "closed_loop.h"', f"extern const Slave {name};", f"const Slave {name} = SLAVE;", ""]
-        (folder / f"{name}.c").write_text("\n".join(lines))
-        units.append(f"{name}.c")
-    known = "\n".join(f"extern const Slave {name};" for name in PARTS)
-    addresses = ", ".join(f"&{name}" for name in PARTS)
-    (folder / "slaves.h").write_text(f"{known}\n#define SLAVES {addresses}\n")
-    for header in FMI_HEADERS.glob("fmi2*.h"):
-        shutil.copy(header, folder)
-    for stub in ("closed_loop.c", "closed_loop.h"):
-        shutil.copy(STUBS / stub, folder)
-    return ["closed_loop.c", *units]
+def write_program(folder: Path) -> Program:
+    """Build the FMUs and write the sources of the program with its command line."""
+    (folder / "parts").mkdir(parents=True)
+    (folder / "program").mkdir()
+    files = {name: build_fmus.build(name, folder / "parts") for name in PARTS}
+    linear = folder / "parts" / f"{LINEAR}.fmu"
+    files[LINEAR] = controller_from_state_space(A, B, C, D, 0.25e-3, anti_windup=BACK, out=linear)
+    return rewritten(Program(files, folder / "program", (), ()), folder / "program")
 
 
-def loop_of(benchmark: Benchmark, name: str, controller: Controller, case: Case, samples: int) -> Loop:
-    """The first ``samples`` of a case with the controller ``name``, as the package of SSP has it."""
-    with tempfile.TemporaryDirectory() as folder:
-        package = benchmark.export_ssp(controller, case, Path(folder, "case.ssp"))
-        with zipfile.ZipFile(package) as opened:
-            values = {place: _values(opened.read(f"resources/{place}.ssv")) for place in PLACES}
-    sample_time = float(case.scenario.sample_time)
-    return Loop(name, samples, round(values["imperfections"]["ticks_per_sample"]), sample_time, values)
+def rewritten(program: Program, folder: Path) -> Program:
+    """The same with its sources in another folder."""
+    sources, units = write_sources(program.files, program.files[LINEAR], folder)
+    shutil.copy(MAIN, folder)
+    return Program(program.files, folder, [MAIN.name, *sources], units)
 
 
-def _values(text: bytes) -> dict[str, float]:
-    parameters = etree.fromstring(text).iterfind(".//{*}Parameter")
-    return {parameter.get("name"): float(parameter[0].get("value")) for parameter in parameters}
+def block_of(program: Program, name: str, benchmark: Benchmark, case: Case) -> list[float]:
+    """The numbers of a case with one of the controllers."""
+    flat = flat_case(benchmark.rules, case)
+    if name == LINEAR:
+        return flat.block(program.units, linear_unit(len(A)), {}, flat_matrices(A, B, C, D, anti_windup=BACK))
+    values = controller_values(open_archive(program.files[name]), Setup(), case.scenario)
+    return flat.block(program.units, name, values)
 
 
-def program_input(loops: Sequence[Loop], files: Mapping[str, Path]) -> str:
+def program_input(blocks: Sequence[Sequence[float]]) -> str:
     """The text of the file that the program reads."""
-    references = {name: _references(files[name]) for name in PARTS}
-    return "\n".join([f"{len(loops):x}", *(" ".join(_words(loop, references)) for loop in loops), ""])
+    lines = [f"{len(block):x} " + " ".join(map(bits, block)) for block in blocks]
+    return "\n".join([f"{len(blocks):x}", *lines, ""])
 
 
-def _references(file: Path) -> dict[str, int]:
-    return {v.name: v.valueReference for v in fmpy.read_model_description(str(file)).modelVariables}
-
-
-def _words(loop: Loop, references: Mapping[str, Mapping[str, int]]) -> Iterable[str]:
-    kinds = dict(zip(PLACES, (PLANT, IMPERFECTIONS, loop.controller), strict=True))
-
-    def pair(place: str, name: str) -> list[str]:
-        return [f"{references[kinds[place]][f'{name}[{i}]']:x}" for i in (1, 2)]
-
-    yield from (f"{loop.samples:x}", f"{loop.ticks:x}", _bits(loop.sample_time))
-    for place in PLACES:
-        values = loop.parameters[place]
-        yield from (f"{PARTS.index(kinds[place]):x}", f"{len(values):x}")
-        for name, value in values.items():
-            yield from (f"{references[kinds[place]][name]:x}", _bits(value))
-    yield f"{len(LINES):x}"
-    for start, output, end, read in LINES:
-        yield from (f"{PLACES.index(start)}", *pair(start, output), f"{PLACES.index(end)}", *pair(end, read))
-    yield from (*pair("plant", "q_m"), *pair("plant", "X"), *pair("controller", "u_m"), *pair("imperfections", "u_d"))
-
-
-def _bits(value: float) -> str:
+def bits(value: float) -> str:
+    """The bits of a number, in hexadecimal."""
     (word,) = struct.unpack("<Q", struct.pack("<d", value))
-    return f"{word:x}"
+    return f"{word:016x}"
+
+
+class Answer(NamedTuple):
+    """A line of the program: the hash of the trajectory, why the loop ended and when [s], the verdict, the end of the
+    windows [s], and the figures."""
+
+    hash: str
+    reason: str
+    verdict: str
+    time: float
+    judged_until: float | None
+    measurements: Measurements
+
+
+def answer(line: str) -> Answer:
+    """What the program has printed for a case."""
+    found, *words = line.split()
+    reason, verdict, time, until, *figures = (struct.unpack("<d", bytes.fromhex(word)[::-1])[0] for word in words)
+    values = {name: value for name, value in zip(FIGURES, figures, strict=True) if not math.isnan(value)}
+    if "settled" in values:
+        values["settled"] = bool(values["settled"])
+    return Answer(
+        found,
+        REASONS[int(reason)],
+        VERDICTS[int(verdict)],
+        time,
+        None if math.isnan(until) else until,
+        Measurements(**values),
+    )
+
+
+def same(found: Answer, judgement: Judgement, benchmark: Benchmark) -> bool:
+    """Whether the program has judged as Python has, to the last bit."""
+    verdict = kind(judgement, benchmark.rules.stability)
+    if verdict == "unstable":
+        verdict = "no rest" if judgement.measurements.rest_error is not None else "left the workspace"
+    finished = judgement.status is Status.DONE or verdict == "no rest"
+    return (found.time, found.judged_until, found.measurements, found.verdict) == (
+        judgement.time,
+        judgement.judged_until,
+        judgement.measurements,
+        verdict,
+    ) and (found.reason == "finished") == finished
 
 
 def hash_of(trajectory: Trajectory, scenario: Scenario) -> str:

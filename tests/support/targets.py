@@ -32,6 +32,7 @@ def _zig(target: str, level: str, *needs: str, runner: tuple[str, ...] | None = 
 
 
 HERE = "x86_64-linux"
+WASI = ("node", "--no-warnings", str(Path(__file__).parents[1] / "stubs" / "wasi.mjs"))
 
 TARGETS: Mapping[str, Target] = {
     **{f"{name}{level}": Target((name, level), (name,)) for name in ("gcc", "clang") for level in ("-O0", "-O2")},
@@ -44,6 +45,7 @@ TARGETS: Mapping[str, Target] = {
     "x86_64-windows-O2": _zig("x86_64-windows-gnu", "-O2", "wine", HERE, runner=("wine",)),
     "aarch64-musl-O0": _zig("aarch64-linux-musl", "-O0", "qemu-aarch64", runner=("qemu-aarch64",)),
     "aarch64-musl-O2": _zig("aarch64-linux-musl", "-O2", "qemu-aarch64", runner=("qemu-aarch64",)),
+    "wasm32": _zig("wasm32-wasi", "-O2", "node", runner=WASI),
     "x86_64-macos-O2": _zig("x86_64-macos", "-O2", runner=None),
     "aarch64-macos-O2": _zig("aarch64-macos", "-O2", runner=None),
 }
@@ -64,7 +66,7 @@ def run_program(target: Target, program: Path, given: Path, environment: Mapping
     command = [*(target.runner or ()), str(program), given.name]
     done = subprocess.run(command, cwd=given.parent, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
-    return done.stdout.split()
+    return done.stdout.splitlines()
 
 
 @contextmanager
