@@ -4,6 +4,7 @@
     python build_fmus.py DiagonalPID --output-dir /tmp    one of them, elsewhere
     python build_fmus.py --all                            also for the other kinds of FMI
     python build_fmus.py --platforms all                  with binaries for all platforms, and reference trajectories
+    python build_fmus.py --web                            the closed loop as a module of WebAssembly
 
 The sources are found beside this module, in a checkout as well as in an installed package.
 """
@@ -24,6 +25,7 @@ from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, Ta
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.archive import write_atomically
 from controller_fmu.export.description import parse, to_bytes
+from controller_fmu.export.one_program import PARTS, interface_of, web_module
 from controller_fmu.export.rows import description
 from controller_fmu.export.trajectories import reference
 from controller_fmu.export.twin import twin_description, twin_header
@@ -40,8 +42,8 @@ from controller_fmu.robust_c.interface import ROWS
 from plant_fmu.native import interface
 
 __all__ = ["KNOWN", "NAMES", "NAMES_HELP", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect"]
-__all__ += ["NoCompilerError", "UnknownFmuError", "build", "build_all", "c_fmu", "find_compiler", "main", "near"]
-__all__ += ["platform_names", "python_fmu", "to_build"]
+__all__ += ["NoCompilerError", "UnknownFmuError", "build", "build_all", "build_web", "c_fmu", "find_compiler", "main"]
+__all__ += ["near", "platform_names", "python_fmu", "to_build"]
 
 HERE = Path(__file__).resolve().parent
 DEFAULT_OUTPUT_DIR = Path("build", "fmus")
@@ -241,6 +243,30 @@ def build(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms
     return recipes[name](Path(output_dir) / f"{name}.fmu", platforms)
 
 
+WEB_FILES = ("closed_loop.wasm", "closed_loop.json")
+
+
+def build_web(output_dir: Path = DEFAULT_OUTPUT_DIR) -> tuple[Path, Path]:
+    """Compile the closed loop and its judging for WebAssembly; returns the module, and a JSON file of what its numbers
+    mean.
+
+    Raises as :func:`build`, also :class:`NoCompilerError` without the package ``ziglang``.
+    """
+    from controller_fmu.export.state_space import controller_from_state_space  # loads NumPy
+
+    if Path(output_dir) == DEFAULT_OUTPUT_DIR:
+        DEFAULT_OUTPUT_DIR.mkdir(parents=True, exist_ok=True)
+    module, meaning = (Path(output_dir, name) for name in WEB_FILES)
+    with tempfile.TemporaryDirectory(prefix="build_fmus_") as name:
+        folder = Path(name)
+        files = {part: build(part, folder) for part in PARTS}
+        zero = [[0.0, 0.0], [0.0, 0.0]]  # its matrices are given with a case
+        linear = controller_from_state_space(zero, zero, zero, zero, SAMPLE_TIME, out=folder / "Linear.fmu")
+        units = web_module(files, linear, module)
+    write_atomically((json.dumps(interface_of(units), indent=1) + "\n").encode(), meaning)
+    return module, meaning
+
+
 def references(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> tuple[Path, ...]:
     """The files of the reference trajectory that comes with the FMU ``name``: inputs and outputs of its model.
 
@@ -269,7 +295,14 @@ def build_references(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 built, 1 a build failed, 2 bad input."""
     options = _parser().parse_args(arguments)
+    if options.web:
+        return _tried(partial(_show_web, options.output_dir), True)
     return build_all(options.names, options.output_dir, platform_names(options.platforms), options.all)
+
+
+def _show_web(output_dir: Path) -> None:
+    for file in build_web(output_dir):
+        show(file)
 
 
 def near(name: str) -> tuple[str, ...]:
@@ -316,25 +349,35 @@ def build_all(
     unknown = [name for name in names if name not in KNOWN]
     code = EXIT_OK
     told: set[Path] = set()
+
+    def one(name: str) -> None:
+        tell(build(name, output_dir, platforms))
+        if not told.issuperset(references(name, output_dir, platforms)):
+            for file in build_references(name, output_dir, platforms):
+                told.add(file)
+                tell(file)
+
     for name in unknown or chosen(names, variants):
-        try:
-            tell(build(name, output_dir, platforms))
-            if not told.issuperset(references(name, output_dir, platforms)):
-                for file in build_references(name, output_dir, platforms):
-                    told.add(file)
-                    tell(file)
-        except NoCompilerError as error:
-            print(f"skipped {error}", file=sys.stderr)
-            code = max(code, EXIT_FAILED if name in names else EXIT_OK)
-        except (UnknownFmuError, TargetError, PlatformError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            code = EXIT_BAD_INPUT
-        except (BuildError, OSError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            code = max(code, EXIT_FAILED)
+        code = max(code, _tried(partial(one, name), name in names))
         if code == EXIT_BAD_INPUT and not unknown:
             break
     return code
+
+
+def _tried(work: Callable[[], None], asked: bool) -> int:
+    """Do ``work``, and return the exit code of it alone; what was not ``asked`` for is skipped without a compiler."""
+    try:
+        work()
+    except NoCompilerError as error:
+        print(f"skipped {error}", file=sys.stderr)
+        return EXIT_FAILED if asked else EXIT_OK
+    except (UnknownFmuError, TargetError, PlatformError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except (BuildError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    return EXIT_OK
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -349,6 +392,7 @@ examples:
   python build_fmus.py --output-dir /tmp/fmus     build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
                                                   one FMU for Linux, Windows and macOS, and its trajectory
+  python build_fmus.py --web                      build/fmus/closed_loop.wasm and closed_loop.json
 
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -360,6 +404,12 @@ exit codes: 0 built, 1 a build failed, 2 bad input""",
         default="",
         metavar="NAMES",
         help="platforms of the FMUs in C, separated by commas, or 'all' (default: this machine's)",
+    )
+    parser.add_argument(
+        "--web",
+        action="store_true",
+        help="in their place the closed loop as one module of WebAssembly, with what its numbers mean as JSON; "
+        "needs the package ziglang",
     )
     parser.add_argument(
         "--output-dir",

@@ -24,19 +24,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]
 
-from support.one_program import (  # noqa: E402
-    CONTROLLERS,
-    PARTS,
-    Loop,
-    hash_of,
-    loop_of,
-    program_input,
-    write_sources,
-)
+from support.one_program import Program, answer, block_of, hash_of, program_input, write_program  # noqa: E402
 from support.targets import TARGETS, Target, compile_program, run_program, wine_prefix  # noqa: E402
 from support.tools import PRESENT  # noqa: E402
 
-import build_fmus  # noqa: E402
+from controller_fmu.export.one_program import CONTROLLERS  # noqa: E402
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
 
@@ -48,26 +40,26 @@ def cases_at(benchmark: Benchmark, configuration: int, longest: Fraction) -> lis
 
 
 def simulated(
-    benchmark: Benchmark, files: dict[str, Path], chosen: Sequence[tuple[str, Case]]
-) -> tuple[list[Loop], list[str]]:
-    """The program's loops, and the hashes of the master loop."""
-    loops, hashes = [], []
+    benchmark: Benchmark, program: Program, chosen: Sequence[tuple[str, Case]]
+) -> tuple[list[list[float]], list[str], int]:
+    """The program's numbers of the cases, the hashes of the master loop, and how many samples these have."""
+    blocks, hashes, samples = [], [], 0
     for name, case in chosen:
-        controller = Controller(files[name])
-        trajectory = benchmark.simulate(controller, case).trajectory
-        loops.append(loop_of(benchmark, name, controller, case, len(trajectory.command)))
+        trajectory = benchmark.simulate(Controller(program.files[name]), case).trajectory
+        blocks.append(block_of(program, name, benchmark, case))
         hashes.append(hash_of(trajectory, case.scenario))
-    return loops, hashes
+        samples += len(trajectory.command)
+    return blocks, hashes, samples
 
 
-def differing(target: Target, sources: Sequence[str], folder: Path, wanted: Sequence[str]) -> int | None:
+def differing(target: Target, program: Program, given: Path, wanted: Sequence[str]) -> int | None:
     """How many hashes differ on a target; None where the program can only be compiled."""
-    program = compile_program(target, sources, folder, "program.exe")
+    product = compile_program(target, program.sources, program.folder, "program.exe")
     if target.runner is None:
         return None
     with wine_prefix() if "wine" in target.needs else nullcontext() as environment:
-        found = run_program(target, program, folder / "loops.txt", environment)
-    return sum(here != there for here, there in zip(found, wanted, strict=True))
+        lines = run_program(target, product, given, environment)
+    return sum(answer(here).hash != there for here, there in zip(lines, wanted, strict=True))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -82,15 +74,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     every = product(CONTROLLERS, cases_at(benchmark, given.configuration, given.duration))
     chosen = list(every)[: given.cases]
     with tempfile.TemporaryDirectory() as scratch:
-        folder, built = Path(scratch, "program"), Path(scratch, "fmus")
-        folder.mkdir()
-        built.mkdir()
-        files = {name: build_fmus.build(name, built) for name in PARTS}
-        loops, wanted = simulated(benchmark, files, chosen)
-        sources = write_sources(files, folder)
-        (folder / "loops.txt").write_text(program_input(loops, files))
-        samples, other = sum(loop.samples for loop in loops), 0
-        print(f"{len(loops)} trajectories, {samples} samples", flush=True)
+        program = write_program(Path(scratch))
+        blocks, wanted, samples = simulated(benchmark, program, chosen)
+        loops, other = program.folder / "loops.txt", 0
+        loops.write_text(program_input(blocks))
+        print(f"{len(blocks)} trajectories, {samples} samples", flush=True)
         for name in given.targets.split(","):
             target = TARGETS[name]
             missing = [tool for tool in target.needs if not PRESENT[tool]]
@@ -98,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{name:20} skipped: {', '.join(missing)} missing", flush=True)
                 continue
             begin = time.monotonic()
-            count = differing(target, sources, folder, wanted)
+            count = differing(target, program, loops, wanted)
             other += count or 0
             words = "compiled, not run" if count is None else f"{count} of {len(wanted)} differ"
             print(f"{name:20} {words} ({time.monotonic() - begin:.0f} s)", flush=True)

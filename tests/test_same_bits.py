@@ -1,8 +1,7 @@
 """Whole closed loops have the same bits on all platforms: one program in C, compiled for each and run where possible.
 
-The program has the plant, the imperfections and several controllers, made of the FMUs' sources. What it is compared with
-is the master loop on this machine, and its judging with the one in Python. Where only compilation is possible, that is
-done.
+The program has the plant, the imperfections and several controllers, made of the FMUs' sources. It is compared with the
+master loop on this machine, and its judging with the one in Python. Where only compilation is possible, that is done.
 """
 
 from dataclasses import replace
@@ -98,7 +97,10 @@ def test_the_program_has_the_bits_of_the_master_loop(name, program, loops):
 @pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.runner is None])
 def test_it_compiles_for_other_systems(name, program):
     require(*TARGETS[name].needs)
-    assert compile_program(TARGETS[name], program.sources, program.folder, f"{name}.out").read_bytes()[:4] == b"\xcf\xfa\xed\xfe"
+    assert (
+        compile_program(TARGETS[name], program.sources, program.folder, f"{name}.out").read_bytes()[:4]
+        == b"\xcf\xfa\xed\xfe"
+    )
 
 
 JUDGED = (*CONTROLLERS, LINEAR)

@@ -1,7 +1,7 @@
 """The closed loop as one program: the sources of several FMUs in C, each compiled as a unit with names of its own.
 
-The loop and its judging are in ``controller_fmu/closed_loop``. A program reads a case from a flat block of numbers, which
-:func:`block` makes; :func:`web_module` compiles it for WebAssembly, the tests for whatever C can be compiled for.
+The loop and its judging are in ``controller_fmu/closed_loop``. A program reads a case from a flat block of numbers,
+which :func:`block` makes; :func:`web_module` compiles it for WebAssembly, the tests for whatever else there is.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controller_fmu.errors import NoCompilerError
-from controller_fmu.export.archive import unpack
+from controller_fmu.export.archive import unpack, write_atomically
 from controller_fmu.export.c_fmu import CROSS_TIME_LIMIT, FMI_HEADERS
 from controller_fmu.export.compiler import run_compiler
 from controller_fmu.export.description import parse
@@ -77,8 +77,8 @@ class Unit(NamedTuple):
 
 
 def write_sources(files: Mapping[str, Path], linear: Path, folder: Path) -> tuple[list[str], list[Unit]]:
-    """Write the program's sources into ``folder``, for the FMUs ``files`` by the names PARTS and any ``linear`` one, whose
-    matrices are read with a case; returns the names of the files to compile, and the units in the program's order."""
+    """Write the program's sources into ``folder``, for the FMUs ``files`` by the names PARTS and any ``linear`` one,
+    whose matrices are read with a case; returns the names of the files to compile, and the units in their order."""
     chosen = [(name, files[name], 0) for name in PARTS] + [(f"Linear_{size}", linear, size) for size in SIZES]
     units = [_write_unit(name, file, states, folder) for name, file, states in chosen]
     known = "\n".join(f"extern const Slave {unit.name};" for unit in units)
@@ -147,8 +147,20 @@ def linear_unit(states: int) -> str:
     return f"Linear_{next(size for size in SIZES if size >= states)}"
 
 
-def web_module(files: Mapping[str, Path], linear: Path, target: Path) -> tuple[Path, list[Unit]]:
-    """Compile the program for WebAssembly to ``target``; returns it with the program's units.
+def interface_of(units: Sequence[Unit]) -> dict[str, Any]:
+    """What the numbers of a program with these units mean, for other languages."""
+    return {
+        "units": [unit._asdict() for unit in units],
+        "rules": RULES,
+        "figures": FIGURES,
+        "reasons": REASONS,
+        "verdicts": VERDICTS,
+        "sizes": SIZES,
+    }
+
+
+def web_module(files: Mapping[str, Path], linear: Path, target: Path) -> list[Unit]:
+    """Compile the program for WebAssembly to ``target``; returns the program's units.
 
     Raises :class:`~controller_fmu.errors.NoCompilerError` without the package ``ziglang``,
     :class:`~controller_fmu.errors.CompilerError` if it fails.
@@ -162,5 +174,5 @@ def web_module(files: Mapping[str, Path], linear: Path, target: Path) -> tuple[P
         exports = [f"-Wl,--export={name}" for name in _EXPORTS]
         command = [sys.executable, "-m", "ziglang", "cc", "-target", WEB_TARGET, *_WEB_FLAGS, *exports]
         run_compiler([*command, "-o", str(product), *sources], product, folder, CROSS_TIME_LIMIT)
-        shutil.copy(product, target)
-    return target, units
+        write_atomically(product.read_bytes(), target)
+    return units

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from controller_fmu.export.one_program import FIGURES, IMPERFECTIONS, PLANT, Unit, block
 
 from ..benchmark.case import JudgedCase
-from ..benchmark.doubt import with_latest_end, windows_left
+from ..benchmark.doubt import windows_left, with_latest_end
 from ..benchmark.metrics import expected
 from ..benchmark.protocol import JudgingTables
 from ..codec import Struct
@@ -44,7 +45,7 @@ def flat_case(protocol: JudgingTables, case: JudgedCase) -> FlatCase:
     """
     scenario, limits = case.scenario, protocol.stability
     names, latest = expected(protocol, case), with_latest_end(protocol, case)
-    rules = {
+    rules: dict[str, float | Fraction] = {
         "samples": scenario.samples,
         "latest": latest.samples,
         "numerator": scenario.sample_time.numerator,

@@ -76,7 +76,7 @@ def package(
     if other := [v.name for v in starts if v.type in ("Enumeration", "Binary")]:
         message = f"The controller {controller.name} is given {other[0]}, of a type that the package does not have."
         raise InputError(message, "no-ssp", controller.name, other[0])
-    components = {
+    components: dict[str, tuple[Archive, Values, Fraction]] = {
         "plant": (plant, dict(scenario.parameters), tick),
         "imperfections": (imperfections, {**_steady(steady), **imperfection_values(scenario)}, tick / 2),
         "controller": (controller, {v.name: value for v, (value,) in starts.items()}, scenario.sample_time),

@@ -27,7 +27,7 @@ from controller_fmu.export.one_program import (
     write_sources,
 )
 from controller_fmu.export.state_space import controller_from_state_space
-from orchestrator import Benchmark, Controller
+from orchestrator import Benchmark
 from orchestrator.benchmark.case import Case
 from orchestrator.benchmark.results import Judgement, Measurements
 from orchestrator.benchmark.scorecard import kind
