@@ -33,7 +33,7 @@ html_js_files = ["sort.js"]
 html_show_copyright = False
 
 CONTENTS = {
-    "Start": ["Installation <install>", "manipulator", "leaderboard", "study", "gallery", "commands"],
+    "Start": ["Installation <install>", "manipulator", "playground", "leaderboard", "study", "gallery", "commands"],
     "Tutorials": [
         "tutorial-evaluate",
         "tutorial-tune",

@@ -1,5 +1,6 @@
 """The build: FMUs that validate strictly, say all about themselves, and come out byte for byte the same."""
 
+import json
 import re
 import sys
 import zipfile
@@ -198,6 +199,46 @@ def test_without_compiler_c_is_skipped_with_one_line(tmp_path, monkeypatch, caps
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert build_fmus.main(["DiagonalPID_C", "--output-dir", str(tmp_path)]) == 1
     assert [file.name for file in tmp_path.iterdir()] == ["DiagonalPID.fmu"]
+
+
+@pytest.mark.slow
+@pytest.mark.needs("compiler", "ziglang")
+def test_the_module_for_the_web_is_small_needs_nothing_and_comes_out_the_same(tmp_path, capsys):
+    assert build_fmus.main(["--web", "--output-dir", str(tmp_path)]) == 0
+    module, meaning = (tmp_path / name for name in build_fmus.WEB_FILES)
+    assert capsys.readouterr().out.split() == [str(module), str(meaning)]
+    code = module.read_bytes()
+    assert code[:4] == b"\0asm" and len(code) <= 200_000
+    assert 2 not in sections(code)  # that of imports
+    told = json.loads(meaning.read_text(encoding="utf-8"))
+    assert {"FlexibleManipulatorNative", "Imperfections", "DiagonalPID_C", "RobustLQG", "Linear_8"} <= {
+        unit["name"] for unit in told["units"]
+    }
+    build_fmus.build_web(tmp_path)
+    assert module.read_bytes() == code
+
+
+def sections(code):
+    """The kinds of the sections of a module of WebAssembly."""
+    found, at = [], 8
+    while at < len(code):
+        found.append(code[at])
+        size, shift, at = 0, 0, at + 1
+        while True:
+            byte, at = code[at], at + 1
+            size, shift = size | (byte & 0x7F) << shift, shift + 7
+            if byte < 0x80:
+                break
+        at += size
+    return found
+
+
+@pytest.mark.needs("compiler")
+def test_without_its_compiler_the_module_is_skipped_with_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("controller_fmu.export.one_program.find_spec", lambda name: None)
+    assert build_fmus.main(["--web", "--output-dir", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("skipped ") and "ziglang" in said and not list(tmp_path.iterdir())
 
 
 def test_wrong_names_and_kinds_are_refused(tmp_path):

@@ -127,6 +127,7 @@ def test_a_dry_run_of_a_command_that_is_no_study_says_what_it_would_do(folder: P
         ("compare", folder): "Evaluations: ",
         ("new", "python", "my_law"): "my_law/README.md\nmy_law/my_law_fmu.py\n",
         ("build", "TunedPID", "--output-dir", "out"): "out/TunedPID.fmu\n",
+        ("playground",): "build/playground.html\n",
         ("build", STARTER): f"{STARTER}/Python.fmu\n",
     }
     for words, told in whole.items():

@@ -320,7 +320,7 @@ def test_a_page_of_all_parts_escapes_them_and_admits_its_own_scripts_only():
 def test_scripts_know_plots_and_no_document():
     """Whatever a document shows, it shows by the types of ``views/plot.py``: no script is one of a document."""
     there = {file.name for file in pages.FILES.iterdir() if file.name.endswith(".js")}
-    assert there == {*pages.SCRIPTS, pages.LIBRARY}
+    assert there == {*pages.SCRIPTS, pages.LIBRARY, *pages.PLAYGROUND, pages.WORKER}
     assert not pages.SCRIPTS.keys() - {"page.js", "plot.js", "heat.js", "arm.js", "motion.js"}
 
 

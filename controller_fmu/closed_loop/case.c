@@ -3,8 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-double block[BLOCK];
+#include "elementary.h"
+
+double block[BLOCK], force[2];
 Outcome outcome;
+
+void force_of(double size, double phi_F)
+{
+    double sine, cosine;
+    elementary_sin_cos(phi_F, &sine, &cosine);
+    force[0] = size * cosine;
+    force[1] = size * sine;
+}
 
 void simulate_case(void)
 {

@@ -14,6 +14,10 @@ typedef struct {
 extern double block[BLOCK];
 extern Outcome outcome;
 
+/* The components of a force in a direction, as they stand in a block [N]. */
+extern double force[2];
+void force_of(double size, double phi_F);
+
 /* Simulates and judges what the block says. The record stays until the next call. */
 void simulate_case(void);
 

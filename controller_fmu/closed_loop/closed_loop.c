@@ -30,7 +30,7 @@ Record record;
 
 static Part parts[PARTS];
 static struct {
-    Call state, angles;          /* q_m and X of the plant; q_m of the imperfections */
+    Call state, angles;          /* q_m, X and q_a of the plant; q_m of the imperfections */
     Call measured, seen;         /* y of the imperfections, q_m of the controller */
     Call asked, commanded;       /* u_m of the controller, u_c of the imperfections */
     Call given, driving;         /* u_m, u_d and F of the imperfections, and of the plant */
@@ -116,11 +116,12 @@ static void keep_state(long row)
     get(PLANT, &calls.state, values);
     memcpy(record.q_m[row], values, sizeof *record.q_m);
     memcpy(record.X[row], values + 2, sizeof *record.X);
+    memcpy(record.q_a[row], values + 4, sizeof *record.q_a);
 }
 
 static bool allocate(long samples)
 {
-    double(**const columns[])[2] = {&record.q_m, &record.X, &record.u_d, &record.command, &record.torque};
+    double(**const columns[])[2] = {&record.q_m, &record.X, &record.q_a, &record.u_d, &record.command, &record.torque};
     for (size_t i = 0; i < sizeof columns / sizeof *columns; i++)
         if (!(*columns[i] = calloc((size_t)samples + 1, sizeof(double[2])))) return false;
     return true;
@@ -148,7 +149,7 @@ bool loop_begin(const double *given, long samples, double T_s, long ticks, doubl
     if (!allocate(samples)) return false;
     for (int part = 0; part < PARTS; part++)
         if (!(given = begin_part(part, given))) return false;
-    calls.state = call_for(PLANT, 2, (Signal[]){SIGNAL_q_m, SIGNAL_X});
+    calls.state = call_for(PLANT, 3, (Signal[]){SIGNAL_q_m, SIGNAL_X, SIGNAL_q_a});
     calls.angles = call_for(IMPERFECTIONS, 1, (Signal[]){SIGNAL_q_m});
     calls.measured = call_for(IMPERFECTIONS, 1, (Signal[]){SIGNAL_y});
     calls.seen = call_for(CONTROLLER, 1, (Signal[]){SIGNAL_q_m});
@@ -227,7 +228,7 @@ void loop_end(void)
         if (parts[i].instance) parts[i].slave->free(parts[i].instance);
         parts[i].instance = NULL;
     }
-    double(*const columns[])[2] = {record.q_m, record.X, record.u_d, record.command, record.torque};
+    double(*const columns[])[2] = {record.q_m, record.X, record.q_a, record.u_d, record.command, record.torque};
     for (size_t i = 0; i < sizeof columns / sizeof *columns; i++)
         free(columns[i]);
 }

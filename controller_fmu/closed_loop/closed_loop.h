@@ -60,6 +60,7 @@ typedef enum { FINISHED, DIVERGED, ABSURD_TORQUE, PLANT_FAILED, CONTROLLER_FAILE
 /* The samples: row k of a state belongs to time k T_s, with one more row than of torques. */
 typedef struct {
     double (*q_m)[2], (*X)[2];     /* motor angles [rad], position of the tool [m] */
+    double (*q_a)[2];              /* link angles [rad] */
     double (*u_d)[2];              /* torque disturbance [N.m] */
     double (*command)[2];          /* torques as the controller asks for them [N.m] */
     double (*torque)[2];           /* torques as they leave for the drive [N.m] */

@@ -66,7 +66,7 @@ _GAINS = "gains.h"
 
 WEB_TARGET = "wasm32-wasi"
 _WEB_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-mexec-model=reactor", "-s", "-Wl,--gc-sections")
-_EXPORTS = ("block", "outcome", "record", "simulate_case")
+_EXPORTS = ("block", "outcome", "record", "simulate_case", "force", "force_of")
 
 
 class Unit(NamedTuple):

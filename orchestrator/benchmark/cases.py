@@ -51,7 +51,7 @@ def grid(protocol: Protocol, seed: int = 0) -> tuple[Configuration, ...]:
 def _moved(protocol: Protocol, pose: Configuration, seed: int) -> Configuration:
     """``pose``, moved by the protocol's jitter; one beyond an end of the workspace is mirrored there."""
     reach = math.radians(protocol.jitter.pose_deg)
-    moves = stable_stream(_words(seed, pose.index, "", JITTER)).uniform(-reach, reach, 2)
+    moves = stable_stream(seed_words(seed, pose.index, "", JITTER)).uniform(-reach, reach, 2)
     angles = []
     for angle, ends in zip(
         moves + (pose.q_a1, pose.q_a2), (protocol.workspace.q_a1_deg, protocol.workspace.q_a2_deg), strict=True
@@ -125,7 +125,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
 
     Whether its disturbance is drawn, too, or listed, the ``test`` says.
     """
-    stream = stable_stream(_words(seed, index, name, DRAWS))
+    stream = stable_stream(seed_words(seed, index, name, DRAWS))
     deviations: dict[str, tuple[float, float]]
     if re.fullmatch(r"random_[1-9]\d*", name):
         draws = {symbol: stream.uniform(-1.0, 1.0, 2) for symbol in protocol.uncertainty}
@@ -150,7 +150,7 @@ def system(protocol: Protocol, nominal: Mapping[str, float], seed: int, index: i
     # Else a controller could learn its disturbance in one test, and use
     # it in the next: with state that passes from case to case.
     if jitter.tests:
-        stream = stable_stream((*_words(seed, index, name, DRAWS), _checksum(test.name)))
+        stream = stable_stream((*seed_words(seed, index, name, DRAWS), _checksum(test.name)))
     disturbance = _draw(protocol, stream) if test.draws else _listed(protocol, test)
     if jitter.direction_deg or jitter.force_time:
         turn, late = stream.uniform(-1.0, 1.0, 2) * (math.radians(jitter.direction_deg), jitter.force_time)
@@ -177,7 +177,7 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
             noise=Noise(
                 # Band-limited white noise: the variance of a sample is P_n / T_s (docs/paper.md).
                 sigma=math.sqrt(loop.noise_power / loop.sample_time),
-                seed=(*_words(seed, configuration.index, system.name, NOISE), *noise_words),
+                seed=(*seed_words(seed, configuration.index, system.name, NOISE), *noise_words),
             ),
             quantum=math.radians(loop.angle_range_deg) / 2**loop.angle_bits,
         ),
@@ -234,7 +234,8 @@ def seed_of(case: Case) -> int:
     return SeedWords(*case.scenario.sensor.noise.seed[: len(SeedWords._fields)]).seed
 
 
-def _words(seed: int, index: int, name: str, purpose: int) -> SeedWords:
+def seed_words(seed: int, index: int, name: str, purpose: int) -> SeedWords:
+    """The words for the pose with an ``index``, -1 off the grid, and the system of this ``name``."""
     return SeedWords(seed, index + 1, _checksum(name), purpose)
 
 

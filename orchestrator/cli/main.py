@@ -26,6 +26,7 @@ COMMANDS = {
     "runs": "list past runs with V and date",
     "serve": "serve pages on which FMUs are evaluated and compared, for oneself or a group",
     "submit": "submit a controller FMU to such a service",
+    "playground": "simulate cases in a browser, on a page that needs no installation",
     "completion": "print a script that completes commands and options in bash and zsh",
     "new": "begin a controller from a starter kit, matrices or weights",
     "selftest": "check whether this machine gives the published bits",

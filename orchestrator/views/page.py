@@ -61,6 +61,32 @@ def page_html(page: Page) -> str:
     )
 
 
+PLAYGROUND = ("page.js", "plot.js", "arm.js", "motion.js", "playground.js")
+"""The scripts of the playground, in their order: its own is the last one."""
+
+WORKER = "playground-worker.js"
+"""What its workers run."""
+
+
+def playground_html(data: Mapping[str, Any], plots: Sequence[Plot]) -> str:
+    """The page that simulates, as one HTML file, which needs no network: a program in WebAssembly is in its ``data``.
+    The ``plots`` are those that its script fills, the first of which has windows."""
+    program, library = "\n".join(map(template_text, PLAYGROUND)), template_text(LIBRARY)
+    return _filled(
+        "playground.html",
+        plots=[(plot.id, plot.title) for plot in plots],
+        heights={plot.id: plot.height for plot in plots},
+        windows=[window.name for window in plots[0].windows],
+        protocols=list(data["protocols"]),
+        style=Markup(template_text("style.css")),
+        library=Markup(library),
+        program=Markup(program),
+        worker=Markup(template_text(WORKER)),
+        data=Markup(script_json({**data, "plots": {plot.id: plot_data(plot, Pool()) for plot in plots}})),
+        policy=_policy(library, program, simulates=True),
+    )
+
+
 def page_data(page: Page) -> dict[str, Any]:
     """What the scripts of a page are given: what they draw, by its id, and the columns and texts that it is made of."""
     pool, parts = Pool(), page.parts
@@ -199,10 +225,13 @@ def _placed(part: Headline) -> dict[str, Any]:
     }
 
 
-def _policy(*scripts: str) -> str:
-    """A Content-Security-Policy that admits these scripts by their hashes, and no request of any kind."""
+def _policy(*scripts: str, simulates: bool = False) -> str:
+    """A Content-Security-Policy that admits these scripts by their hashes, and no request of any kind. A page that
+    ``simulates`` may compile WebAssembly, and start workers of what it has itself."""
     hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     allowed = " ".join(f"'sha256-{value}'" for value in hashes)
+    if simulates:
+        allowed += " 'wasm-unsafe-eval'; worker-src blob:"
     return (
         # Templates set places and sizes by style attributes, whose values no hash can name beforehand.
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "

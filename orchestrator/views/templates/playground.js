@@ -1,0 +1,579 @@
+// The playground: from what is chosen to the numbers of a case, and from a case's outcome to figures and curves.
+
+const { units, rules: RULES, figures: FIGURES, reasons: REASONS, verdicts: VERDICTS, sizes: SIZES } = data.interface;
+const single = Object.values(data.protocols)[0]; // the protocol that single cases are taken from
+const unitNumber = (name) => units.findIndex((unit) => unit.name === name);
+const SHOWN = { m: [1e3, "mm"], s: [1, "s"], "N.m": [1, "Nm"] };
+const RADIAN = Math.PI / 180;
+const PLOTS = ["error", "torque-1", "torque-2"];
+
+// ---- The state: all that is chosen, which a link holds ----
+
+const OWN = "own"; // in the place of a pose or a system
+
+/** A law that is chosen: values by parameter where they are not the controller's own, or matrices. */
+const law = (name, values = {}) => ({ name, values });
+
+const BEGIN = {
+  protocolCase: "c07.compliant.disturbance",
+  pose: null, // link angles [degrees], if they are not the case's
+  arm: null, // parameters of Table 1 by name, if they are not the case's
+  force: null, // [N]
+  phi: null, // its direction [rad]
+  gain: null, // by axis
+  delay: null, // of both torques [s]
+  seed: 0, // of the noise
+  chosen: law("DiagonalPID_C"),
+  beside: law("RobustLQG"),
+};
+
+const EXAMPLES = [
+  ["The force of 500 N: what a controller is judged by", {}],
+  ["What friction does: the sticky arm with a higher gain", { protocolCase: "c07.sticky.gain_1" }],
+  ["What A2 means: 1.5 ms more delay", { protocolCase: "c08.compliant.delay_2" }],
+  ["An arm that RobustLQG does not hold with 1.5 ms more delay", {
+    protocolCase: "c07.compliant.delay_1", pose: [-28.9, 13.1], phi: 1.9242670095264438, chosen: law("RobustLQG"), beside: law("DiagonalPID_C"),
+    arm: {
+      "m[1]": 55.00000000000001, "m[2]": 160.455, "k_low[1]": 600000, "k_low[2]": 207560, "k_high[1]": 1357800, "k_high[2]": 240000,
+      "psi[1]": 0.0006980153455142655, "psi[2]": 0.0010471975511965976, "d[1]": 480, "d[2]": 160, "f_d[1]": 0.0011999999999999997,
+      "f_d[2]": 0.0011063999999999998, "f_c[1]": 0.5819999999999999, "f_c[2]": 0.24639999999999995, "mu_k[1]": 0.3385, "mu_k[2]": 0.75,
+      "beta[1]": 0.6000000000000001, "beta[2]": 0.5624000000000001, "alpha[1]": 2.71, "alpha[2]": 6.477500000000001, "gamma[1]": 1.0676,
+      "gamma[2]": 0.9509,
+    },
+  }],
+];
+
+let state = structuredClone(BEGIN);
+
+const encoded = (value) => btoa(JSON.stringify(value)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+const decoded = (text) => JSON.parse(atob(text.replaceAll("-", "+").replaceAll("_", "/")));
+
+function readLink() {
+  try {
+    const found = { ...structuredClone(BEGIN), ...decoded(location.hash.slice(1)) };
+    caseOf(found); // a state of another version is refused as a whole
+    blockOf(found, found.chosen);
+    blockOf(found, found.beside);
+    return found;
+  } catch {
+    return structuredClone(BEGIN);
+  }
+}
+
+// ---- The noise: the seeding of NumPy's PCG64 ----
+
+const word = (value) => value >>> 0;
+
+/** 32-bit words of NumPy's SeedSequence for these numbers. */
+function seedSequence(entropy, count) {
+  const words = entropy.flatMap((number) => (number < 2 ** 32 ? [number] : [word(number % 2 ** 32), Math.floor(number / 2 ** 32)]));
+  let constant = 0x43b0d7e5;
+  const hashed = (value) => {
+    let mixed = word(value ^ constant);
+    constant = word(Math.imul(constant, 0x931e8875));
+    mixed = word(Math.imul(mixed, constant));
+    return word(mixed ^ (mixed >>> 16));
+  };
+  const mix = (x, y) => {
+    const mixed = word(Math.imul(0xca01f9dd, x) - Math.imul(0x4973f715, y));
+    return word(mixed ^ (mixed >>> 16));
+  };
+  const pool = [0, 1, 2, 3].map((place) => hashed(words[place] ?? 0));
+  for (let from = 0; from < 4; from += 1) for (let to = 0; to < 4; to += 1) if (from !== to) pool[to] = mix(pool[to], hashed(pool[from]));
+  for (const more of words.slice(4)) for (let to = 0; to < 4; to += 1) pool[to] = mix(pool[to], hashed(more));
+  let other = 0x8b51f9dd;
+  return Array.from({ length: count }, (_, place) => {
+    let made = word(pool[place % 4] ^ other);
+    other = word(Math.imul(other, 0x58f38ded));
+    made = word(Math.imul(made, other));
+    return word(made ^ (made >>> 16));
+  });
+}
+
+/** State and increment of PCG64 for a seed, as the imperfections' parameters. */
+function noiseOf(entropy) {
+  const words = seedSequence(entropy, 8).map(BigInt);
+  const wide = (place) => (words[place + 1] << 96n) | (words[place] << 64n) | (words[place + 3] << 32n) | words[place + 2];
+  const mask = (1n << 128n) - 1n;
+  const increment = ((wide(4) << 1n) | 1n) & mask;
+  const next = (value) => (value * 0x2360ed051fc65da44385df649fccf645n + increment) & mask;
+  const begin = next((increment + wide(0)) & mask);
+  const split = (name, value) => [96n, 64n, 32n, 0n].map((shift, place) => [`${name}[${place + 1}]`, Number((value >> shift) & 0xffffffffn)]);
+  return Object.fromEntries([...split("noise_state", begin), ...split("noise_increment", increment)]);
+}
+
+// ---- From the state to the numbers of a case ----
+
+const protocolCase = (protocol, id) => protocol.cases.find((one) => one.id === id);
+
+/** The grid's pose at these link angles [degrees], if there is one. */
+const gridPose = (degrees) => data.poses.find((pose) => pose.degrees.every((angle, axis) => Math.abs(angle - degrees[axis]) < 6e-8));
+
+/** Whether the arm is not the case's, so that noise and disturbance are those of the system "nominal". */
+const isOwn = ({ pose, arm, seed }) => pose !== null || arm !== null || seed !== 0;
+
+/** The link angles of a state [degrees]. */
+const degreesOf = (given) => given.pose ?? data.poses.find((pose) => pose.index === protocolCase(single, given.protocolCase).pose).degrees;
+
+function valuesOf(protocol, one) {
+  return {
+    rules: { ...protocol.rules, ...one.rules },
+    plant: { "q_a_start[1]": one.start[0], "q_a_start[2]": one.start[1], ...protocol.systems[one.system] },
+    imperfections: { ...protocol.imperfections, ...one.imperfections },
+  };
+}
+
+/** The numbers of a state's case; its force in polar form where it is not the case's. */
+function caseOf(given) {
+  const one = protocolCase(single, given.protocolCase);
+  const values = valuesOf(single, one);
+  const { plant, imperfections } = values;
+  if (isOwn(given)) {
+    const degrees = degreesOf(given);
+    const pose = gridPose(degrees);
+    const [first, second] = pose ? pose.radians : degrees.map((angle) => angle * RADIAN);
+    Object.assign(plant, { "q_a_start[1]": first, "q_a_start[2]": second }, given.arm ?? {});
+    const [, , ...more] = data.noiseWords;
+    Object.assign(imperfections, noiseOf([given.seed, (pose ? pose.index : -1) + 1, ...more]));
+  }
+  for (const axis of [1, 2]) {
+    if (given.gain) imperfections[`gain[${axis}]`] = given.gain[axis - 1];
+    if (given.delay) imperfections[`drive_delay[${axis}]`] = Math.round(given.delay[axis - 1] * imperfections.rate);
+  }
+  const pushed = imperfections["force[1]"] !== 0 || imperfections["force[2]"] !== 0;
+  values.force = pushed && (given.force !== null || given.phi !== null) ? [given.force ?? single.force, given.phi ?? one.phi] : null;
+  return values;
+}
+
+/** The matrices of a linear controller as numbers behind a block. Throws an Error that says what is wrong. */
+function matrixNumbers({ A, B, C, D }) {
+  const shaped = (name, matrix, rows, columns) => {
+    const fits = Array.isArray(matrix) && matrix.length === rows && matrix.every((row) => Array.isArray(row) && row.length === columns && row.every(Number.isFinite));
+    if (!fits) throw new Error(`${name} must have ${rows} × ${columns} numbers`);
+  };
+  if (!Array.isArray(A)) throw new Error("A, B, C and D must be lists of rows");
+  const states = A.length;
+  if (states > Math.max(...SIZES)) throw new Error(`at most ${Math.max(...SIZES)} states`);
+  for (const [name, matrix, rows, columns] of [["A", A, states, states], ["B", B, states, 2], ["C", C, 2, states], ["D", D, 2, 2]]) shaped(name, matrix, rows, columns);
+  const rows = [...A.map((row, place) => [...row, ...B[place]]), ...C.map((row, place) => [...row, ...D[place]])];
+  return [states, 35, 20, ...rows.flat(), ...new Array(2 * states).fill(0)];
+}
+
+/** The block of a case for a law, and where the force stands in it. */
+function blockOfValues(values, { name, values: chosenValues, matrices }) {
+  const linear = matrices ? matrixNumbers(matrices) : [];
+  const known = data.controllers.find((one) => one.name === name);
+  const unit = matrices ? `Linear_${SIZES.find((size) => size >= linear[0])}` : known.unit;
+  const parameters = matrices ? {} : { T_s: values.rules.numerator / values.rules.denominator, ...known.values, ...chosenValues };
+  const block = RULES.map((rule) => values.rules[rule]);
+  const forceAt = [];
+  for (const [part, given] of [[data.plant, values.plant], ["Imperfections", values.imperfections], [unit, parameters]]) {
+    const { references } = units[unitNumber(part)];
+    block.push(unitNumber(part), Object.keys(given).length);
+    for (const [variable, value] of Object.entries(given)) {
+      block.push(references[variable], value);
+      if (/^force\[/.test(variable)) forceAt.push(block.length - 1);
+    }
+  }
+  block.push(...linear);
+  if (!block.every(Number.isFinite)) throw new Error("a value is no number");
+  return { block: Float64Array.from(block), force: values.force, forceAt };
+}
+
+const blockOf = (given, chosenLaw) => blockOfValues(caseOf(given), chosenLaw);
+
+// ---- Workers ----
+
+const module = new WebAssembly.Module(Uint8Array.from(atob(data.module), (character) => character.charCodeAt(0)));
+const workerAddress = URL.createObjectURL(new Blob([$("#worker").textContent], { type: "text/javascript" }));
+
+/** A worker that answers one task after the other. */
+function newWorker() {
+  const worker = new Worker(workerAddress);
+  worker.postMessage({ module });
+  let number = 0;
+  return {
+    run: (task) => new Promise((resolve, reject) => {
+      const wanted = (number += 1);
+      worker.onmessage = ({ data: answer }) => answer.number === wanted && resolve(answer);
+      worker.onerror = ({ message }) => reject(new Error(message));
+      worker.postMessage({ ...task, number: wanted });
+    }),
+    end: () => worker.terminate(),
+  };
+}
+
+/** The outcome by name: why and when it ended, the verdict, and the figures there are. */
+function named([reason, verdict, time, until, ...values]) {
+  const figures = Object.fromEntries(FIGURES.map((name, place) => [name, values[place]]).filter(([, value]) => value !== null));
+  return { reason: REASONS[reason], verdict: VERDICTS[verdict], time, until, figures };
+}
+
+// ---- The figures of a case ----
+
+const REQUIREMENT = {
+  quiet: "stands still", "ring-down": "dies away", "limit cycle": "limit cycle", "left the workspace": "left the workspace", "no rest": "no rest",
+};
+
+/** A length [m] in words. */
+const lengthWords = (value) => (value === undefined ? "-" : value < 1e-3 ? `${figures(1e6 * value)} µm` : `${figures(1e3 * value)} mm`);
+
+const label = ({ name, matrices }) => (matrices ? "linear controller" : name);
+
+function showFigures(answers) {
+  const outcomes = answers.map(({ outcome }) => named(outcome));
+  const head = element("tr", {}, element("th", { scope: "col" }, "Figure"), ...["chosen", "beside"].map((key) => element("th", { scope: "col", class: "figure" }, `${label(state[key])} (${key})`)), element("th", { scope: "col", class: "figure" }, "target"));
+  $("#figures thead").replaceChildren(head);
+  const cell = (value, mark) => {
+    const words = { good: ["✓", "on target"], bad: ["✗", "not on target"] }[mark];
+    return element("td", { class: "figure" }, value, ...(words ? [" ", element("span", { class: mark, role: "img", "aria-label": words[1] }, words[0])] : []));
+  };
+  const rows = Object.entries(single.criteria).filter(([name]) => outcomes.some(({ figures: values }) => name in values)).map(([name, spec]) => {
+    const [factor, unit] = SHOWN[spec.unit];
+    const values = outcomes.map(({ figures: { [name]: value } }) => (value === undefined ? cell("-") : cell(`${figures(factor * value)} ${unit}`, value <= spec.target ? "good" : "bad")));
+    return element("tr", {}, element("th", { scope: "row" }, `${name} ${spec.title}`), ...values, cell(`${figures(factor * spec.target)} ${unit}`));
+  });
+  const test = single.tests[protocolCase(single, state.protocolCase).test];
+  if (test.requirements.length) {
+    const verdicts = outcomes.map(({ reason, verdict, time }) => {
+      const words = REQUIREMENT[verdict] ?? `${reason} at ${figures(time)} s`;
+      return cell(words, verdict === "quiet" || verdict === "ring-down" ? "good" : "bad");
+    });
+    rows.push(element("tr", {}, element("th", { scope: "row" }, `${test.requirements.join(", ")} at the end`), ...verdicts, cell("still")));
+    for (const [words, name] of [["Amplitude at the end", "limit_cycle"], ["Error at the end", "rest_error"]]) {
+      const values = outcomes.map(({ figures: { [name]: value } }) => cell(lengthWords(value)));
+      rows.push(element("tr", {}, element("th", { scope: "row" }, words), ...values, cell(lengthWords(single.rules[name]))));
+    }
+  }
+  $("#figures tbody").replaceChildren(...rows);
+}
+
+function showCurves(answers) {
+  PLOTS.forEach((id) => {
+    answers.forEach((answer, which) => {
+      const name = `${label(state[["chosen", "beside"][which]])} (${["chosen", "beside"][which]})`;
+      const given = data.plots[id].option;
+      given.series[which].data = answer.plots?.[id] ?? [];
+      given.series[which].name = name;
+      given.legend.data[which].name = name;
+    });
+    const words = answers.map((answer, which) => `${["Chosen", "Beside"][which]}: ${peakWords(answer.plots?.[id] ?? [], id)}`);
+    data.plots[id].text = `${words.join(". ")}.`;
+  });
+  const { imperfections, force } = caseOf(state);
+  const components = force ? [force[0] * Math.cos(force[1]), force[0] * Math.sin(force[1])] : [imperfections["force[1]"], imperfections["force[2]"]];
+  const rest = degreesOf(state).map((angle) => angle * RADIAN);
+  const moved = answers.map((answer, which) => {
+    [...(answer.motion ?? empty(5)), ...(answer.torques ?? empty(3))].forEach((column, place) => (unpacked[8 * which + place] = column));
+    const numbers = (from, count) => Array.from({ length: count }, (_, place) => 8 * which + from + place);
+    const window = [imperfections.force_start, imperfections.force_stop];
+    return {
+      name: label(state[["chosen", "beside"][which]]), rest, motion: numbers(0, 5), torque: numbers(5, 3), end: named(answer.outcome).time,
+      force: components.some(Boolean) ? components : null, window, places: [["Begin", 0], ["Force", window[0]], ["After it", window[1]]],
+    };
+  });
+  $("#results").hidden = false;
+  data.motions = { motion: { choice: "which", links: data.links, circles: [["limit", single.criteria.B5.target]], circleWords: figures(1e3 * single.criteria.B5.target) + " mm", moved } };
+  draw();
+}
+
+const empty = (count) => Array.from({ length: count }, () => new Float32Array(1));
+
+function peakWords(points, id) {
+  const [at, value] = points.reduce((best, point) => (Math.abs(point[1]) > Math.abs(best[1]) ? point : best), [0, 0]);
+  return id === "error" ? `at most ${figures(value)} mm, at ${figures(at)} s` : `at most ${figures(Math.abs(value))} Nm, at ${figures(at)} s`;
+}
+
+// ---- Running what is chosen ----
+
+const pair = [newWorker(), newWorker()];
+let [busy, again] = [false, false];
+
+/** Simulate both laws; while they run, only the last change is kept. */
+async function update() {
+  history.replaceState(null, "", `#${encoded(state)}`);
+  showCommand();
+  again = true;
+  if (busy) return;
+  busy = true;
+  while (again) {
+    again = false;
+    $("#state").textContent = "Simulating …";
+    $("#results").setAttribute("aria-busy", "true");
+    const begin = performance.now();
+    try {
+      const answers = await Promise.all([state.chosen, state.beside].map((one, which) => pair[which].run({ ...blockOf(state, one), detail: "curves" })));
+      if (again) continue;
+      data.answers = answers.map(({ outcome }) => named(outcome));
+      showFigures(answers);
+      showCurves(answers);
+      const refused = answers.map(({ message }) => message).filter(Boolean);
+      $("#state").textContent = refused.length ? refused.join(" ") : `Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
+    } catch (problem) {
+      $("#state").textContent = `Not simulated: ${problem.message}.`;
+    }
+  }
+  busy = false;
+  $("#results").setAttribute("aria-busy", "false");
+}
+
+// ---- Scorecard ----
+
+/** As orchestrator/benchmark/scorecard.py: the cost, the criteria, and which cases of each requirement fail. */
+function score(protocol, cases, outcomes) {
+  const order = cases.map((one, place) => [one, outcomes[place]]).sort(([a], [b]) => a.pose - b.pose);
+  const criteria = {};
+  let cost = 0;
+  for (const [name, spec] of Object.entries(protocol.criteria)) {
+    const worst = new Map();
+    for (const [one, { figures: values }] of order) {
+      if (!protocol.tests[one.test].criteria.includes(name)) continue;
+      const value = values[name] ?? null;
+      const before = worst.get(one.pose);
+      worst.set(one.pose, value === null || before === null ? null : before === undefined || value > before ? value : before);
+    }
+    const values = [...worst.values()];
+    const value = values.includes(null) ? null : values.reduce((sum, one) => sum + one, 0) / values.length;
+    criteria[name] = value;
+    cost = value === null || cost === null ? null : cost + (spec.weight * value) / spec.target;
+  }
+  const failed = Object.fromEntries(["A1", "A2", "A3"].map((name) => [
+    name,
+    order.filter(([one, { verdict }]) => protocol.tests[one.test].requirements.includes(name) && !["quiet", "ring-down"].includes(verdict)).map(([one]) => one.id),
+  ]));
+  return { cost, criteria, failed };
+}
+
+async function evaluate(name) {
+  const protocol = data.protocols[name];
+  const buttons = [...document.querySelectorAll("[data-protocol]")];
+  buttons.forEach((button) => (button.disabled = true));
+  const progress = $("#progress");
+  progress.hidden = false;
+  progress.max = protocol.cases.length;
+  progress.value = 0;
+  const chosenLaw = structuredClone(state.chosen);
+  const begin = performance.now();
+  const workers = Array.from({ length: Math.min(navigator.hardwareConcurrency || 2, 32) }, newWorker);
+  const outcomes = [];
+  let next = 0;
+  await Promise.all(workers.map(async (worker) => {
+    while (next < protocol.cases.length) {
+      const place = next;
+      next += 1;
+      outcomes[place] = named((await worker.run(blockOfValues(valuesOf(protocol, protocol.cases[place]), chosenLaw))).outcome);
+      progress.value += 1;
+    }
+  }));
+  workers.forEach((worker) => worker.end());
+  data.scorecard = { protocol: name, outcomes, ...score(protocol, protocol.cases, outcomes) };
+  showScorecard(protocol, label(chosenLaw), (performance.now() - begin) / 1000);
+  progress.hidden = true;
+  buttons.forEach((button) => (button.disabled = false));
+}
+
+function showScorecard(protocol, controller, seconds) {
+  const { protocol: name, cost, criteria, failed } = data.scorecard;
+  const rows = Object.entries(protocol.criteria).map(([criterion, spec]) => {
+    const [factor, unit] = SHOWN[spec.unit];
+    const shown = (value) => (value === null ? "-" : `${figures(factor * value)} ${unit}`);
+    return element("tr", {}, element("th", { scope: "row" }, `${criterion} ${spec.title}`), element("td", { class: "figure" }, shown(criteria[criterion])), element("td", { class: "figure" }, shown(spec.target)));
+  });
+  const badges = Object.entries(failed).map(([requirement, ids]) =>
+    element("span", { class: `badge ${ids.length ? "not-met" : "met"}` }, ids.length ? `✗ ${requirement}: ${ids.length} cases fail, such as ${ids[0]}` : `✓ ${requirement}`));
+  $("#scorecard").replaceChildren(
+    element("p", { class: "hero" }, cost === null ? "-" : cost.toFixed(1)),
+    element("p", {}, `V of ${controller} on ${name}: ${protocol.cases.length} cases in ${seconds.toFixed(1)} s. 100 means that every target is just met; less is better.`),
+    element("p", { class: "bar" }, ...badges),
+    element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...["Criterion", "value", "target"].map((words, place) => element("th", { scope: "col", class: place ? "figure" : "" }, words)))), element("tbody", {}, ...rows))));
+}
+
+// ---- Command and link ----
+
+function showCommand() {
+  const one = protocolCase(single, state.protocolCase);
+  const { name, values, matrices } = state.chosen;
+  const own = isOwn(state);
+  const { plant, imperfections } = caseOf(state);
+  const words = ["python -m orchestrator.simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
+  if (!matrices) for (const [parameter, value] of Object.entries(values)) words.push(`--set '${parameter}=${value}'`);
+  if (own) {
+    const arm = Object.entries(plant).filter(([parameter, value]) => value !== data.nominal[parameter] && !parameter.startsWith("q_a_start"));
+    words.push(`--configuration ${degreesOf(state).join(" ")} --system nominal --test ${one.test}`);
+    if (arm.length) words.push(`--plant-set '${arm.map((entry) => entry.join("=")).join(",")}'`);
+    if (state.seed) words.push(`--seed ${state.seed}`);
+    if (one.test === "disturbance") words.push(`--t-3 ${imperfections.chirp_start} --chirp-frequencies ${imperfections.chirp_f_start} ${imperfections.chirp_f_stop}`);
+  } else words.push(`--case ${one.id}`);
+  if (state.force !== null) words.push(`--force ${state.force}`);
+  if (one.test !== "noise" && (state.phi !== null || own)) words.push(`--phi-F ${state.phi ?? one.phi}`);
+  if (state.gain) words.push(`--gain ${state.gain.join(" ")}`);
+  if (state.delay) words.push(`--delay ${state.delay.join(" ")}`);
+  $("#command").textContent = words.join(" ");
+  $("#copy-command").dataset.copy = words.join(" ");
+  $("#copy-command").setAttribute("aria-label", "Copy the command");
+  $("#link").href = `#${encoded(state)}`;
+  $("#copy-link").dataset.copy = `${location.href.split("#")[0]}#${encoded(state)}`;
+  $("#copy-link").setAttribute("aria-label", "Copy the link");
+}
+
+// ---- Controls ----
+
+/** A slider with its value in words; `set` is told the number. */
+function slider(id, words, { low, high, step, value, shown = figures, unit = "" }, set) {
+  const output = element("output", { for: id }, `${shown(value)} ${unit}`);
+  const input = element("input", {
+    type: "range", id, min: low, max: high, step,
+    oninput: () => {
+      output.textContent = `${shown(Number(input.value))} ${unit}`;
+      set(Number(input.value));
+      update();
+    },
+  });
+  input.value = String(value);
+  return element("p", { class: "slide" }, element("label", { for: id }, words), input, output);
+}
+
+const pick = (values, chosenValue) => values.map(([value, words]) => {
+  const option = element("option", { value }, words);
+  option.selected = value === chosenValue;
+  return option;
+});
+
+function showGains() {
+  const { name, values, matrices } = state.chosen;
+  const known = data.controllers.find((one) => one.name === name);
+  $("#matrices").hidden = !matrices;
+  if (matrices && document.activeElement !== $("#law")) $("#law").value = JSON.stringify(matrices, null, 1).replace(/\[\s+([^[\]]*?)\s+\]/g, (_, row) => `[${row.replace(/\s+/g, " ")}]`);
+  const isPid = known?.unit === "DiagonalPID_C";
+  $("#gains").replaceChildren(...(isPid ? data.gains : []).flatMap(({ name: gain, values: own, most }) => [1, 2].map((axis) => {
+    const parameter = `${gain}[${axis}]`;
+    const value = values[parameter] ?? known.values[parameter] ?? own[axis - 1];
+    const high = gain === "z_p" ? 0.995 : most * own[axis - 1];
+    return slider(`gain-${gain}-${axis}`, `${gain} ${axis}`, { low: 0, high, step: high / 200, value }, (number) => (state.chosen.values[parameter] = number));
+  })));
+  $("#kept").textContent = `Beside: ${label(state.beside)}${Object.keys(state.beside.values ?? {}).length ? " with changed gains" : ""}.`;
+}
+
+function showCase() {
+  const one = protocolCase(single, state.protocolCase);
+  const unique = (key) => [...new Set(single.cases.map((other) => other[key]))];
+  const pose = data.poses.find(({ index }) => index === one.pose);
+  const own = isOwn(state) ? [[OWN, "as set below"]] : [];
+  $("#pose").replaceChildren(...pick([...own, ...data.poses.map(({ index, degrees }) => [String(index), `c${String(index).padStart(2, "0")}: ${degrees.join("°, ")}°`])], isOwn(state) ? OWN : String(pose.index)));
+  $("#test").replaceChildren(...pick(unique("test").map((name) => [name, name]), one.test));
+  $("#system").replaceChildren(...pick([...own, ...single.cases.filter(({ pose: at, test }) => at === one.pose && test === one.test).map(({ systemName }) => [systemName, systemName])], isOwn(state) ? OWN : one.systemName));
+  const degrees = degreesOf(state);
+  const { q_a1_deg, q_a2_deg } = data.workspace;
+  $("#angles").replaceChildren(...[q_a1_deg, q_a2_deg].map(([low, high], axis) =>
+    slider(`angle-${axis + 1}`, `q_a${axis + 1}`, { low, high, step: 0.1, value: degrees[axis], unit: "°" }, (number) => {
+      const now = [...degreesOf(state)];
+      now[axis] = number;
+      setOwn({ pose: now });
+    })));
+  const { imperfections } = caseOf(state);
+  const pushed = imperfections.force_stop > 0;
+  $("#disturbance").replaceChildren(...(pushed ? [
+    slider("force", "Force", { low: 0, high: 1000, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
+    slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: (state.phi ?? one.phi) / RADIAN, unit: "°" }, (number) => (state.phi = number * RADIAN)),
+  ] : []));
+  const tick = 1 / imperfections.rate;
+  $("#loop").replaceChildren(
+    ...[1, 2].map((axis) => slider(`loop-gain-${axis}`, `Gain of axis ${axis}`, { low: 0.1, high: 5, step: 0.05, value: imperfections[`gain[${axis}]`], unit: "×" }, (number) => {
+      state.gain ??= [1, 2].map((each) => imperfections[`gain[${each}]`]);
+      state.gain[axis - 1] = number;
+    })),
+    ...[1, 2].map((axis) => slider(`delay-${axis}`, `Delay of axis ${axis}`, { low: 1, high: 16, step: 1, value: imperfections[`drive_delay[${axis}]`], shown: (ticks) => String(ticks * tick * 1e3), unit: "ms" }, (ticks) => {
+      state.delay ??= [1, 2].map((each) => imperfections[`drive_delay[${each}]`] / imperfections.rate);
+      state.delay[axis - 1] = ticks / imperfections.rate;
+    })),
+    element("p", { class: "slide" }, element("label", { for: "seed" }, "Seed of the noise"), seedInput()));
+  const arm = armOf(state);
+  $("#arm").replaceChildren(...data.table.flatMap(({ symbol, unit, tolerance, words }) => [1, 2].map((axis) => {
+    const parameter = `${symbol}[${axis}]`;
+    const nominal = data.nominal[parameter];
+    const made = slider(`arm-${symbol}-${axis}`, `${symbol} ${axis}`, {
+      low: -1, high: 1, step: 0.02, value: (arm[parameter] / nominal - 1) / tolerance,
+      shown: (share) => `${figures(nominal * (1 + tolerance * share))}`, unit: unit === "1" ? "" : unit,
+    }, (share) => setOwn({ arm: { ...armOf(state), [parameter]: nominal * (1 + tolerance * share) } }));
+    made.title = `${words}; ± ${100 * tolerance} %`;
+    made.querySelector("input").setAttribute("list", "nominal");
+    return made;
+  })), element("datalist", { id: "nominal" }, element("option", { value: "0" })));
+}
+
+/** The uncertain parameters of a state's arm. */
+function armOf(given) {
+  const { plant } = caseOf(given);
+  return Object.fromEntries(data.table.flatMap(({ symbol }) => [1, 2].map((axis) => [`${symbol}[${axis}]`, plant[`${symbol}[${axis}]`]])));
+}
+
+/** An arm of one's own: from now on it does not follow the case. */
+function setOwn(changes) {
+  const begins = !isOwn(state);
+  const arm = armOf(state);
+  Object.assign(state, { arm, pose: degreesOf(state) }, changes);
+  if (begins) for (const selector of ["#pose", "#system"]) $(selector).prepend(...pick([[OWN, "as set below"]], OWN));
+}
+
+function seedInput() {
+  const input = element("input", { id: "seed", type: "number", min: 0, max: 9999, step: 1, onchange: () => {
+    const seed = Math.min(9999, Math.max(0, Math.round(Number(input.value) || 0)));
+    setOwn({ seed });
+    showAll();
+  } });
+  input.value = String(state.seed);
+  return input;
+}
+
+function showAll() {
+  $("#controller").replaceChildren(...pick([...data.controllers.map(({ name }) => [name, name]), ["linear", "A linear controller of my own"]], state.chosen.matrices ? "linear" : state.chosen.name));
+  showGains();
+  showCase();
+  update();
+}
+
+/** Another case of the protocol, as it is; another test of an arm of one's own keeps this arm. */
+function chooseCase() {
+  const before = protocolCase(single, state.protocolCase);
+  const [pose, system, test] = ["#pose", "#system", "#test"].map((selector) => $(selector).value);
+  const possible = single.cases.filter((one) => (pose === OWN ? one.pose === before.pose : String(one.pose) === pose) && one.test === test);
+  const one = possible.find(({ systemName }) => systemName === (system === OWN ? before.systemName : system)) ?? possible[0];
+  const kept = pose === OWN && system === OWN ? { pose: state.pose, arm: state.arm, seed: state.seed } : {};
+  Object.assign(state, { ...structuredClone(BEGIN), chosen: state.chosen, beside: state.beside, protocolCase: one.id, ...kept });
+  showAll();
+}
+
+function startPlayground() {
+  $("#example").replaceChildren(...EXAMPLES.map(([words], number) => element("option", { value: number }, words)));
+  $("#example").addEventListener("change", ({ target }) => {
+    state = { ...structuredClone(BEGIN), ...structuredClone(EXAMPLES[Number(target.value)][1]) };
+    showAll();
+  });
+  for (const selector of ["#pose", "#system", "#test"]) $(selector).addEventListener("change", chooseCase);
+  $("#controller").addEventListener("change", ({ target }) => {
+    state.chosen = target.value === "linear" ? { name: "linear", matrices: data.linear } : law(target.value);
+    showAll();
+  });
+  $("#law").addEventListener("input", ({ target }) => {
+    try {
+      const { A, B, C, D } = JSON.parse(target.value);
+      matrixNumbers({ A, B, C, D });
+      state.chosen = { name: "linear", matrices: { A, B, C, D } };
+      $("#law-problem").textContent = "";
+      update();
+    } catch (problem) {
+      $("#law-problem").textContent = problem.message;
+    }
+  });
+  $("#keep").addEventListener("click", () => ((state.beside = structuredClone(state.chosen)), showAll()));
+  $("#swap").addEventListener("click", () => (([state.chosen, state.beside] = [state.beside, state.chosen]), showAll()));
+  $("#which").addEventListener("change", ({ target }) => ((chosen.which = Number(target.value)), draw()));
+  for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
+  $("#controls").addEventListener("submit", (event) => event.preventDefault());
+  window.addEventListener("hashchange", () => ((state = readLink()), showAll()));
+  chosen.which = 0;
+  state = readLink();
+  showAll();
+}
+
+document.addEventListener("DOMContentLoaded", startPlayground);

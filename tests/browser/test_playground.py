@@ -1,0 +1,198 @@
+"""The playground in a real browser: its numbers are those of this program, to the last bit."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from support.command_lines import call
+
+import build_fmus
+from browser.pages import PHONE
+from controller_fmu.export.state_space import controller_from_state_space
+from orchestrator import Benchmark, Controller
+from orchestrator.cli.playground import built_page
+
+pytestmark = [pytest.mark.slow, pytest.mark.needs("compiler", "ziglang")]
+
+DESK = (1400, 900)
+LEAD = {
+    "A": [[0.9, 0.01, 0.0], [0.0, 0.93, 0.0], [0.0, 0.1, 0.5]],
+    "B": [[1.0, 0.0], [0.0, 1.0], [0.3, 0.0]],
+    "C": [[-150.0, 0.0, 1.0], [0.0, -35.0, 2.0]],
+    "D": [[1545.0, 0.0], [0.0, 515.0]],
+}
+STATES = {
+    "as it begins": {},
+    "gains, force and its direction": {
+        "chosen": {"name": "TunedPID", "values": {"K_p[1]": 31.5}},
+        "force": 340,
+        "phi": 1.25,
+    },
+    "a loop that is worse": {"protocolCase": "c11.sticky.gain_2", "gain": [1.7, 0.6], "delay": [0.00075, 0.00175]},
+    "an arm of one's own": {
+        "protocolCase": "c03.random_2.disturbance",
+        "pose": [12.3, -45.6],
+        "arm": {"m[1]": 46.25, "k_low[2]": 173000.0, "psi[1]": 0.00047, "f_c[2]": 1.7, "gamma[1]": 1.09},
+        "chosen": {"name": "RobustLQG", "values": {}},
+        "seed": 5_000_000_017,
+    },
+    "a pose of the grid": {
+        "protocolCase": "c02.compliant.delay_1",
+        "pose": [-90.0, 80.0],
+        "arm": {"alpha[1]": 7.0},
+        "chosen": {"name": "RobustLinearLQG", "values": {}},
+    },
+    "matrices": {"chosen": {"name": "linear", "matrices": LEAD}, "protocolCase": "c05.compliant.noise"},
+}
+
+
+@pytest.fixture(scope="module")
+def html():
+    """The page."""
+    return built_page()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the FMUs that the page's commands name."""
+    made = tmp_path_factory.mktemp("commands")
+    fmus = made / "build" / "fmus"
+    fmus.mkdir(parents=True)
+    for name in ("DiagonalPID_C", "TunedPID", "RobustLQG", "RobustLinearLQG"):
+        build_fmus.build(name, fmus)
+    controller_from_state_space(*LEAD.values(), T_s=0.25e-3, out=fmus / "MyLinear.fmu")
+    return made
+
+
+def finish(page):
+    """Wait until what is chosen is simulated."""
+    page.locator('#results[aria-busy="false"]').wait_for(timeout=60_000)
+
+
+def go_to(page, state):
+    """Open a link to the page in a state."""
+    busy = "$('#results').setAttribute('aria-busy', 'true')"
+    page.evaluate(f"{busy}; location.hash = encoded({json.dumps({**state})})")
+    finish(page)
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_the_command_gives_the_same_numbers(name, html, folder, open_page):
+    page = open_page(html, DESK)
+    go_to(page, STATES[name])
+    command = shlex.split(page.locator("#command").inner_text())
+    assert command[:3] == ["python", "-m", "orchestrator.simulate"]
+    done = call("simulate", *command[3:], "--plant", "native", "--json", folder=folder)
+    assert done.code == 0, done.err
+    wanted = json.loads(done.out)
+    found = page.evaluate("data.answers[0]")
+    figures = {**found["figures"], "settled": bool(found["figures"].get("settled"))}
+    assert wanted["status"] == "done" and found["reason"] == "finished"
+    assert (found["time"], found["until"]) == (wanted["time"], wanted.get("judged_until"))
+    assert {key: figures[key] for key in wanted["measurements"]} == wanted["measurements"]
+    assert set(found["figures"]) == set(wanted["measurements"])
+
+
+RECORDED = """async () => {
+  const { record } = await pair[0].run({ ...blockOf(state, state.chosen), detail: "record" });
+  return Object.fromEntries(Object.entries(record).map(([name, column]) => [name, Array.from(column)]));
+}"""
+
+
+def test_every_sample_is_that_of_the_master_loop(html, folder, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"chosen": {"name": "RobustLQG", "values": {}}})
+    found = {name: np.array(column).reshape(-1, 2) for name, column in page.evaluate(RECORDED).items()}
+    bench = Benchmark(plant="native")
+    wanted = bench.simulate(Controller(folder / "build" / "fmus" / "RobustLQG.fmu")).trajectory
+    assert np.array_equal(found["q_m"], wanted.q_m) and np.array_equal(found["X"], wanted.X)
+    for name in ("command", "torque"):
+        assert np.array_equal(found[name][:-1], getattr(wanted, name))
+
+
+LAWS = {
+    "DiagonalPID_C": {"name": "DiagonalPID_C", "values": {}},
+    "RobustLQG": {"name": "RobustLQG", "values": {}},
+    "MyLinear": {"name": "linear", "matrices": LEAD},
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_all_cases_and_the_scorecard_are_those_of_an_evaluation(name, html, folder, open_page, protocol="quick"):
+    page = open_page(html, DESK)
+    go_to(page, {"chosen": LAWS[name]})
+    page.evaluate("$('#scorecard').replaceChildren()")
+    page.locator(f'[data-protocol="{protocol}"]').click()
+    page.locator("#scorecard .hero").wait_for(timeout=600_000)
+    found, ids = page.evaluate(f"[data.scorecard, data.protocols.{protocol}.cases.map(({{ id }}) => id)]")
+    bench = Benchmark(protocol, plant="native")
+    wanted = bench.evaluate(Controller(folder / "build" / "fmus" / f"{name}.fmu")).results
+    assert found["cost"] == wanted.cost
+    assert found["criteria"] == {key: criterion.value for key, criterion in wanted.criteria.items()}
+    assert {key: not failed for key, failed in found["failed"].items()} == {
+        key: requirement.passed for key, requirement in wanted.stability.items()
+    }
+    assert len(ids) == len(wanted.cases)
+    for id, outcome in zip(ids, found["outcomes"], strict=True):
+        judgement = wanted.case(id).judgement
+        assert outcome["figures"] == {key: getattr(judgement.measurements, key) for key in judgement.measurements.names}
+        assert (outcome["time"], outcome["until"]) == (judgement.time, judgement.judged_until)
+    cost = "-" if wanted.cost is None else f"{wanted.cost:.1f}"
+    assert cost == page.locator("#scorecard .hero").inner_text()
+
+
+def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {})
+    before = page.evaluate("data.answers")
+    page.locator("#gain-K_p-1").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(100)
+    finish(page)
+    after = page.evaluate("data.answers")
+    assert "--set 'K_p[1]=46.8'" in page.locator("#command").inner_text()
+    assert after[0] != before[0] and after[1] == before[1]
+    link = page.locator("#link").get_attribute("href")
+    go_to(page, {})
+    assert page.evaluate("data.answers") == before
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(link)}")
+    finish(page)
+    assert page.evaluate("data.answers") == after
+
+
+@pytest.mark.parametrize("broken", ["%", "e30", "bm8", '{"protocolCase": "none"}', '{"chosen": {"name": "none"}}'])
+def test_a_link_that_means_nothing_begins_anew(broken, html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"protocolCase": "c01.sticky.gain_1"})
+    text = json.dumps(broken) if not broken.startswith("{") else f"encoded({broken})"
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {text}")
+    finish(page)
+    assert "--case c07.compliant.disturbance" in page.locator("#command").inner_text()
+
+
+def test_matrices_that_do_not_fit_are_refused_in_words(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"chosen": {"name": "linear", "matrices": LEAD}})
+    page.locator("#law").fill(json.dumps({**LEAD, "B": [[1.0, 2.0]]}))
+    assert page.locator("#law-problem").inner_text() == "B must have 3 × 2 numbers"
+    page.locator("#law").fill(json.dumps(LEAD))
+    assert page.locator("#law-problem").inner_text() == ""
+    finish(page)
+
+
+@pytest.mark.needs("axe_playwright_python")
+@pytest.mark.parametrize(("size", "scheme"), [(DESK, "light"), (PHONE, "dark")])
+def test_it_fits_the_screen_and_is_accessible(size, scheme, html, open_page):
+    from axe_playwright_python.sync_playwright import Axe
+
+    page = open_page(html, size, scheme)
+    go_to(page, {"protocolCase": "c08.compliant.delay_2"})
+    page.locator("summary").click()
+    for each in page.locator(".chart").all():
+        assert each.locator("canvas").count() == 1 and "at most" in each.get_attribute("aria-label")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    found = Axe().run(page).response["violations"]
+    assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
+    page.locator("summary").click()
