@@ -526,3 +526,13 @@ def test_a_locked_database_loses_no_outcome(me, monkeypatch):
     assert me.post("/api/runs?name=b.fmu", fmu()).status_code == 503
     other.execute("ROLLBACK")
     assert me.until(id)["state"] == "finished"
+
+
+def test_a_job_shows_its_sandbox_nothing_of_the_services_folder_and_imports_nothing_from_a_runs(me):
+    """An FMU that reads another's could tell it in its messages."""
+    from orchestrator.execution.sandbox import PRIVATE
+    from orchestrator.service.runner import environment
+
+    files = me.client.app.state.service.files
+    variables = environment(files)
+    assert variables[PRIVATE] == str(files.root) and variables["PYTHONSAFEPATH"]
