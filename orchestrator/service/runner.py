@@ -280,6 +280,7 @@ class Runner:
             processes=conduct.processes,
             sandbox=conduct.sandbox,
             scheduler=conduct.scheduler if stage == "evaluating" else "",
+            sha256=run.sha256,
         )
 
 

@@ -548,9 +548,10 @@ def test_cancelling_and_beginning_again_gets_round_no_quota(serve, limited):
 
 
 def test_a_long_binding_counts_in_the_quota(serve, limited):
-    me = Asker(serve(limited(disk=10 * database.LEAST)))
+    me = Asker(serve(limited(disk=5 * database.LEAST)))
     id = me.until(me.submit()["id"])["id"]
-    long = {"map": {"a": "x" * 9 * database.LEAST}}
+    assert me.put(f"/api/runs/{id}/binding", {"map": {"a": "x" * 6 * database.LEAST}}).status_code == 400
+    long = {"map": {"a": "x" * 5 * database.LEAST}}
     assert me.put(f"/api/runs/{id}/binding", long).status_code == 200
     assert me.put(f"/api/runs/{id}/binding", long).status_code == 507
 
