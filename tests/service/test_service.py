@@ -606,3 +606,13 @@ def test_a_stranger_sends_no_more_than_a_key(serve):
 @pytest.mark.parametrize("headers", [{"host": "[bad"}, {"origin": "http://[bad"}])
 def test_what_is_no_address_is_none_of_this_service(me, headers):
     assert me.post("/api/runs?name=a.fmu", fmu(), **headers).status_code == 403
+
+
+def test_one_controller_evaluated_many_times_pushes_nobody_out_of_the_table(me, monkeypatch):
+    monkeypatch.setattr(database, "MAX_ROWS", 2)
+    other = me.submit(fmu(evaluating={"cost": 200.0}), "other.fmu")["id"]
+    me.until(other)
+    for cost in (50.0, 60.0, 70.0):
+        me.until(me.submit(fmu(evaluating={"cost": cost}), "mine.fmu")["id"])
+    rows = me.get("/api/table").json()
+    assert [(row["name"], row["cost"]) for row in rows] == [("mine.fmu", 70.0), ("other.fmu", 200.0)]
