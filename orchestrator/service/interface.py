@@ -15,7 +15,7 @@ from .records import ConnectorRecord, Interface, VariableRecord
 MOST = 2000
 """Variables that a form offers; a page of 100,000 helps nobody. Inputs and outputs come first."""
 
-MOST_TEXT = 300_000
+MOST_TEXT = 150_000
 """Letters of all their names and units: of names of thousands of letters, two thousand would make a page of 200 MB,
 and the service answers nobody while it makes one."""
 
