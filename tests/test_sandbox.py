@@ -125,6 +125,27 @@ def test_a_controller_alone_sees_none_of_the_users_files(tmp_path):
     assert seen == {False: [False, True, True, True], True: [False, False, "tests" in str(sys.path), True]}
 
 
+@sandboxed
+def test_nothing_of_a_private_folder_is_seen(tmp_path, monkeypatch):
+    """Such as that of a service, where other people's FMUs lie; the cache within it works all the same."""
+    # Not below a folder for temporary files, which is hidden anyway.
+    with tempfile.TemporaryDirectory(dir=os.path.expanduser("~")) as folder:
+        secret = os.path.join(folder, "runs", "other.fmu")
+        os.makedirs(os.path.dirname(secret))
+        with open(secret, "w") as file:
+            file.write("another's")
+        monkeypatch.setenv("FLEXIBLE_MANIPULATOR_CACHE", os.path.join(folder, "cache"))
+        code = f"import os; print([os.path.exists({secret!r}), os.access({folder!r}, os.W_OK), "
+        code += f"os.access({os.path.join(folder, 'cache')!r}, os.W_OK)])"
+        seen = []
+        for private in ("", folder):
+            monkeypatch.setenv(sandbox.PRIVATE, private)
+            done = finished([*sandbox.command(()), *program(code)], environment=sandbox.environment(os.environ))
+            assert done.returncode == 0, done.stderr
+            seen.append(literal_eval(done.stdout))
+    assert seen == [[True, False, True], [False, False, True]]
+
+
 SCRIPT = """
 import sys
 from importlib.machinery import PathFinder

@@ -52,6 +52,10 @@ HIDDEN = ("/tmp", "/var/tmp", "/run")
 """Empty inside, beside the folder for temporary files and the cache: other programs' sockets, which a read-only file
 system does not keep anybody from connecting to, and scratch files."""
 
+PRIVATE = "FLEXIBLE_MANIPULATOR_PRIVATE"
+"""Environment variable that names a folder of which a sandbox shows nothing but what Python needs: that of a service,
+where other people's FMUs and results lie. What an FMU reads, it can tell in its messages and numbers."""
+
 HANDED_ON = (VARIABLE, "PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH")
 HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")
 """Of the environment: where things are, and what numbers may depend on. Passwords and tokens stay outside."""
@@ -113,7 +117,8 @@ def _mounts(cache: Path, alone: bool) -> tuple[str, ...]:
     """Options that hide folders, and show again what of their contents Python needs: an environment may lie there."""
     writable = {os.path.realpath(path) for path in (*HIDDEN, tempfile.gettempdir(), cache) if os.path.isdir(path)}
     needed = [sys.prefix, sys.base_prefix, *filter(None, (sys.pycache_prefix,)), *_search_path(alone)]
-    hidden = writable | (_rest(needed) if alone else set())
+    private = {os.path.realpath(path) for path in (os.environ.get(PRIVATE, ""),) if os.path.isdir(path)}
+    hidden = writable | private | (_rest(needed) if alone else set())
     mounts: dict[str, tuple[str, ...]] = {path: ("--size", str(TMPFS_BYTES), "--tmpfs", path) for path in hidden}
     # Both spellings: a virtual environment may be reached through a link that is hidden itself.
     for path in (plain(name) for plain in (os.path.abspath, os.path.realpath) for name in needed):

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from ..bounded import MAX_TEXT_BYTES
 from ..codec import Scalar
 from ..errors import InputError
 from .records import ConnectorRecord, Interface, VariableRecord
 
 REAL = ("Real", "Float64", "Float32")
+
+MAX_BINDING = 512 * 1024
+"""Longest binding [bytes]: each look at its run shows it."""
 
 MAX_VALUE = 10_000
 """Longest text of a value."""
@@ -85,8 +87,8 @@ def written(mapping: Mapping[str, str], parameters: Mapping[str, Scalar | Sequen
     if not mapping and not parameters:
         return ""
     text = "\n".join(lines) + "\n"
-    if len(text.encode()) > MAX_TEXT_BYTES:
-        raise InputError("The binding is longer than any mapping file may be.", "file-limit")
+    if len(text.encode()) > MAX_BINDING:
+        raise InputError(f"A binding of more than {MAX_BINDING / 1e6:.1f} MB is not taken here.", "file-limit")
     return text
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncGenerator
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
@@ -21,6 +21,9 @@ READING = ("GET", "HEAD", "OPTIONS")
 
 MAX_FORM = 8 * 1024**2
 """Largest request [bytes] that is no upload: a binding of two thousand variables."""
+
+MAX_KEY_FORM = 4096
+"""The same of a stranger [bytes], of whom there may be hundreds: what they send is in memory until it is whole."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
@@ -83,16 +86,24 @@ def refusal(method: str, headers: Headers, local: bool) -> str:
     """Why a request must not pass; empty if it may."""
     host = headers.get("host", "")
     # A name that an attacker has pointed at this machine ("DNS rebinding") would make their page one of this service.
-    if local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+    if local and not is_loopback(_parts(f"//{host}").hostname or ""):
         return "This service has no accounts, and answers on this machine only: open it as http://127.0.0.1."
     if method in READING:
         return ""
     origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
-    if (origin is not None and urlsplit(origin).netloc != host) or site not in ("same-origin", "none"):
+    if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
         return "This request comes from another site's page."
     if origin is None and "cookie" in headers:  # every browser says where a change comes from
         return "This request does not say which page it comes from."
     return ""
+
+
+def _parts(address: str) -> SplitResult:
+    """The parts of an address; those of nothing if it is none, such as one with half a bracket."""
+    try:
+        return urlsplit(address)
+    except ValueError:
+        return urlsplit("")
 
 
 async def body(request: Request, most: int, patience: float, time: float) -> AsyncGenerator[bytes, None]:
@@ -120,6 +131,6 @@ async def body(request: Request, most: int, patience: float, time: float) -> Asy
         yield piece
 
 
-async def whole_body(request: Request, patience: float) -> bytes:
+async def whole_body(request: Request, patience: float, most: int = MAX_FORM) -> bytes:
     """A small body at once; raises as :func:`body`."""
-    return b"".join([piece async for piece in body(request, MAX_FORM, patience, 4 * patience)])
+    return b"".join([piece async for piece in body(request, most, patience, 4 * patience)])

@@ -17,6 +17,19 @@ from .records import FINAL, Person, Run, State
 FORM = 1
 """Of the tables. A later version that changes them reads this number."""
 
+LEAST = 100_000
+"""What a run counts in a quota at the least [bytes]: of runs that are cancelled at once, with an FMU of some bytes,
+there would else be no end."""
+
+MAX_COMPARISONS = 20
+"""Comparisons that are kept of each person: their pages are in no quota of the disk."""
+
+MAX_HISTORY = 200
+"""Lines that are kept of a run's history: it can be cancelled and begun again for ever."""
+
+MAX_ROWS = 500
+"""Lines of the table."""
+
 BUSY = 5.0
 """Seconds that a transaction waits for another process."""
 
@@ -179,6 +192,10 @@ class Database:
             if changed.rowcount != 1:
                 raise Changed(before.id)
             connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
+            last = "SELECT rowid FROM history WHERE run = ? ORDER BY rowid DESC LIMIT 1 OFFSET ?"
+            connection.execute(
+                f"DELETE FROM history WHERE run = ? AND rowid <= ({last})", (before.id, before.id, MAX_HISTORY)
+            )
         stored = self.run(before.id)
         assert stored is not None
         return stored
@@ -200,9 +217,18 @@ class Database:
         return self._runs("WHERE running = 1")
 
     def finished(self) -> list[Run]:
-        """Finished runs: those that meet all requirements first, then by V."""
-        ranked = "WHERE state = 'finished' AND cost IS NOT NULL ORDER BY remark <> '', holds = 0, cost LIMIT 500"
-        return self._runs(ranked)
+        """Finished runs, of each person's controllers of one name the latest alone: those that meet all requirements
+        first, then by V."""
+        # Before the limit: who evaluates one controller 500 times would else push all others out of the table.
+        latest = (
+            "SELECT id FROM (SELECT id, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY created DESC) AS place "
+            "FROM runs WHERE state = 'finished' AND cost IS NOT NULL) WHERE place = 1"
+        )
+        return self._runs(f"WHERE id IN ({latest}) ORDER BY remark <> '', holds = 0, cost LIMIT {MAX_ROWS}")
+
+    def count(self, state: State) -> int:
+        """How many runs are in a state. Each open page asks at each news, for which the table takes too long."""
+        return int(self._rows("SELECT COUNT(*) FROM runs WHERE state = ?", state.value)[0][0])
 
     def served(self) -> dict[str, float]:
         """When a stage of each person's was last started."""
@@ -210,10 +236,9 @@ class Database:
         return {row[0]: row[1] for row in rows}
 
     def usage(self, owner: str) -> tuple[int, int]:
-        """How many runs of somebody have not ended, and what all of them take on the disk [bytes]."""
-        query = (
-            f"SELECT COALESCE(SUM(state NOT IN ({FINALS})), 0), COALESCE(SUM(disk + size), 0) FROM runs WHERE owner = ?"
-        )
+        """How many runs of somebody have not ended, and what all of them take on the disk [bytes], bindings as well."""
+        taken = f"MAX(disk + size + LENGTH(CAST(binding AS BLOB)), {LEAST})"
+        query = f"SELECT COALESCE(SUM(state NOT IN ({FINALS})), 0), COALESCE(SUM({taken}), 0) FROM runs WHERE owner = ?"
         (row,) = self._rows(query, owner)
         return int(row[0]), int(row[1])
 
@@ -244,10 +269,14 @@ class Database:
 
     # Comparisons
 
-    def add_comparison(self, id: str, owner: str, runs: Iterable[str], now: float) -> None:
-        """Keep which runs somebody compares."""
+    def add_comparison(self, id: str, owner: str, runs: Iterable[str], now: float) -> list[str]:
+        """Keep which runs somebody compares; returns the ids of the oldest ones, which are no more."""
+        old = "SELECT id FROM comparisons WHERE owner = ? ORDER BY created DESC, rowid DESC LIMIT -1 OFFSET ?"
         with self._transaction() as connection:
             connection.execute("INSERT INTO comparisons VALUES (?, ?, ?, ?)", (id, owner, " ".join(runs), now))
+            ended = [row[0] for row in connection.execute(old, (owner, MAX_COMPARISONS)).fetchall()]
+            connection.executemany("DELETE FROM comparisons WHERE id = ?", [(each,) for each in ended])
+        return ended
 
     def comparison(self, id: str) -> tuple[str, tuple[str, ...]] | None:
         """The owner of a comparison, and its runs."""

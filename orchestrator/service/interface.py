@@ -15,6 +15,10 @@ from .records import ConnectorRecord, Interface, VariableRecord
 MOST = 2000
 """Variables that a form offers; a page of 100,000 helps nobody. Inputs and outputs come first."""
 
+MOST_TEXT = 150_000
+"""Letters of all their names and units: of names of thousands of letters, two thousand would make a page of 200 MB,
+and the service answers nobody while it makes one."""
+
 ORDER = ("input", "output", "parameter")
 
 
@@ -31,10 +35,16 @@ def interface_of(controller: Controller) -> Interface:
     listed = [variable for variable in by_name.values() if variable.causality in ORDER]
     listed.sort(key=lambda variable: ORDER.index(variable.causality))
     shown = [variable for variable in listed if variable.causality == "output" or variable.can_be_set]
+    offered, letters = list[VariableRecord](), 0
+    for record in map(_variable, shown[:MOST]):
+        letters += len(record.name) + len(record.unit)
+        if letters > MOST_TEXT:
+            break
+        offered.append(record)
     return Interface(
         connectors=tuple(_connector(controller, connector, mapping) for connector in CONTROLLER),
-        variables=tuple(map(_variable, shown[:MOST])),
-        left_out=max(len(shown) - MOST, 0),
+        variables=tuple(offered),
+        left_out=len(shown) - len(offered),
         given=given,
     )
 

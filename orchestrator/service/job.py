@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING
 
 from filelock import FileLock
 
+from ..cache import cache_folder
 from ..codec import from_json, to_json
 from ..errors import BenchmarkError, Crash, EnvironmentFault, InputError
 from .files import EVALUATION, FINDINGS, INTERFACE, QUICK, SCORECARD
@@ -141,11 +142,13 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
         outcome = Outcome(task.stage, "fault", str(problem) or type(problem).__name__)
     from msgspec.structs import replace
 
-    return replace(outcome, disk=_size(folder), reason=outcome.reason[:2000])
+    # Extracted, an FMU may be a thousand times as large as the file that was uploaded.
+    disk = _size(folder) + (_size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0)
+    return replace(outcome, disk=disk, reason=outcome.reason[:2000])
 
 
 def _size(folder: Path) -> int:
-    """What a folder takes [bytes], without the FMU, which is counted once for all."""
+    """What a folder takes [bytes], without the FMU as a file, which is counted by its row."""
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file() and file.suffix.lower() != ".fmu")
 
 

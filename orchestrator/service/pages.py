@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
-from .borders import REPORT_POLICY, Refusal, body, whole_body
+from .borders import MAX_KEY_FORM, REPORT_POLICY, Refusal, body, whole_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of
 from .records import ConnectorRecord, Interface, Run, State, VariableRecord
@@ -274,8 +274,11 @@ async def join(request: Request) -> Response:
 async def come_in(request: Request) -> Response:
     """Come in by a key."""
     service = service_of(request)
-    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
-    key = dict(parse_qsl(text, max_num_fields=5)).get("key", "")
+    sent = await whole_body(request, service.settings.limits.patience, MAX_KEY_FORM)
+    try:
+        key = dict(parse_qsl(sent.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
+    except ValueError:
+        raise Refusal(400, "This form has too many fields.") from None
     person = accounts.known(service.database, key[:200])
     if person is None:
         return page(

@@ -60,7 +60,7 @@ class Run:
     ``interruptions`` how often to an end of the service, and ``not_before`` is the time until when it waits.
     ``started`` is when a stage of it was last started. ``quick_cost`` and ``cost`` are V of the two evaluations,
     ``holds`` tells whether all requirements are met, ``remark`` what keeps the result from being ranked. ``disk`` is
-    what its folder takes [bytes], ``revision`` counts its changes.
+    what its folder and the extracted FMU take [bytes], ``revision`` counts its changes.
     """
 
     id: str
@@ -141,7 +141,7 @@ class Settings:
 
 class Task(Struct):
     """What a job is told: the ``stage``, the FMU and its mapping file (empty: none) in the folder that it is started
-    in, and how to do it, as in :class:`Conduct`."""
+    in, and how to do it, as in :class:`Conduct`. By the FMU's ``sha256`` the job finds what it has extracted."""
 
     stage: Stage
     file: str
@@ -150,6 +150,7 @@ class Task(Struct):
     processes: Natural
     sandbox: bool
     scheduler: str = ""
+    sha256: str = ""
 
 
 class Progress(Struct):

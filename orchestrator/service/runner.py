@@ -21,6 +21,7 @@ from pathlib import Path
 from ..cache import VARIABLE
 from ..codec import from_json, to_json
 from ..errors import BenchmarkError
+from ..execution.sandbox import PRIVATE
 from ..text import printable
 from . import queue, states
 from .database import Changed, Database
@@ -279,12 +280,14 @@ class Runner:
             processes=conduct.processes,
             sandbox=conduct.sandbox,
             scheduler=conduct.scheduler if stage == "evaluating" else "",
+            sha256=run.sha256,
         )
 
 
 def environment(files: Files) -> Mapping[str, str]:
-    """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted."""
-    return {**os.environ, VARIABLE: str(files.cache)}
+    """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted; its
+    sandbox shows nothing of the service's folder, and no module is looked for in that of a run."""
+    return {**os.environ, VARIABLE: str(files.cache), PRIVATE: str(files.root), "PYTHONSAFEPATH": "1"}
 
 
 def _let_go(process: Process | None) -> None:

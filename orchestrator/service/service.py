@@ -30,6 +30,9 @@ MAX_NAME = 120
 MAX_COMPARED = 12
 """Runs in one comparison."""
 
+MAX_COMPARING = 2
+"""Comparisons of one person at a time."""
+
 MOVED = "This run has changed in the meantime. Look at it again."
 ABSENT = "There is no such run."
 
@@ -44,6 +47,7 @@ class Service:
     runner: Runner
     streams: Counter[str] = field(default_factory=Counter)
     uploads: Counter[str] = field(default_factory=Counter)
+    comparisons: Counter[str] = field(default_factory=Counter)
     closing: bool = False
     comparing: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
@@ -176,10 +180,22 @@ class Service:
             raise Refusal(409, "Only finished runs can be compared.")
         # The same runs are the same comparison: pressing twice makes no second one.
         id = hashlib.sha256(" ".join([person.id, *(run.id for run in runs)]).encode()).hexdigest()[:24]
-        async with self.comparing:
-            await compared(self.files, id, [self.files.run(run.id) / EVALUATION for run in runs])
-        if self.database.comparison(id) is None:
-            self.database.add_comparison(id, person.id, [run.id for run in runs], time.time())
+        # Else one person could keep all others from comparing: a request goes on when its client has left.
+        if self.comparisons[person.id] >= MAX_COMPARING:
+            raise Refusal(429, "Comparisons of yours are under way. Wait for one of them.")
+        self.comparisons[person.id] += 1
+        try:
+            async with self.comparing:
+                await compared(self.files, id, [self.files.run(run.id) / EVALUATION for run in runs])
+            # Deleted meanwhile: the page shows results that nobody has any more.
+            if any(self.database.run(run.id) is None for run in runs):
+                self.files.remove_comparison(id)
+                raise Refusal(404, ABSENT)
+            if self.database.comparison(id) is None:
+                for old in self.database.add_comparison(id, person.id, [run.id for run in runs], time.time()):
+                    self.files.remove_comparison(old)
+        finally:
+            self.comparisons[person.id] -= 1
         return id
 
     def comparison(self, person: Person, id: str) -> tuple[Run, ...]:

@@ -126,11 +126,6 @@ def run_view(service: Service, run: Run, whole: bool = True) -> RunView:
 def table(service: Service, person_id: str) -> list[RowView]:
     """Finished runs of everybody, best first; of each person's controllers of one name the latest alone."""
     names = {person.id: person.name for person in service.database.people()}
-    runs, latest = service.database.finished(), dict[tuple[str, str], Run]()
-    for run in runs:
-        key = run.owner, run.name
-        if key not in latest or latest[key].created < run.created:
-            latest[key] = run
     return [
         RowView(
             name=run.name,
@@ -141,8 +136,7 @@ def table(service: Service, person_id: str) -> list[RowView]:
             finished=moment(run.started),
             own=run.id if run.owner == person_id else "",
         )
-        for run in runs
-        if latest[run.owner, run.name] is run
+        for run in service.database.finished()
     ]
 
 

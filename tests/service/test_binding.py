@@ -2,15 +2,17 @@
 
 import tempfile
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
 
 import pytest
+from exporters.description_edits import edited
 from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator import Controller, InputError
 from orchestrator.bounded import read_toml
 from orchestrator.service import binding
-from orchestrator.service.interface import interface_of
+from orchestrator.service.interface import MOST_TEXT, interface_of
 from orchestrator.service.records import ConnectorRecord, Interface, VariableRecord
 
 
@@ -95,3 +97,18 @@ def test_the_interface_of_an_fmu_shows_what_is_bound_and_what_could_be(pid_file)
     assert "K_p[1]" in {v.name for v in binding.values(interface)} and "q_m[1]" not in {
         v.name for v in binding.values(interface)
     }
+
+
+def test_names_without_an_end_make_no_page_without_one(pid_file, tmp_path):
+    """266 kB of an archive were a page of 224 MB, during which the service answered nobody."""
+
+    def widened(root: Element) -> None:
+        variables = root.find("ModelVariables")
+        for number in range(200):
+            words = {"name": f"v{number}" + "x" * 5000, "valueReference": str(900_000 + number)}
+            added = SubElement(variables, "ScalarVariable", words, causality="input", variability="continuous")
+            SubElement(added, "Real", start="0")
+
+    interface = interface_of(Controller(edited(pid_file, tmp_path / "wide.fmu", widened)))
+    assert sum(len(variable.name) for variable in interface.variables) <= MOST_TEXT
+    assert len(interface.variables) + interface.left_out > 200

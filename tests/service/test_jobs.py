@@ -12,6 +12,7 @@ import pytest
 from support.command_lines import call
 from support.tools import require
 
+from controller_fmu.export.archive import pack, unpack
 from service.conftest import ALONE, Asker
 from service.unusual import BINDING, NAMES, unusual
 
@@ -141,3 +142,16 @@ def test_killing_the_service_and_its_jobs_loses_nothing(settings, quick_pid_file
     assert all([event["text"] for event in run["history"]].count("finished") == 1 for run in ends)
     mine = of_command_line(quick_pid_file, settings.conduct, tmp_path)
     assert [cases(data / "runs" / id / "evaluation" / "results.json") for id in ids] == [mine] * 2
+
+
+def test_what_is_extracted_of_an_fmu_counts(serve, settings, quick_pid_file, tmp_path):
+    """Zeros pack a thousand to one: a person's quota would else be of what was uploaded, not of what is taken."""
+    from orchestrator.service.runner import JOB
+
+    entries = {**unpack(quick_pid_file), "resources/zeros": bytes(20_000_000)}
+    (tmp_path / "large.fmu").write_bytes(pack(entries))
+    client = serve(settings, job=JOB)
+    me = Asker(client)
+    id = me.submit((tmp_path / "large.fmu").read_bytes())["id"]
+    _ended(me, id)
+    assert client.app.state.service.database.run(id).disk > 20_000_000

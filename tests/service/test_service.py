@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from support.tools import require
 
-from orchestrator.service import accounts
+from orchestrator.service import accounts, database
 from orchestrator.service.files import Files
 from service.conftest import ALONE, SOME, Asker, fmu
 
@@ -194,7 +194,7 @@ def test_so_many_uploads_at_a_time(serve, limited):
 
 
 def test_quotas_of_the_queue_and_of_the_disk(serve, limited):
-    me = Asker(serve(limited(queue=2, disk=5000)))
+    me = Asker(serve(limited(queue=2, disk=2 * database.LEAST + 5000)))
     for name in ("a.fmu", "b.fmu"):
         me.submit(fmu(checking={"wait": 60}, x=name), name)
     answer = me.post("/api/runs?name=c.fmu", fmu())
@@ -512,8 +512,6 @@ def test_a_full_disk_refuses_an_upload_in_a_sentence_and_loses_nothing(me, monke
 
 
 def test_a_locked_database_loses_no_outcome(me, monkeypatch):
-    from orchestrator.service import database
-
     monkeypatch.setattr(database, "BUSY", 0.1)
     service = me.client.app.state.service
     service.database._connection.execute("PRAGMA busy_timeout = 100")
@@ -526,3 +524,95 @@ def test_a_locked_database_loses_no_outcome(me, monkeypatch):
     assert me.post("/api/runs?name=b.fmu", fmu()).status_code == 503
     other.execute("ROLLBACK")
     assert me.until(id)["state"] == "finished"
+
+
+def test_a_job_shows_its_sandbox_nothing_of_the_services_folder_and_imports_nothing_from_a_runs(me):
+    """An FMU that reads another's could tell it in its messages."""
+    from orchestrator.execution.sandbox import PRIVATE
+    from orchestrator.service.runner import environment
+
+    files = me.client.app.state.service.files
+    variables = environment(files)
+    assert variables[PRIVATE] == str(files.root) and variables["PYTHONSAFEPATH"]
+
+
+def test_cancelling_and_beginning_again_gets_round_no_quota(serve, limited):
+    """What ends at once takes no time in the queue, and an FMU of some bytes none of the disk."""
+    me = Asker(serve(limited(disk=3 * database.LEAST)))
+    for number in range(3):
+        run = me.submit(fmu(checking={"wait": 60}), f"{number}.fmu")
+        assert me.post(f"/api/runs/{run['id']}/cancel").status_code == 200
+    assert me.post("/api/runs?name=c.fmu", fmu()).status_code == 507
+    assert me.delete(f"/api/runs/{run['id']}").status_code == 204
+    assert me.post("/api/runs?name=c.fmu", fmu()).status_code == 201
+
+
+def test_a_long_binding_counts_in_the_quota(serve, limited):
+    me = Asker(serve(limited(disk=5 * database.LEAST)))
+    id = me.until(me.submit()["id"])["id"]
+    assert me.put(f"/api/runs/{id}/binding", {"map": {"a": "x" * 6 * database.LEAST}}).status_code == 400
+    long = {"map": {"a": "x" * 5 * database.LEAST}}
+    assert me.put(f"/api/runs/{id}/binding", long).status_code == 200
+    assert me.put(f"/api/runs/{id}/binding", long).status_code == 507
+
+
+def test_the_history_of_a_run_has_an_end(me, monkeypatch):
+    monkeypatch.setattr(database, "MAX_HISTORY", 4)
+    id = me.submit(fmu(checking={"wait": 60}))["id"]
+    for _ in range(4):
+        me.post(f"/api/runs/{id}/cancel")
+        me.post(f"/api/runs/{id}/retry")
+    rows = me.client.app.state.service.database.history(id)
+    assert len(rows) == 4 and "begun again" in [text for _, text in rows]
+
+
+def test_comparisons_are_kept_in_a_number_and_made_a_few_at_a_time(me, monkeypatch):
+    """There are millions of them of a dozen runs, and their pages are in no quota of the disk."""
+    service = me.client.app.state.service
+
+    async def compared(files, id, folders):
+        files.comparison(id).mkdir()
+
+    monkeypatch.setattr("orchestrator.service.service.compared", compared)
+    monkeypatch.setattr(database, "MAX_COMPARISONS", 2)
+    a, b, c = (me.until(me.submit(name=f"{name}.fmu")["id"])["id"] for name in "abc")
+    made = [me.client.post("/api/comparisons", json=ids).json()["id"] for ids in ([a, b], [b, c], [a, c])]
+    assert {folder.name for folder in (service.files.root / "comparisons").iterdir()} == set(made[1:])
+    assert [me.get(f"/comparisons/{id}").status_code for id in made] == [404, 200, 200]
+    service.comparisons[accounts.LOCAL.id] = 2
+    assert me.client.post("/api/comparisons", json=[c, a]).status_code == 429
+
+
+def test_a_run_that_is_deleted_while_it_is_compared_leaves_no_comparison(me, monkeypatch):
+    service = me.client.app.state.service
+    one, other = (me.until(me.submit(name=f"{name}.fmu")["id"])["id"] for name in "ab")
+
+    async def compared(files, id, folders):
+        files.comparison(id).mkdir()
+        service.remove(service.own(accounts.LOCAL, one))
+
+    monkeypatch.setattr("orchestrator.service.service.compared", compared)
+    assert me.client.post("/api/comparisons", json=[one, other]).status_code == 404
+    assert not list((service.files.root / "comparisons").iterdir())
+
+
+def test_a_stranger_sends_no_more_than_a_key(serve):
+    """Hundreds at a time would else fill the memory with forms."""
+    client = Asker(serve(SOME))
+    assert client.post("/join", b"key=" + b"x" * 5000).status_code == 413
+    assert client.post("/join", b"a=1&b=1&c=1&d=1&e=1&key=x").status_code == 400
+
+
+@pytest.mark.parametrize("headers", [{"host": "[bad"}, {"origin": "http://[bad"}])
+def test_what_is_no_address_is_none_of_this_service(me, headers):
+    assert me.post("/api/runs?name=a.fmu", fmu(), **headers).status_code == 403
+
+
+def test_one_controller_evaluated_many_times_pushes_nobody_out_of_the_table(me, monkeypatch):
+    monkeypatch.setattr(database, "MAX_ROWS", 2)
+    other = me.submit(fmu(evaluating={"cost": 200.0}), "other.fmu")["id"]
+    me.until(other)
+    for cost in (50.0, 60.0, 70.0):
+        me.until(me.submit(fmu(evaluating={"cost": cost}), "mine.fmu")["id"])
+    rows = me.get("/api/table").json()
+    assert [(row["name"], row["cost"]) for row in rows] == [("mine.fmu", 70.0), ("other.fmu", 200.0)]
