@@ -4,10 +4,10 @@ The program has the plant, the imperfections and several controllers, made of th
 master loop on this machine, and its judging with the one in Python. Where only compilation is possible, that is done.
 """
 
+import os
 from dataclasses import replace
 from fractions import Fraction
 
-import os
 import pytest
 from support.one_program import LINEAR, answer, block_of, hash_of, program_input, rewritten, same, write_program
 from support.targets import TARGETS, compile_program, run_program, wine_prefix
