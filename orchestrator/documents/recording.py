@@ -10,9 +10,10 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -308,7 +309,16 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
     for number, recording in enumerate(recordings):
         arrays[f"motion_{number}"] = recording.motion
         arrays[f"torque_{number}"] = recording.torque
-    write_bytes(folder / TRAJECTORIES, streamed(lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)))
+    write_bytes(folder / TRAJECTORIES, streamed(lambda file: _write_arrays(file, arrays)))
+
+
+def _write_arrays(file: IO[bytes], arrays: Mapping[str, np.ndarray]) -> None:
+    """As :func:`numpy.savez_compressed`, whose level of compression is fixed: it makes these files 1.6 % smaller than
+    this level, in twice the time."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, array, allow_pickle=False)
 
 
 def load(folder: Path) -> tuple[Recording, ...]:
