@@ -59,6 +59,33 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
     )
 
 
+def add_setting(parser: argparse.ArgumentParser) -> None:
+    """``--set``, as ``controller_parameters``: pairs of a name and a value."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=setting,
+        metavar="NAME=VALUE",
+        dest="controller_parameters",
+        help="a parameter of the controller, in the unit the FMU has for it, or a constant for an "
+        "input that nothing drives; may be given again",
+    )
+
+
+def add_connection(parser: argparse.ArgumentParser) -> None:
+    """``--map``, as ``connections``: pairs of a connector and a variable."""
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        type=connection,
+        metavar="CONNECTOR=VARIABLE",
+        dest="connections",
+        help="which variable of the controller a connector is, such as q_m[1]=In1; may be given again",
+    )
+
+
 def add_controller(
     parser: argparse.ArgumentParser, which: str = "the controller to test (default: the paper's PID)"
 ) -> None:
@@ -71,16 +98,7 @@ def add_controller(
         metavar="CONTROLLER.fmu",
         help=which,
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=setting,
-        metavar="NAME=VALUE",
-        dest="controller_parameters",
-        help="a parameter of the controller, in the unit the FMU has for it, or a constant for an "
-        "input that nothing drives; may be given again",
-    )
+    add_setting(parser)
     parser.add_argument(
         "--parameters",
         action="append",
@@ -90,15 +108,7 @@ def add_controller(
         dest="parameter_files",
         help="parameters of the controller from a .toml, .json, .ssv or .txt file; --set overrides it",
     )
-    parser.add_argument(
-        "--map",
-        action="append",
-        default=[],
-        type=connection,
-        metavar="CONNECTOR=VARIABLE",
-        dest="connections",
-        help="which variable of the controller a connector is, such as q_m[1]=In1; may be given again",
-    )
+    add_connection(parser)
     parser.add_argument(
         "--mapping",
         action="append",

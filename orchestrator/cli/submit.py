@@ -14,7 +14,8 @@ from ..service.client import Answer, Client
 from ..text import printable
 from ..views.units import number
 from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK
-from .values import Parser, connection, setting
+from .options import add_connection, add_setting
+from .values import Parser
 
 EXAMPLES = """examples:
   flexible-manipulator submit my.fmu --to http://127.0.0.1:8080
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     run = client.submit(given.controller)
     address = f"{client.url}/runs/{run['id']}"
     print(f"received: {address}", file=sys.stderr)
-    if given.connections or given.values:
+    if given.connections or given.controller_parameters:
         run = _bound(client, run, given)
     if given.no_wait:
         print(to_json(run) if given.json else address)
@@ -52,24 +53,8 @@ def _parser() -> Parser:
     parser = Parser("submit", "Submit a controller FMU to a service, and follow its evaluation.", EXAMPLES)
     parser.add_argument("controller", type=Path, metavar="CONTROLLER.fmu", help="the controller")
     parser.add_argument("--to", required=True, metavar="URL", help=f"the service; your key is taken from {KEY}")
-    parser.add_argument(
-        *("--map",),
-        action="append",
-        default=[],
-        type=connection,
-        metavar="CONNECTOR=VARIABLE",
-        dest="connections",
-        help="which variable a connector is, such as q_m[1]=In1; may be given again",
-    )
-    parser.add_argument(
-        *("--set",),
-        action="append",
-        default=[],
-        type=setting,
-        metavar="NAME=VALUE",
-        dest="values",
-        help="a parameter, or a constant for an input that nothing drives; may be given again",
-    )
+    add_connection(parser)
+    add_setting(parser)
     parser.add_argument("--no-wait", action="store_true", help="end when the FMU is received")
     parser.add_argument("--json", action="store_true", help="print the run as JSON")
     return parser
@@ -77,7 +62,7 @@ def _parser() -> Parser:
 
 def _bound(client: Client, run: Answer, given: argparse.Namespace) -> Answer:
     """The run with its binding: the first look at the FMU may have refused it already, or not have begun."""
-    bound = client.bind(run["id"], {"map": dict(given.connections), "parameters": dict(given.values)})
+    bound = client.bind(run["id"], {"map": dict(given.connections), "parameters": dict(given.controller_parameters)})
     if bound["id"] != run["id"]:
         client.ask("DELETE", f"/api/runs/{run['id']}")
     return bound
