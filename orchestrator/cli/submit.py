@@ -14,7 +14,7 @@ from ..service.client import Answer, Client
 from ..text import printable
 from ..views.units import number
 from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK
-from .options import add_connection, add_setting
+from .options import add_connection, add_setting, refuse_repeated
 from .values import Parser
 
 EXAMPLES = """examples:
@@ -35,6 +35,8 @@ SHOWN = {"checking": "check", "quick": "quick evaluation", "evaluating": "evalua
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
+    refuse_repeated("--map", given.connections)
+    refuse_repeated("--set", given.controller_parameters)
     client = Client(given.to, os.environ.get(KEY, ""))
     run = client.submit(given.controller)
     address = f"{client.url}/runs/{run['id']}"

@@ -72,6 +72,7 @@ def test_submit_tells_what_was_refused(address, tmp_path):
     ("words", "code", "what"),
     [
         (("no.fmu", "--to", "{}"), 2, "There is no file no.fmu"),
+        (("my_controller.fmu", "--to", "{}", "--set", "a=1", "--set", "a=2"), 2, "--set gives a more than once"),
         (("my_controller.fmu", "--to", "ftp://x"), 2, "is not the address of a service"),
         (("my_controller.fmu", "--to", "http://127.0.0.1:9"), 1, "does not answer"),
     ],
