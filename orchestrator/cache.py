@@ -117,7 +117,12 @@ def compiled_code_folder() -> Path:
     Numba itself looks only at the file of the function it compiles, and would run stale machine code after a change in
     a helper from another module.
     """
-    return cache_folder() / "numba" / source_hash([*closure(*COMPILED), *OWN])[:16]
+    return cache_folder() / "numba" / _compiled_code()[:16]
+
+
+@functools.cache
+def _compiled_code() -> str:
+    return source_hash([*closure(*COMPILED), *OWN])
 
 
 @functools.cache

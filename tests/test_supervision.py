@@ -147,6 +147,20 @@ def test_a_crash_in_the_second_instance_goes_away_in_a_process_of_its_own(plant_
     assert [run.result for run in run(own, short_cases((STRUCK, SPARED)))] == [run.result for run in healthy]
 
 
+@pytest.mark.parametrize(
+    ("where", "status", "words"),
+    [
+        ("step", ERROR, "fmi2DoStep returned fatal\n  hostile: as you wish"),
+        ("initialize", ERROR, "as you wish"),
+        ("terminate", Status.DONE, "fmi2Terminate failed with status 4 (fatal)"),
+    ],
+)
+def test_after_fatal_no_function_is_called(where, status, words, plant_file, faulty):
+    own = bench(plant_file, faulty(Fault("status:4", where, 0.02 if where == "step" else 0.0)))
+    for found in run(own, short_cases((STRUCK, SPARED))):
+        assert found.result.status == status and words in found.result.message, found.result.message
+
+
 @pytest.mark.parametrize("what", ["daemon", "daemon-session", "daemon-crash"])
 def test_no_process_stays_behind(what, plant_file, faulty):
     own = bench(plant_file, faulty(Fault(what, "terminate" if what != "daemon-crash" else "step", 0.0)))

@@ -129,6 +129,11 @@ DEATHS = {
 }
 
 
+def test_a_worker_may_end_before_its_last_task():
+    life, answer = on(LOADED, Received(Finished(0, b"0", 0.5, last=True)), JOB)
+    assert life.over and answer == Done(0, b"0", 0.5, 0)
+
+
 @pytest.mark.parametrize("name", DEATHS)
 def test_what_ends_a_worker(name):
     event, death = DEATHS[name]

@@ -8,6 +8,8 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
+from importlib import import_module
 
 from ..errors import BenchmarkError, Crash, FmuError, InputError
 from ..text import printable
@@ -131,19 +133,24 @@ HOMES = {
 """Modules of the commands without one of their own, in which they are functions."""
 
 
+SIMULATING = {"evaluate", "check", "simulate", "robustness", "reliability", "sweep"}
+"""Commands that start processes for simulations."""
+
+
 def run(name: str, arguments: Sequence[str] | None = None) -> int:
-    """Run a command, guarded: what ``python -m`` and the console command call.
-
-    A Ctrl-C during the imports, which take a second, leads to no traceback either.
-    """
+    """Run a command, guarded: what ``python -m`` and the console command call."""
     gc.set_threshold(GARBAGE_THRESHOLD)
-    try:
-        from importlib import import_module
+    return guarded(partial(_imported, name), arguments)
 
-        room = import_module(f".{HOMES.get(name, name)}", __package__)
-        # A verification starts itself anew, in an interpreter that no earlier run can have prepared.
-        command = getattr(room, name if name in HOMES else "clean", None) or room.main
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
-    return guarded(command, arguments)
+
+def _imported(name: str, arguments: Sequence[str] | None) -> int:
+    """Import a command and run it. A Ctrl-C meanwhile, which takes some time, leads to no traceback either."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if name in SIMULATING and "--sandbox" not in words and any(map(os.path.isfile, words)):
+        from ..execution.launch import start_ahead
+
+        start_ahead("orchestrator.pairing.work")
+    room = import_module(f".{HOMES.get(name, name)}", __package__)
+    # A verification starts itself anew, in an interpreter that no earlier run can have prepared.
+    command = getattr(room, name if name in HOMES else "clean", None) or room.main
+    return int(command(arguments))

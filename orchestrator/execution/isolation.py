@@ -63,6 +63,8 @@ class Isolated:
     type.
     """
 
+    broken = False  # whatever a process answers, the next simulation has another one
+
     def __init__(self, files: FmuFiles, command: tuple[str, ...]) -> None:
         self.archive = reopen(files.name, files.sha256, files.folder, files.library)
         self.calls = CLASSES[self.archive.major_version, self.archive.kind].calls

@@ -202,6 +202,13 @@ def _fork_server(module: str, protected: bool) -> ForkServer:
         return _servers[key]
 
 
+def start_ahead(module: str) -> None:
+    """Start the fork server that workers of ``module`` will need, and do not wait: it imports for half a second, in
+    which its owner has imports of its own. What keeps it from starting is said when a worker is wanted."""
+    with suppress(OSError, EnvironmentFault):
+        _fork_server(module, True)
+
+
 def _discard(server: ForkServer) -> str:
     """End a server; the next worker gets a new one. Returns its last words."""
     with _servers_lock:

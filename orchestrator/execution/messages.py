@@ -97,11 +97,13 @@ class Loaded(Struct, frozen=True, tag=True):
 
 
 class Finished(Struct, frozen=True, tag=True):
-    """``value`` is what the work returned for task ``index``, packed; ``wall_time`` [s] is what it took."""
+    """``value`` is what the work returned for task ``index``, packed; ``wall_time`` [s] is what it took. After the
+    ``last`` one, the process runs no further task."""
 
     index: Natural
     value: bytes
     wall_time: NonNegative
+    last: bool = False
 
 
 class Failed(Struct, frozen=True, tag=True):

@@ -69,7 +69,10 @@ def main(channel: int, output: int, shared: int, folder: str, parent: int) -> No
             surroundings.restore()
             begin = time.perf_counter()
             value = work(plant, controller, task)
-            write_all(channel, frame(Finished(index, value, time.perf_counter() - begin)))
+            broken = plant.broken or controller.broken
+            write_all(channel, frame(Finished(index, value, time.perf_counter() - begin, last=broken)))
+            if broken:
+                break
     except BenchmarkError as error:
         write_all(channel, frame(Failed(index, error_record(error), time.perf_counter() - begin)))
     sys.stdout.flush()

@@ -109,8 +109,8 @@ class Remains:
 
 
 def on(life: Life, event: Event, job: Job) -> Step:
-    """What ``event`` makes of the life of a worker that runs ``job``. After a death, a failure, an error or the last
-    task's outcome it is over; the time limit begins anew when the FMUs are loaded, and with each task."""
+    """What ``event`` makes of the life of a worker that runs ``job``. After a death, a failure, an error or its last
+    outcome it is over; the time limit begins anew when the FMUs are loaded, and with each task."""
     if life.over:
         return life, None
     match event:
@@ -151,7 +151,7 @@ def _received(life: Life, event: Received, job: Job) -> Step:
     if isinstance(message, Finished):
         done = Done(life.task, job.decode(life.task, message.value), message.wall_time, event.logged)
         task = life.task + 1
-        return replace(life, task=task, printed=0, over=task == len(job.tasks)), done
+        return replace(life, task=task, printed=0, over=message.last or task == len(job.tasks)), done
     if message.error.kind == "environment":
         return replace(life, over=True), error_of(message.error)
     if message.error.kind == "crash":  # of the process of an isolated controller

@@ -23,6 +23,9 @@ SET, STEP, GET = range(3)
 WARNING = 1
 """Highest FMI status that does not end a simulation."""
 
+FATAL = 4
+"""The FMI status after which no function of the library may be called, for any instance."""
+
 TERMINATED, EARLY_RETURN, ENDLESS_EVENTS = 2**32, 2**32 + 1, 2**32 + 2
 """What stepping reports beyond the FMI statuses: the FMU asked to end the simulation, stopped short of the end of
 the step, or goes on asking for another event iteration. No status an FMU can return is as large."""

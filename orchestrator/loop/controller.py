@@ -50,6 +50,9 @@ class Remote(Protocol):
     def calls(self) -> Mapping[str, str]:
         """As those of a slave."""
 
+    broken: bool
+    """As that of a slave."""
+
     def prepared(
         self, setup: Setup, steady: Steady, sample_time: Fraction, stop_time: float, first: Pair | None
     ) -> AbstractContextManager[Port]:

@@ -195,6 +195,7 @@ def _lost(outputs: np.ndarray, scenario: Scenario) -> str:
 
 def exchange_failure(slave: Slave | Remote, call: int, status: int) -> FmuError | Crash:
     """What :func:`~orchestrator.fmi.port.exchange` ended with, a status above WARNING, in words."""
+    slave.broken = slave.broken or status == port.FATAL
     if status == port.LOST:
         return slave.lost()
     if status >= port.ARITHMETIC_CHANGED:

@@ -41,6 +41,7 @@ class Stepwise:
     ``observe`` is that of :func:`~orchestrator.loop.master.simulate`. The plant must not be in another simulation.
     """
 
+    broken = False
     archive, calls = _Caller(), {"set": "step", "step": "step", "get": "step"}
     steady: Steady
     """The plant's steady state, known from :meth:`begin` on."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -277,7 +278,10 @@ def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:
     """The numbers of the cases that share a job."""
     # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted. It must stay
     # in the order of the cases, in which failures are counted.
-    size = max(1, len(waiting)) if entry.patience == 1 else GROUP_SIZE
+    count = 1 if entry.patience == 1 else math.ceil(len(waiting) / GROUP_SIZE)
+    # Groups of one size, and of several an even number: with 9, 9 and 6 cases one of two processors
+    # waited for the last group. Not by the number of processors: state that passes shows by groups.
+    size = max(1, math.ceil(len(waiting) / (count if count == 1 else 2 * math.ceil(count / 2))))
     return (waiting[first : first + size] for first in range(0, len(waiting), size))
 
 

@@ -11,13 +11,17 @@ import functools
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import resources
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FunctionLoader, StrictUndefined
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
+from ..cache import cache_folder
 from ..text import printable
 from .echarts import Pool, plot_data
 from .plot import Heat, MovingArm, Plot, PosedArm
@@ -188,6 +192,23 @@ def _environment() -> Environment:
     return environment(template_text)
 
 
+class _Compiled(FileSystemBytecodeCache):
+    """Compiled templates in the cache folder, by their contents: to compile them takes a third of a page's time."""
+
+    def __init__(self, folder: str) -> None:
+        super().__init__(folder, f"page-{version('jinja2')}-%s")
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Whatever is wrong with a file, such as half of it: the template is compiled again."""
+        with suppress(Exception):
+            super().load_bytecode(bucket)
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """On a full disk, as well."""
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
 def environment(read: Callable[[str], str | None]) -> Environment:
     """Templates that are escaped, without control characters but for what is marked as safe. ``read`` gives the text of
     one by its name, or None."""
@@ -197,6 +218,7 @@ def environment(read: Callable[[str], str | None]) -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=_Compiled(str(cache_folder())),
         # What is marked as safe is of a subclass of str, and stays as it is.
         finalize=lambda value: printable(value) if type(value) is str else value,
     )

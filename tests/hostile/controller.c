@@ -34,6 +34,8 @@ typedef struct {
 } Controller;
 
 static int instances;
+/* After the status fatal no function may be called any more, for any instance: this one ends the process then. */
+static int is_broken;
 
 /* ---- Faults ---- */
 
@@ -173,6 +175,7 @@ static fmi2Status strike(Controller *own)
     const char *what = own->what;
     if (strncmp(what, "status:", 7) == 0) {
         say(own, fmi2Warning, "as you wish");
+        is_broken = atoi(what + 7) == fmi2Fatal;
         return (fmi2Status)atoi(what + 7);
     }
     if (strncmp(what, "value:", 6) == 0) {
@@ -337,6 +340,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *host, fmi2Boolean visible, fmi2Boolean logging)
 {
     (void)name, (void)type, (void)guid, (void)visible, (void)logging;
+    if (is_broken) abort();
     Controller *own = calloc(1, sizeof(Controller));
     own->number = ++instances;
     own->logger = host->logger;
@@ -348,6 +352,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 
 void fmi2FreeInstance(fmi2Component c)
 {
+    if (is_broken) abort();
     maybe(c, "free");
     end_chat(c);
     free(c);

@@ -24,7 +24,7 @@ from ...errors import BenchmarkError, Crash, FmuError, InputError
 from .. import log, trace
 from ..archive import Archive
 from ..library import NATIVE, has_sources
-from ..port import Port, unconnected
+from ..port import FATAL, Port, unconnected
 from ..variables import Variable
 
 
@@ -110,6 +110,10 @@ class Slave(ABC):
 
     stepping: int
     """How the compiled loop steps it, see :mod:`orchestrator.fmi.port`."""
+
+    broken = False
+    """Whether a call has returned the status fatal. No call may follow, not even to free the instance: those of
+    pythonfmu that raise end the process there, one in some thousand times."""
 
     with_sizes = False
     _stop_time = 0.0
@@ -240,8 +244,9 @@ class Slave(ABC):
         self._end()
 
     def _end(self) -> None:
-        trace.current.note(self.side, "freeing the instance")
-        self._free()
+        if not self.broken:
+            trace.current.note(self.side, "freeing the instance")
+            self._free()
 
     def _usual_reasons(self) -> str:
         """Why FMUs give no instance: all they can say is NULL, and what they log."""
@@ -321,6 +326,7 @@ class Slave(ABC):
         except (Crash, FmuError):
             raise
         except Exception as problem:
+            self.broken = self.broken or getattr(problem, "status", None) == FATAL  # FMPy's FMICallException
             raise FmuError(f"{self.archive.name}: {call} failed: {problem}", call, log.last_lines()) from None
 
     def _do(self, function: Callable[..., Any], *arguments: Any) -> Any:
