@@ -281,7 +281,8 @@ def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:
     count = 1 if entry.patience == 1 else math.ceil(len(waiting) / GROUP_SIZE)
     # Groups of one size, and of several an even number: with 9, 9 and 6 cases one of two processors
     # waited for the last group. Not by the number of processors: state that passes shows by groups.
-    size = max(1, math.ceil(len(waiting) / (count if count == 1 else 2 * math.ceil(count / 2))))
+    count += count % 2 if count > 1 else 0
+    size = math.ceil(len(waiting) / count) if waiting else 1
     return (waiting[first : first + size] for first in range(0, len(waiting), size))
 
 
