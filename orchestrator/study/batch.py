@@ -236,7 +236,7 @@ def _simulated(
     for progress in opened:
         waiting = [] if progress.reason else progress.waiting
         left = set(waiting)
-        for numbers in _groups(progress.entry, waiting):
+        for numbers in _groups(progress.entry, waiting, least=1 if repeat or len(opened) > 1 else 2):
             job, repetition = _job(progress, numbers, repeat, not repetitions)
             if repetition is not None:
                 repetitions[len(jobs)] = repetition
@@ -274,15 +274,15 @@ def _simulated(
             keep(*seen)
 
 
-def _groups(entry: BatchEntry, waiting: list[int]) -> Iterator[list[int]]:
-    """The numbers of the cases that share a job."""
+def _groups(entry: BatchEntry, waiting: list[int], least: int) -> Iterator[list[int]]:
+    """The numbers of the cases that share a job, in at ``least`` so many groups, one of which may be of one case."""
     # Candidates of a tuning run whole in one process each: after one failure the rest of it is not wanted. It must stay
     # in the order of the cases, in which failures are counted.
-    count = 1 if entry.patience == 1 else math.ceil(len(waiting) / GROUP_SIZE)
+    count = 1 if entry.patience == 1 else max(math.ceil(len(waiting) / GROUP_SIZE), least)
     # Groups of one size, and of several an even number: with 9, 9 and 6 cases one of two processors
     # waited for the last group. Not by the number of processors: state that passes shows by groups.
     count += count % 2 if count > 1 else 0
-    size = math.ceil(len(waiting) / count) if waiting else 1
+    size = max(1, math.ceil(len(waiting) / count))
     return (waiting[first : first + size] for first in range(0, len(waiting), size))
 
 
