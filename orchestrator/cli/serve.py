@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..service import accounts
 from ..service.database import Database
 from ..service.files import Files
-from ..service.records import Conduct, Limits, Settings
+from ..service.records import Allowance, Conduct, Settings
 from .guard import EXIT_OK
 from .values import MAX_LIMIT, Parser, natural, number
 
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scheduler=given.scheduler or "",
         evaluations=given.evaluations,
     )
-    limits = Limits(given.max_queue, int(given.max_disk * MB), int(given.max_upload * MB))
+    limits = Allowance(given.max_queue, int(given.max_disk * MB), int(given.max_upload * MB))
     return _serve(given, Settings(given.accounts, warning, limits, conduct))
 
 
@@ -97,8 +97,8 @@ def _parser() -> Parser:
     work.add_argument("--trust", action="store_true", help="run FMUs without a sandbox, with your permissions")
     limits = parser.add_argument_group("limits, for each person")
     for name, default, what in (
-        ("upload", Limits.upload / MB, "size of an FMU"),
-        ("disk", Limits.disk / MB, "of all runs and their FMUs"),
+        ("upload", Allowance.upload / MB, "size of an FMU"),
+        ("disk", Allowance.disk / MB, "of all runs and their FMUs"),
     ):
         size = number(most=MAX_LIMIT, above=0.0)
         limits.add_argument(
@@ -107,9 +107,9 @@ def _parser() -> Parser:
     limits.add_argument(
         "--max-queue",
         type=natural(1),
-        default=Limits.queue,
+        default=Allowance.queue,
         metavar="N",
-        help=f"runs that have not ended (default: {Limits.queue})",
+        help=f"runs that have not ended (default: {Allowance.queue})",
     )
     return parser
 

@@ -12,7 +12,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .records import FINAL, Person, Run, State
+from .records import FINAL, Person, State, Submission
 
 FORM = 1
 """Of the tables. A later version that changes them reads this number."""
@@ -61,8 +61,8 @@ CREATE TABLE comparisons (
 CREATE TABLE form (number INTEGER NOT NULL) STRICT;
 """
 
-COLUMNS = ", ".join(field.name for field in fields(Run))
-MARKS = ", ".join("?" for _ in fields(Run))
+COLUMNS = ", ".join(field.name for field in fields(Submission))
+MARKS = ", ".join("?" for _ in fields(Submission))
 FINALS = ", ".join(f"'{state.value}'" for state in FINAL)
 
 
@@ -171,19 +171,21 @@ class Database:
 
     # Runs
 
-    def add_run(self, run: Run, text: str) -> None:
+    def add_run(self, run: Submission, text: str) -> None:
         """Add a run, and the beginning of its history."""
         with self._transaction() as connection:
             connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
             connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
 
-    def change(self, before: Run, after: Run, text: str, now: float) -> Run:
+    def change(self, before: Submission, after: Submission, text: str, now: float) -> Submission:
         """Replace a run by its next form, with a line of its history; returns what is stored.
 
         Raises :class:`Changed` if it is not ``before`` any more: two things happened at a time, and the first counts.
         """
-        columns = ", ".join(f"{field.name} = ?" for field in fields(Run) if field.name != "revision")
-        values = [value for field, value in zip(fields(Run), _values(after), strict=True) if field.name != "revision"]
+        columns = ", ".join(f"{field.name} = ?" for field in fields(Submission) if field.name != "revision")
+        values = [
+            value for field, value in zip(fields(Submission), _values(after), strict=True) if field.name != "revision"
+        ]
         with self._transaction() as connection:
             changed = connection.execute(
                 f"UPDATE runs SET {columns}, revision = revision + 1 WHERE id = ? AND revision = ?",
@@ -200,23 +202,23 @@ class Database:
         assert stored is not None
         return stored
 
-    def run(self, id: str) -> Run | None:
+    def run(self, id: str) -> Submission | None:
         """The run with this id."""
         return next(iter(self._runs("WHERE id = ?", id)), None)
 
-    def runs_of(self, owner: str, most: int = 200) -> list[Run]:
+    def runs_of(self, owner: str, most: int = 200) -> list[Submission]:
         """The newest runs of somebody, the newest first."""
         return self._runs("WHERE owner = ? ORDER BY created DESC LIMIT ?", owner, most)
 
-    def waiting(self) -> list[Run]:
+    def waiting(self) -> list[Submission]:
         """Runs whose next stage is to begin."""
         return self._runs(f"WHERE state NOT IN ({FINALS}) AND running = 0 ORDER BY created")
 
-    def running(self) -> list[Run]:
+    def running(self) -> list[Submission]:
         """Runs of which a stage is under way."""
         return self._runs("WHERE running = 1")
 
-    def finished(self) -> list[Run]:
+    def finished(self) -> list[Submission]:
         """Finished runs, of each person's controllers of one name the latest alone: those that meet all requirements
         first, then by V."""
         # Before the limit: who evaluates one controller 500 times would else push all others out of the table.
@@ -264,7 +266,7 @@ class Database:
         with self._transaction() as connection:
             connection.execute("DELETE FROM runs WHERE id = ?", (id,))
 
-    def _runs(self, condition: str, *values: object) -> list[Run]:
+    def _runs(self, condition: str, *values: object) -> list[Submission]:
         return [_run(row) for row in self._rows(f"SELECT {COLUMNS} FROM runs {condition}", *values)]
 
     # Comparisons
@@ -294,12 +296,12 @@ class Database:
             connection.execute("DELETE FROM comparisons WHERE id = ?", (id,))
 
 
-def _values(run: Run) -> tuple[object, ...]:
+def _values(run: Submission) -> tuple[object, ...]:
     return tuple(value.value if isinstance(value, State) else value for value in astuple(run))
 
 
-def _run(row: tuple[object, ...] | sqlite3.Row) -> Run:
-    named = dict(zip((field.name for field in fields(Run)), row, strict=True))
+def _run(row: tuple[object, ...] | sqlite3.Row) -> Submission:
+    named = dict(zip((field.name for field in fields(Submission)), row, strict=True))
     holds = named["holds"]
     named |= {"state": State(named["state"]), "running": bool(named["running"])}
-    return Run(**{**named, "holds": None if holds is None else bool(holds)})
+    return Submission(**{**named, "holds": None if holds is None else bool(holds)})

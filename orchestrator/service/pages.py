@@ -23,7 +23,7 @@ from . import accounts, binding
 from .borders import MAX_KEY_FORM, REPORT_POLICY, Refusal, body, whole_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of
-from .records import ConnectorRecord, Interface, Run, State, VariableRecord
+from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, run_view, shown_cost, state_words, table
 
@@ -116,7 +116,7 @@ async def run_page(request: Request) -> Response:
 def _run_page(
     request: Request,
     service: Service,
-    run: Run,
+    run: Submission,
     problem: str = "",
     typed: dict[str, str] | None = None,
     status: int = 200,

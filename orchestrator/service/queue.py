@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from .records import SHORT, Run
+from .records import SHORT, Submission
 
 
 def chosen(
-    waiting: Iterable[Run], running: Sequence[Run], served: Mapping[str, float], evaluations: int, now: float
-) -> Run | None:
+    waiting: Iterable[Submission],
+    running: Sequence[Submission],
+    served: Mapping[str, float],
+    evaluations: int,
+    now: float,
+) -> Submission | None:
     """The run whose next stage begins now; None if nothing may.
 
     There is room for as many ``evaluations`` at a time, and for one short stage more: who uploads an FMU has its check
@@ -23,9 +27,9 @@ def chosen(
     return min(ready, key=lambda run: (run.stage not in SHORT, served.get(run.owner, 0.0), run.created), default=None)
 
 
-def places(waiting: Iterable[Run], served: Mapping[str, float]) -> dict[str, int]:
+def places(waiting: Iterable[Submission], served: Mapping[str, float]) -> dict[str, int]:
     """How many stages of the same length begin before that of each run, if nobody comes in between; by the run's id."""
-    left: dict[bool, dict[str, list[Run]]] = {True: {}, False: {}}
+    left: dict[bool, dict[str, list[Submission]]] = {True: {}, False: {}}
     for run in sorted(waiting, key=lambda run: run.created):
         left[run.stage in SHORT].setdefault(run.owner, []).append(run)
     place: dict[str, int] = {}

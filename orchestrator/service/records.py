@@ -50,7 +50,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Run:
+class Submission:
     """An FMU on its way.
 
     ``owner`` is the id of a person, ``sha256`` and ``size`` [bytes] are those of the FMU, ``name`` is what its owner
@@ -95,7 +95,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Limits:
+class Allowance:
     """What one person may have: ``queue`` runs that have not ended, ``disk`` [bytes] of all runs; ``upload`` is the
     largest FMU [bytes], ``uploads`` and ``streams`` are uploads and live pages at a time. ``patience`` [s] is how long
     a client may be silent, and ``upload_time`` [s] how long an upload may take."""
@@ -135,7 +135,7 @@ class Settings:
 
     accounts: bool = False
     warning: str = ""
-    limits: Limits = field(default_factory=Limits)
+    limits: Allowance = field(default_factory=Allowance)
     conduct: Conduct = field(default_factory=Conduct)
 
 

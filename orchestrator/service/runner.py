@@ -27,7 +27,7 @@ from . import queue, states
 from .database import Changed, Database
 from .files import BINDING, LOG, Files
 from .job import OUTCOME, outcome_of
-from .records import STAGES, Conduct, Outcome, Progress, Run, Stage, Task
+from .records import STAGES, Conduct, Outcome, Progress, Stage, Submission, Task
 
 JOB = ("-m", f"{__package__}.job")
 """What the interpreter is started with."""
@@ -53,7 +53,7 @@ logger = logging.getLogger(__name__)
 class Live:
     """What is known of a stage under way: its process, the latest progress, the findings of a check so far."""
 
-    run: Run
+    run: Submission
     process: Process | None = None
     progress: Progress = field(default_factory=Progress)
     findings: deque[tuple[str, str, str]] = field(default_factory=lambda: deque(maxlen=MAX_FINDINGS))
@@ -90,7 +90,7 @@ class Runner:
             return False
         return True
 
-    def place(self, run: Run) -> int | None:
+    def place(self, run: Submission) -> int | None:
         """How many stages of the same length begin before that of a run; None if it does not wait."""
         return queue.places(self._database.waiting(), self._database.served()).get(run.id)
 
@@ -121,14 +121,14 @@ class Runner:
         for live in self.live.values():
             _kill(live.process)
 
-    def cancel(self, run: Run) -> Run:
+    def cancel(self, run: Submission) -> Submission:
         """End a run; raises :class:`.Changed` if it is another by now."""
         after = self._database.change(run, *states.cancelled(run), time.time())
         self._drop(run.id)
         self.wake()
         return after
 
-    def remove(self, run: Run) -> None:
+    def remove(self, run: Submission) -> None:
         """Remove a run and all that is its own. What a job may still write into its folder goes when it has ended."""
         comparisons = self._database.comparisons_with(run.id)
         self._database.remove_run(run.id)
@@ -139,7 +139,7 @@ class Runner:
         self._clear(run)
         self.wake()
 
-    def _clear(self, run: Run) -> None:
+    def _clear(self, run: Submission) -> None:
         self._files.remove_run(run.id)
         if not self._database.is_used(run.sha256):
             self._files.remove_fmu(run.sha256)
@@ -149,14 +149,14 @@ class Runner:
             live.unwanted = True
             _let_go(live.process)
 
-    def begin_anew(self, run: Run, binding: str) -> Run:
+    def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
         after = self._database.change(run, *states.bound(run, binding), time.time())
         self._files.forget(run.id, map(OUTCOME.format, STAGES))
         self.wake()
         return after
 
-    def retry(self, run: Run) -> Run:
+    def retry(self, run: Submission) -> Submission:
         """Begin again with a run that failed or was cancelled; raises :class:`.Changed` if it is another by now."""
         for stage in STAGES:
             self._files.forget_outcome(run.id, OUTCOME.format(stage))
@@ -164,7 +164,7 @@ class Runner:
         self.wake()
         return after
 
-    def _next(self) -> Run | None:
+    def _next(self) -> Submission | None:
         if self._closing:
             return None
         # One that was cancelled and begun again waits until its former process has ended.
@@ -172,7 +172,7 @@ class Runner:
         under_way = [live.run for live in self.live.values()]
         return queue.chosen(waiting, under_way, self._database.served(), self._conduct.evaluations, time.time())
 
-    def _start(self, run: Run) -> None:
+    def _start(self, run: Submission) -> None:
         assert run.stage is not None
         folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
         run = self._database.change(run, *states.started(run, time.time()), time.time())
@@ -270,7 +270,7 @@ class Runner:
                     live.progress = Progress(progress.done, progress.total, cost)
                 self.wake()
 
-    def _task(self, run: Run, stage: Stage) -> Task:
+    def _task(self, run: Submission, stage: Stage) -> Task:
         conduct = self._conduct
         return Task(
             stage=stage,

@@ -21,7 +21,7 @@ from .borders import Refusal
 from .comparing import compared
 from .database import Changed, Database
 from .files import BINDING, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, new_id, plain_name
-from .records import Interface, Person, Run, Settings, State
+from .records import Interface, Person, Settings, State, Submission
 from .runner import Runner
 
 MAX_NAME = 120
@@ -51,7 +51,7 @@ class Service:
     closing: bool = False
     comparing: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
-    def own(self, person: Person, id: str) -> Run:
+    def own(self, person: Person, id: str) -> Submission:
         """The run of ``person`` with this id. That of another one is not there, so that nobody learns of ids."""
         run = self.database.run(id) if ID.fullmatch(id) else None
         if run is None or run.owner != person.id:
@@ -83,7 +83,7 @@ class Service:
         finally:
             self.uploads[person.id] -= 1
 
-    async def accept(self, person: Person, name: str, pieces: AsyncIterator[bytes], text: str = "") -> Run:
+    async def accept(self, person: Person, name: str, pieces: AsyncIterator[bytes], text: str = "") -> Submission:
         """Take an upload, with the ``text`` of a mapping file if there is one; returns the run that waits."""
         self.check_quota(person)
         incoming = self.files.incoming()
@@ -95,61 +95,65 @@ class Service:
             self.check_quota(person, incoming.size)
             shown = printable(name).strip()[-MAX_NAME:] or "controller.fmu"
             sha256 = incoming.kept()
-            run = Run(new_id(), person.id, shown, plain_name(name), sha256, incoming.size, time.time(), binding=text)
+            run = Submission(
+                new_id(), person.id, shown, plain_name(name), sha256, incoming.size, time.time(), binding=text
+            )
             self.database.add_run(run, "received")
         finally:
             incoming.close()
         self.runner.wake()
         return run
 
-    def bind(self, run: Run, text: str) -> Run:
+    def bind(self, run: Submission, text: str) -> Submission:
         """Use another mapping file: a refused run begins again, of any other one a second run is made."""
         if run.state is State.REFUSED:
             return self._moved(lambda: self.runner.begin_anew(run, text))
         self.check_quota(Person(run.owner, ""), run.size)
-        again = Run(new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, time.time(), binding=text)
+        again = Submission(
+            new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, time.time(), binding=text
+        )
         self.database.add_run(again, "received, with another binding")
         self.runner.wake()
         return again
 
-    def bind_by_form(self, run: Run, chosen: Mapping[str, str], given: Mapping[str, str]) -> Run:
+    def bind_by_form(self, run: Submission, chosen: Mapping[str, str], given: Mapping[str, str]) -> Submission:
         """The same by what was chosen in the form."""
         interface = self.interface(run)
         if interface is None:
             raise Refusal(409, "The FMU has not been looked at yet, or cannot be opened.")
         return self.bind(run, binding.mapping_file(interface, chosen, given))
 
-    def interface(self, run: Run) -> Interface | None:
+    def interface(self, run: Submission) -> Interface | None:
         """What the form is made of; None before the FMU was opened, or if it cannot be."""
         try:
             return from_json((self.files.run(run.id) / INTERFACE).read_bytes(), Interface)
         except (OSError, ValueError):
             return None
 
-    def cancel(self, run: Run) -> Run:
+    def cancel(self, run: Submission) -> Submission:
         """End a run that has not ended."""
         if run.state.is_final:
             raise Refusal(409, "This run has ended already.")
         return self._moved(lambda: self.runner.cancel(run))
 
-    def retry(self, run: Run) -> Run:
+    def retry(self, run: Submission) -> Submission:
         """Begin again with a run that failed or was cancelled."""
         if run.state not in (State.FAILED, State.CANCELLED):
             raise Refusal(409, "Only a run that failed or was cancelled can begin again.")
         self.check_quota(Person(run.owner, ""))
         return self._moved(lambda: self.runner.retry(run))
 
-    def _moved(self, change: Callable[[], Run]) -> Run:
+    def _moved(self, change: Callable[[], Submission]) -> Submission:
         try:
             return change()
         except Changed:
             raise Refusal(409, MOVED) from None
 
-    def remove(self, run: Run) -> None:
+    def remove(self, run: Submission) -> None:
         """Delete a run, and its FMU if it is in no other one."""
         self.runner.remove(run)
 
-    def file(self, run: Run, place: str, name: str) -> Path:
+    def file(self, run: Submission, place: str, name: str) -> Path:
         """A file of an evaluation, by the folder and one of the names that are given out."""
         if place not in (QUICK, EVALUATION) or name not in SHOWN:
             raise Refusal(404, "There is no such file.")
@@ -158,14 +162,14 @@ class Service:
             raise Refusal(404, "There is no such file yet.")
         return file
 
-    def piece(self, run: Run, *path: str) -> str:
+    def piece(self, run: Submission, *path: str) -> str:
         """A piece of a page that a job has written; empty if there is none yet."""
         try:
             return self.files.run(run.id).joinpath(*path).read_text(encoding="utf-8")
         except OSError:
             return ""
 
-    def command(self, run: Run) -> str:
+    def command(self, run: Submission) -> str:
         """The command that repeats a run."""
         return evaluate_command(
             run.file_name, BINDING if run.binding else "", Path(self.settings.conduct.protocol).name
@@ -198,7 +202,7 @@ class Service:
             self.comparisons[person.id] -= 1
         return id
 
-    def comparison(self, person: Person, id: str) -> tuple[Run, ...]:
+    def comparison(self, person: Person, id: str) -> tuple[Submission, ...]:
         """The runs of a comparison that a person has made."""
         found = self.database.comparison(id) if ID.fullmatch(id) else None
         if found is None or found[0] != person.id:

@@ -6,7 +6,7 @@ from datetime import datetime, timezone
 from typing import Literal
 
 from ..codec import Finite, Natural, Struct
-from .records import Run, Stage, State
+from .records import Stage, State, Submission
 from .service import Service
 from .states import steps
 
@@ -90,7 +90,7 @@ class RowView(Struct):
     own: str = ""
 
 
-def run_view(service: Service, run: Run, whole: bool = True) -> RunView:
+def run_view(service: Service, run: Submission, whole: bool = True) -> RunView:
     """A run for its owner; its history and its place in the queue only if the ``whole`` is asked for."""
     live = service.runner.live.get(run.id)
     progress = live.progress if live is not None and not live.unwanted else None
@@ -150,7 +150,7 @@ def shown_cost(value: float | None) -> str:
     return "–" if value is None else f"{value:.1f}"
 
 
-def state_words(run: Run) -> str:
+def state_words(run: Submission) -> str:
     """Where a run is, in words."""
     waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING) and not run.running
     return ("waits for its " if waits else "") + STATE_WORDS[run.state]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from .records import STAGES, Outcome, Run, Stage, State
+from .records import STAGES, Outcome, Stage, State, Submission
 
 MAX_ATTEMPTS = 3
 """Times that a stage is begun before a fault of the machine counts as the end."""
@@ -19,11 +19,11 @@ DELAYS = (2.0, 30.0)
 
 WORDS: Mapping[Stage, str] = {"checking": "the check", "quick": "the quick evaluation", "evaluating": "the evaluation"}
 
-Change = tuple[Run, str]
+Change = tuple[Submission, str]
 """The next form of a run, and what is told of the change."""
 
 
-def started(run: Run, now: float) -> Change:
+def started(run: Submission, now: float) -> Change:
     """A process begins with its next stage."""
     assert run.stage is not None, run.state
     begun = replace(run, state=State(run.stage), running=True, started=now, not_before=0.0)
@@ -31,7 +31,7 @@ def started(run: Run, now: float) -> Change:
     return begun, f"{WORDS[run.stage]} has begun{again}"
 
 
-def ended(run: Run, outcome: Outcome, now: float) -> Change:
+def ended(run: Submission, outcome: Outcome, now: float) -> Change:
     """The stage has ended with an ``outcome``. What the machine lost is tried again, while the controller's own faults
     are final: they would only be repeated."""
     disk = outcome.disk or run.disk
@@ -52,7 +52,7 @@ def ended(run: Run, outcome: Outcome, now: float) -> Change:
     return finished, "finished"
 
 
-def _again(run: Run, reason: str, now: float) -> Change:
+def _again(run: Submission, reason: str, now: float) -> Change:
     attempts = run.attempts + 1
     if attempts >= MAX_ATTEMPTS:
         text = f"{reason} (this machine failed {attempts} times; nothing is held against the controller)"
@@ -62,7 +62,7 @@ def _again(run: Run, reason: str, now: float) -> Change:
     return waiting, f"a fault of this machine: {reason}; it is tried again in {delay:g} s"
 
 
-def interrupted(run: Run) -> Change:
+def interrupted(run: Submission) -> Change:
     """The service ended while a stage was under way: it is queued again."""
     times = run.interruptions + 1
     if times >= MAX_INTERRUPTIONS:
@@ -71,23 +71,23 @@ def interrupted(run: Run) -> Change:
     return replace(run, running=False, interruptions=times), "queued again after an end of the service"
 
 
-def cancelled(run: Run) -> Change:
+def cancelled(run: Submission) -> Change:
     """Its owner wants no more of it."""
     return replace(run, state=State.CANCELLED, running=False, attempts=0, not_before=0.0, reason=""), "cancelled"
 
 
-def retried(run: Run) -> Change:
+def retried(run: Submission) -> Change:
     """A run that failed or was cancelled begins again where it was; what is finished is found in its store."""
     return replace(run, state=State.RECEIVED, attempts=0, interruptions=0, not_before=0.0, reason=""), "begun again"
 
 
-def bound(run: Run, binding: str) -> Change:
+def bound(run: Submission, binding: str) -> Change:
     """A refused run gets another binding, and begins again."""
     changed = replace(run, binding=binding, state=State.RECEIVED, attempts=0, not_before=0.0, reason="", verdict="")
     return changed, "bound anew"
 
 
-def steps(run: Run) -> tuple[tuple[str, str], ...]:
+def steps(run: Submission) -> tuple[tuple[str, str], ...]:
     """The stages, and where each is: ``"done"``, ``"now"``, ``"next"`` or ``"left out"``."""
     if run.state is State.FINISHED:
         return tuple((stage, "done") for stage in STAGES)
@@ -99,6 +99,6 @@ def steps(run: Run) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _reached(run: Run) -> int:
+def _reached(run: Submission) -> int:
     """The stage that a run ended in before its time."""
     return 2 if run.quick_cost is not None else 1 if run.verdict and run.state is not State.REFUSED else 0

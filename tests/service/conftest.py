@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from support.tools import require
 
-from orchestrator.service.records import Conduct, Limits, Settings
+from orchestrator.service.records import Allowance, Conduct, Settings
 
 FAKE = (str(Path(__file__).with_name("fake_job.py")),)
 ALONE = Settings(conduct=Conduct(processes=1, sandbox=False))
@@ -95,4 +95,4 @@ def me(serve: Serve) -> Asker:
 @pytest.fixture
 def limited() -> Callable[..., Settings]:
     """Settings with other limits."""
-    return lambda accounts=False, **limits: replace(ALONE, accounts=accounts, limits=Limits(**limits))
+    return lambda accounts=False, **limits: replace(ALONE, accounts=accounts, limits=Allowance(**limits))

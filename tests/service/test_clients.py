@@ -11,7 +11,7 @@ from support.tools import require
 
 from orchestrator.service.client import Client
 from orchestrator.service.files import Files
-from orchestrator.service.records import Limits
+from orchestrator.service.records import Allowance
 from service.conftest import ALONE, FAKE, fmu
 
 require("starlette", "uvicorn", "python_multipart")
@@ -19,7 +19,7 @@ require("starlette", "uvicorn", "python_multipart")
 
 @pytest.fixture
 def address(tmp_path):
-    settings = replace(ALONE, limits=Limits(upload=10_000, patience=0.6, upload_time=2.0))
+    settings = replace(ALONE, limits=Allowance(upload=10_000, patience=0.6, upload_time=2.0))
     with served(tmp_path / "data", settings, FAKE) as url:
         yield url
 

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.service import queue, states
-from orchestrator.service.records import SHORT, STAGES, Outcome, Run, State
+from orchestrator.service.records import SHORT, STAGES, Outcome, State, Submission
 
-RUN = Run("a" * 24, "ada", "my.fmu", "my.fmu", "0" * 64, 100, 1.0)
+RUN = Submission("a" * 24, "ada", "my.fmu", "my.fmu", "0" * 64, 100, 1.0)
 
 
-def done(run: Run, **fields) -> Run:
+def done(run: Submission, **fields) -> Submission:
     run, _ = states.started(run, 5.0)
     return states.ended(run, Outcome(run.stage, **{"kind": "done", **fields}), 6.0)[0]
 
@@ -64,7 +64,7 @@ def test_a_refused_run_begins_again_with_another_binding():
     assert (run.state, run.binding, run.reason, run.stage) == (State.RECEIVED, "[map]\n", "", "checking")
 
 
-def waiting(*places: tuple[str, str]) -> list[Run]:
+def waiting(*places: tuple[str, str]) -> list[Submission]:
     """Runs of these owners in these states, in this order."""
     return [
         replace(RUN, id=str(number), owner=owner, state=State(state), created=float(number))
@@ -72,7 +72,7 @@ def waiting(*places: tuple[str, str]) -> list[Run]:
     ]
 
 
-def order(runs: list[Run], evaluations: int = 1) -> list[str]:
+def order(runs: list[Submission], evaluations: int = 1) -> list[str]:
     """The owners of the runs in the order in which they are chosen, if each ends before the next begins."""
     served, found, now = {}, [], 100.0
     while runs:
