@@ -140,15 +140,15 @@ def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
 
 def broken_since(hunt: Hunt, answers: Mapping[str, RequirementSearched]) -> Asking[dict[str, RequirementSearched]]:
     """The same, where a failure was met since with that as the worst case."""
-    known, limits = dict(answers), hunt.protocol.stability
+    by_name, limits = dict(answers), hunt.protocol.stability
     for name, answer in answers.items():
         members = _judged_by(hunt, name)
         if answer.passed is not False and any(fails(hunt.history.result_of[member], limits) for _, member in members):
             for roles in hunt.shown.values():
                 roles[:] = [role for role in roles if not role.startswith(f"{name} ")]
             hunt.shown = {member: roles for member, roles in hunt.shown.items() if roles}
-            known[name] = yield from _answer(hunt, name, members)
-    return known
+            by_name[name] = yield from _answer(hunt, name, members)
+    return by_name
 
 
 def _judged_by(hunt: Hunt, name: str) -> list[tuple[float, Member]]:

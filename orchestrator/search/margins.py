@@ -54,9 +54,9 @@ def lowered(hunt: Hunt, margins: Mapping[str, Margin]) -> Asking[dict[str, Margi
     hunt.allot(1.0)
     for axis in (1, 2):
         for entry in _levels(hunt.protocol, axis):
-            margin, known = margins.get(entry.name), _known(hunt, entry, axis)
-            if margin is not None and known is not None:
-                value, member = known
+            margin, least = margins.get(entry.name), _least_known(hunt, entry, axis)
+            if margin is not None and least is not None:
+                value, member = least
                 if margin.value is None or _harm(entry, value) < _harm(entry, margin.value):
                     by_name[entry.name] = yield from _found(hunt, entry, axis, value, member)
     return by_name
@@ -94,10 +94,10 @@ def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int) -> Asking[Margin | 
     affordable = bool(members and hunt.afford([entry.at(members[0], entry.scale[-1])]))
     smallest = (yield from descend(hunt, entry, members, seed)) if affordable else None
     hunt.limit = share
-    known = _known(hunt, entry, axis)
-    if known is None:
+    least = _least_known(hunt, entry, axis)
+    if least is None:
         return Margin(None, limit) if affordable else None
-    value, member = known
+    value, member = least
     if smallest is not None and entry.scale[smallest[0]] == value:
         member = smallest[1]
     return (yield from _found(hunt, entry, axis, value, member))
@@ -109,7 +109,7 @@ def _found(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member) -> 
     return Margin(float(value), float(entry.scale[-1]), failed, tried, hunt.command(member), refined)
 
 
-def _known(hunt: Hunt, entry: Levels, axis: int) -> tuple[Any, Member] | None:
+def _least_known(hunt: Hunt, entry: Levels, axis: int) -> tuple[Any, Member] | None:
     """The smallest change that any stage has met a failure at, which may be none at all, and the member that fails."""
     failures = (
         (value, member)
