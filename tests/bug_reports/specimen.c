@@ -267,6 +267,7 @@ fmi2Status fmi2SetReal(fmi2Component instance, const fmi2ValueReference vr[], si
 fmi2Status fmi2GetReal(fmi2Component instance, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     Controller *c = instance;
+    if (is(c, "values not written") && c->time > LATE) return fmi2OK;
     for (size_t i = 0; i < n; i++)
         value[i] = c->values[vr[i] - (is(c, "large value references") ? LARGE_REFERENCE : 0)];
     return is(c, "values discarded") && c->time > LATE ? fmi2Discard : fmi2OK;
