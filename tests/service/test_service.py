@@ -49,7 +49,7 @@ def test_a_run_is_checked_evaluated_twice_and_finished(me):
         "the evaluation has begun",
         "finished",
     ]
-    assert run["command"] == "python -m orchestrator.evaluate My_PID.fmu"
+    assert run["command"] == "flexible-manipulator evaluate My_PID.fmu"
     assert (folder(me) / "runs" / run["id"] / "My_PID.fmu").read_bytes() == content
 
 
