@@ -387,12 +387,12 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"""{NAMES_HELP}
 
 examples:
-  python build_fmus.py                            build the first eleven into build/fmus
-  python build_fmus.py DiagonalPID                build one
-  python build_fmus.py --output-dir /tmp/fmus     build elsewhere
+  python build_fmus.py                            # build the first eleven into build/fmus
+  python build_fmus.py DiagonalPID                # build one
+  python build_fmus.py --output-dir /tmp/fmus     # build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
                                                   one FMU for Linux, Windows and macOS, and its trajectory
-  python build_fmus.py --web                      build/fmus/closed_loop.wasm and closed_loop.json
+  python build_fmus.py --web                      # build/fmus/closed_loop.wasm and closed_loop.json
 
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,

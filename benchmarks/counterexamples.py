@@ -54,7 +54,7 @@ from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 LISTS = Path(__file__).with_suffix("")
 
 
-COMMAND = "python -m orchestrator.simulate "
+COMMAND = "flexible-manipulator simulate "
 """What the command of a claim begins with that is one case."""
 
 SEEDS = range(1, 9)

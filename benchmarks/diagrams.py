@@ -192,7 +192,7 @@ def loop() -> str:
         line((565, 190), (565, 220), arrow=True),
         box(505, 220, 120, 50, "γ u_m + u_d"),
         line((420, 245), (505, 245), kind="force", arrow=True),
-        label((414, 240), "u_d: torque ripple (chirp)", "small warm", "end"),
+        label((414, 240), "u_d: chirp of the motor torque", "small warm", "end"),
         line((565, 270), (565, 300), arrow=True),
         box(470, 300, 155, 60, "manipulator", "(eq. 2)"),
         line((520, 405), (520, 360), kind="force", arrow=True),

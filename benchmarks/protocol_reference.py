@@ -85,10 +85,10 @@ MEANINGS = {
         "force": "size of the force on the TCP [N]",
         "t_1": "begin of the force [s]",
         "t_2": "end of the force [s]",
-        "chirp_amplitude": "amplitude of the torque ripple of axis 1 and 2 [N.m]",
+        "chirp_amplitude": "amplitude of the chirp of axis 1 and 2 [N.m]",
         "t_3_range": "range of the begin of the chirp [s]",
         "t_4": "end of the chirp [s]",
-        "chirp_frequencies": "the two ends of the sweep [Hz]",
+        "chirp_frequencies": "first and last frequency of the chirp [Hz]",
     },
     "Disturbance": {
         "phi_F": "direction of the force [rad]",

@@ -71,7 +71,7 @@ def main() -> int:
     parser.add_argument("run", nargs="?", type=Path, default=RUN, help=f"folder of a full run (default: {RUN})")
     page_file = parser.parse_args().run / "report.html"
     if not page_file.is_file():
-        command = f"python -m orchestrator.evaluate --output-dir {page_file.parent}"
+        command = f"flexible-manipulator evaluate --output-dir {page_file.parent}"
         raise SystemExit(f"{page_file} is missing. Make it: {command}")
     size = page_file.stat().st_size / 1e6
     times = measured(page_file)

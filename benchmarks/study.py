@@ -11,7 +11,7 @@
     python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
 
 A draw is one arm, pose, direction of the force, sweep and noise, simulated in every test of the protocol
-(``python -m orchestrator.reliability``). Its seed is used here alone. The figures are kept in docs/study.json.
+(``flexible-manipulator reliability``). Its seed is used here alone. The figures are kept in docs/study.json.
 """
 
 from __future__ import annotations

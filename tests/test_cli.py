@@ -2,7 +2,6 @@
 
 import argparse
 import csv
-import importlib
 import json
 import math
 import re
@@ -56,7 +55,7 @@ def test_the_scorecard_is_printed_for_people_and_nothing_is_run_again(pid_file: 
     for words in ("B1", "B7", "V ", "A1", "A2", "A3", "c0", "loop delay 0.250 ms", "141.0", "protocol quick"):
         assert words in finished.out
     assert "connectors q_m, u_m, q_m_ref, u_m0 (without q_a_ref)" in finished.out and "\x1b" not in finished.out
-    assert all(len(line) <= 80 or "python -m orchestrator.simulate" in line for line in finished.out.splitlines())
+    assert all(len(line) <= 80 or "flexible-manipulator simulate" in line for line in finished.out.splitlines())
     assert "24 of 24 cases are there from an earlier run (--force" in finished.err
     as_json = call(*again, "--json", folder=folder)
     assert json.loads(as_json.out) == json.loads((folder / "results.json").read_text())
@@ -166,7 +165,7 @@ def test_the_report_of_several_seeds_is_made_again(quick_pid_file: Path, tmp_pat
 
 def test_the_command_beside_a_case_repeats_it(folder: Path, tmp_path: Path) -> None:
     results, id = Results.load(folder), "c01.compliant.noise"
-    words = shlex.split(simulate_command(results.head, id))[3:]
+    words = shlex.split(simulate_command(results.head, id))[2:]
     for options in (words, ("--from", folder, "--case", id)):
         told = call("simulate", *options, "--json", folder=tmp_path)
         assert told.code == 0 and from_json(told.out, CaseResult) == results.case(id)
@@ -185,7 +184,7 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
         plant={"parameters": {"m[1]": 60.0}},
     )
     pose = replace(ABOUT, configuration=-1, q_a=(math.pi / 4, -math.pi / 3), system="random_3", test="noise")
-    given = vars(simulate._parser().parse_args(shlex.split(recording_command(head, pose))[3:]))
+    given = vars(simulate._parser().parse_args(shlex.split(recording_command(head, pose))[2:]))
     expected = {
         "controller": Path("my arm.fmu"),
         "protocol": "quick",
@@ -367,12 +366,31 @@ def test_an_fmu_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_help_shows_examples_and_exit_codes(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     finished = call(name, "--help", folder=tmp_path)
-    assert finished.code == 0 and finished.err == "" and finished.out.startswith("usage: ")
+    assert finished.code == 0 and finished.err == ""
+    assert finished.out.startswith(f"usage: flexible-manipulator {name} [OPTION ...]")
     _, after = finished.out.split("\nexamples:\n")
     examples, codes = after.rsplit("\nexit codes", 1)
-    starts = (f"  flexible-manipulator {name}", f"  python -m orchestrator.{name}", '  eval "$(flexible-manipulator ')
+    starts = (f"  flexible-manipulator {name}", '  eval "$(flexible-manipulator ')
     assert any(line.startswith(starts) and name in line for line in examples.splitlines())
     assert re.search(r"\b0 \w+", codes)
+
+
+EXPLAINED = re.compile(r"^  (?:-\w(?: \w+)?, )?(--[\w-]+)", re.MULTILINE)
+"""Begins what the help says of an option."""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_fits_two_screens_and_names_every_option(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 40 lines with 100 columns. What it only names, ``--help-all`` explains."""
+    monkeypatch.setenv("COLUMNS", "100")
+    short, whole = (call(name, word, folder=tmp_path) for word in ("--help", "--help-all"))
+    assert (whole.code, whole.err) == (0, "") and len(whole.out) >= len(short.out)
+    assert sum(math.ceil(len(line) / 100) or 1 for line in short.out.splitlines()) <= 80
+    explained = set(EXPLAINED.findall(whole.out))
+    named = set(re.findall(r"(?<![\w-])--[a-zA-Z][\w-]*", short.out.partition("\nexamples:")[0]))
+    assert {"--help", "--help-all"} <= explained <= named
 
 
 def test_console_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -488,7 +506,7 @@ def test_ctrl_c_while_modules_are_imported(monkeypatch: pytest.MonkeyPatch, caps
         raise KeyboardInterrupt
 
     with monkeypatch.context() as during:
-        during.setattr(importlib, "import_module", interrupted)
+        during.setattr(guard, "import_module", interrupted)
         code = guard.run("evaluate", ["--quick"])
     assert (code, capsys.readouterr().err) == (130, "interrupted\n")
 

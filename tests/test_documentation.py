@@ -1,28 +1,34 @@
 """The documentation says what is, and its code runs as it stands there, with a smaller protocol than ``quick``."""
 
+import argparse
+import contextlib
+import io
 import re
 import shlex
 import shutil
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from fmpy import read_model_description
+from support.pages import PAGES, PROGRAMS, ROOT, command_lines, simple_commands, text
 
+import build_fmus
 import orchestrator
+from controller_fmu.export.__main__ import main as export
 from orchestrator.benchmark.protocol import load
-from orchestrator.cli.main import COMMANDS
+from orchestrator.cli import verify
+from orchestrator.cli.main import COMMANDS, main
 from orchestrator.documents.case_file import SCHEMA
 from orchestrator.documents.document import Document
 from orchestrator.documents.results import Results
+from orchestrator.recheck.__main__ import main as recheck
 
-ROOT = Path(__file__).resolve().parents[1]
 ONE_POSE = 'extends = "quick"\nname = "one pose"\n[grid]\nq_a1_points = 1\nq_a2_points = 1\n'
-
-
-def text(name: str) -> str:
-    return (ROOT / name).read_text(encoding="utf-8")
 
 
 def run_code(text: str, name: str) -> dict[str, object]:
@@ -179,51 +185,174 @@ def test_the_ideas_are_few_and_where_they_are_said_to_be() -> None:
     ] == []
 
 
-COMMAND = re.compile(r"(\$ )?(python|flexible-manipulator|\.venv|pip|git|sh|bash|\. )")
-"""Begins a line of a page that is pasted into a shell."""
+class Parsed(Exception):
+    """A command line was understood; nothing was run."""
 
-SHELL = ("", "sh", "bash", "console")
-"""Fences around these."""
-
-
-def commands_of(page: str) -> list[str]:
-    """The commands in the code of a page, fenced or indented, each with the lines that it goes on in."""
-    found: list[str] = []
-    fence, open_ = None, False
-    for line in text(page).splitlines():
-        if begin := re.match(r"\s*```(\w*)", line):
-            fence, open_ = begin[1] if fence is None else None, False
-        elif open_:
-            found[-1] = f"{found[-1].removesuffix(chr(92)).rstrip()} {line.strip()}"
-            open_ = unfinished(found[-1])
-        elif COMMAND.match(line.strip()) and (fence in SHELL or fence is None and line.startswith("    ")):
-            found.append(line.strip())
-            open_ = unfinished(found[-1])
-    return found
+    def __init__(self, given: argparse.Namespace) -> None:
+        self.given = given
 
 
-def unfinished(command: str) -> bool:
-    """Whether a command goes on in the next line."""
-    try:
-        shlex.split(command, comments=True)
-    except ValueError:
-        return True
-    return False
+Program = Callable[[list[str]], object]
+Understood = Callable[[Program, list[str]], dict[str, Any]]
 
 
-PAGES = sorted(
-    str(page.relative_to(ROOT))
-    for folder in ("docs", "examples", "controller_fmu", "plant_fmu", ".")
-    for page in (ROOT.glob("*.md") if folder == "." else (ROOT / folder).rglob("*.md"))
-    if page.name != "CHANGELOG.md"
-)
+@pytest.fixture
+def understood(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Understood:
+    """What the words behind a program's name mean to its own parser."""
+    parse = argparse.ArgumentParser.parse_args
+
+    def stop(self: argparse.ArgumentParser, words: list[str]) -> None:
+        raise Parsed(parse(self, words))
+
+    def given(program: Program, words: list[str]) -> dict[str, Any]:
+        with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(out):
+            try:
+                program(words)
+            except Parsed as found:
+                return vars(found.given)
+            except SystemExit:
+                pass
+        assert out.getvalue().startswith("usage: "), (words, out.getvalue())  # or the help was asked for
+        return {}
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
+    monkeypatch.setattr(verify, "is_clean", lambda: True)  # else the words are parsed in another process
+    return given
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if commands_of(page)])
-def test_a_line_that_is_pasted_holds_a_command_and_nothing_else(page: str) -> None:
-    """What explains it is a comment: "(or C)" ended 23 lines in a syntax error."""
-    for line in commands_of(page):
-        words = shlex.split(line, comments=True)  # no quote is left open
-        assert not re.search(r"\S\s{2,}[^#\s]", line.split("#")[0].strip()), line
-        prose = [word for word in words[3:] if re.fullmatch("[a-z]+", word)]
-        assert not (len(prose) >= 2 and words[-2:] == prose[-2:]), line
+PYTHON = re.compile(r"(\.venv/bin/)?python3?")
+
+MODULES: dict[str, Program] = {
+    "orchestrator.evaluate": lambda words: main(["evaluate", *words]),
+    "orchestrator.recheck": recheck,
+    "controller_fmu.export": export,
+}
+"""Programs of this package that ``python -m`` starts."""
+
+MADE = ("output_dir", "out", "output", "plots", "export_ssp", "data", "fmu")
+"""Options that name a file or a folder which the command makes."""
+
+FILE = re.compile(r"[^=:]+\.(fmu|toml|json|mat|npz|onnx|ssv|ssm|ssp|py)")
+
+OWN = re.findall(r"`(.+?)`", text("docs/commands.md").split("## Names of your own")[1].split("\n## ")[0])
+"""Names that stand for the reader's own."""
+
+RUNS_OF = {"*", *build_fmus.KNOWN, *(Path(name).stem for name in OWN)}
+"""Controllers of which the reader may have a run."""
+
+
+def files_of(given: dict[str, Any]) -> Iterator[str]:
+    """The files and folders that a command reads."""
+    for name, value in given.items():
+        for each in value if isinstance(value, list | tuple) else [value]:
+            if name not in MADE and (isinstance(each, Path) or isinstance(each, str) and FILE.fullmatch(each)):
+                yield str(each)
+
+
+def files_and_made(words: list[str], understood: Understood) -> tuple[list[str], list[str]]:
+    """The files that a command reads, and those, folders and first words of folders that it makes; its words are those
+    that its program understands."""
+    program, *rest = words
+    if program == "flexible-manipulator":
+        given = understood(main, rest)
+        made = [str(given[name]) for name in MADE if given.get(name)]
+        if rest[0] == "new":
+            folder = str(given["folder"])
+            return ([folder], made) if given["out"] else ([], [folder])
+        if rest[0] == "build":
+            return [word for word in given["what"] if word not in build_fmus.KNOWN], made
+        besides = given["beside"] if rest[0] == "simulate" else []
+        read = [
+            *files_of(given),
+            *(file for other in besides for file in files_of(understood(main, ["simulate", *shlex.split(other)]))),
+        ]
+        return read, [*made, *(f"runs/{Path(file).stem}" for file in read if file.endswith(".fmu"))]
+    if program == "cp":
+        return rest[:-1], []
+    if not PYTHON.fullmatch(program) or rest[0] == "-c":
+        return [], []
+    if rest[0] == "build_fmus.py":
+        given = understood(build_fmus.main, rest[1:])
+        return [], [str(given["output_dir"])]
+    if rest[:2] == ["-m", "pytest"]:
+        return [word for word in rest if word.startswith("tests/")], []
+    if rest[0] == "-m":
+        given = understood(MODULES[rest[1]], rest[2:]) if rest[1] in MODULES else {}
+        return [*files_of(given)], [str(given[name]) for name in MADE if given.get(name)]
+    assert all(f'"{word}"' in text(rest[0]) for word in rest if word.startswith("--")), words
+    return rest[:1], []
+
+
+def is_there(file: str, made: list[str]) -> bool:
+    """Whether a command finds a file: in the repository, made before, or the reader's own."""
+    run = re.match(r"runs/([A-Za-z_*]+)(-|$)", file)
+    built = re.fullmatch(r"build/fmus/(\w+)\.fmu", file)
+    return (
+        file in (*OWN, *made)
+        or file.startswith(tuple(f"{each}/" for each in made))
+        or (ROOT / file).exists()
+        or (run is not None and (run[1] in RUNS_OF or f"runs/{run[1]}" in made))
+        or (built is not None and built[1] in build_fmus.KNOWN)
+    )
+
+
+def check_lines(lines: Iterable[str], made: list[str], understood: Understood) -> None:
+    """Check that the lines run when they are pasted one after the other, where there is already what is ``made``."""
+    for line in lines:
+        bare = re.sub(r"'[^']*'|\"[^\"]*\"", "''", line.partition(" #")[0])
+        assert "[" not in bare, f"a pattern to some shells: {line}"
+        assert not re.search(r"\S\s{2,}[^#\s]", bare), f"no comment: {line}"
+        for words in simple_commands(line):
+            assert words[0] in PROGRAMS or re.match("[A-Z_]+=", words[0]), line
+            read, makes = files_and_made(words, understood)
+            assert [file for file in read if not is_there(file, made)] == [], line
+            made = [*made, *makes]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_line_that_is_pasted_is_a_command_that_is_understood(page: str, understood: Understood) -> None:
+    """By the parser of its program; its files were made by a line before it, are in the repository, or stand for the
+    reader's own. What explains a line is a comment: "(or C)" ended 23 lines in a syntax error."""
+    # What a page's Python writes, its commands find.
+    code = re.findall(r"^```python\n(.*?)^```", text(page), re.DOTALL | re.MULTILINE)
+    check_lines(command_lines(text(page)), re.findall(r'"([^"\s]+\.fmu)"', "".join(code)), understood)
+    prose = re.sub(r"^```.*?^```", "", text(page), flags=re.DOTALL | re.MULTILINE)
+    for words in re.findall(r"`flexible-manipulator ([a-z]+ [^`]+)`", prose):
+        if "..." not in words:
+            understood(main, shlex.split(words))
+
+
+HELPS: dict[str, Program] = {
+    **{name: partial(lambda name, words: main([name, *words]), name) for name in COMMANDS},
+    **MODULES,
+}
+
+
+@pytest.mark.parametrize("name", HELPS)
+def test_every_example_of_the_help_is_a_command_that_is_understood(name: str, understood: Understood) -> None:
+    with contextlib.redirect_stdout(io.StringIO()) as told, pytest.raises(SystemExit):
+        HELPS[name](["--help"])
+    examples = re.findall(r"^  ((?:flex|python|eval).*)", told.getvalue().partition("examples:\n")[2], re.MULTILINE)
+    assert examples
+    check_lines(examples, ["my_controller", "results"], understood)
+
+
+OWN_NAME = re.compile(rf"python3? -m orchestrator\.({'|'.join(COMMANDS)})\b")
+
+
+def test_commands_have_one_name() -> None:
+    """``flexible-manipulator``, with the exceptions that CONTRIBUTING gives the reason for."""
+    entries = {f"orchestrator/{name}.py" for name in COMMANDS}
+    exceptions = {"README.md", "docs/index.md", "CHANGELOG.md"} | entries
+    folders = ("docs", "examples", "controller_fmu", "plant_fmu", "orchestrator", "benchmarks")
+    files = [*ROOT.glob("*.md"), *(file for folder in folders for file in (ROOT / folder).rglob("*.*"))]
+    found = {
+        str(file.relative_to(ROOT))
+        for file in files
+        if file.suffix in (".md", ".py", ".js", ".html", ".json", ".ipynb", ".toml")
+        and OWN_NAME.search(file.read_text(encoding="utf-8"))
+    }
+    assert entries <= found <= exceptions
+    for page in ("README.md", "docs/index.md"):
+        assert len(OWN_NAME.findall(text(page))) == 1

@@ -1,5 +1,6 @@
 """The starter kits: copied under another name they build as their READMEs say, and are the benchmark's PID."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from numpy.testing import assert_allclose
+from support.command_lines import call
 from support.pid_fmus import GAINS, fmpys_torques, in_child, law, random_signals
 from support.refusals import refusal
 
@@ -41,10 +43,65 @@ def test_commands_of_the_readme_build_the_pid(kind, tmp_path, monkeypatch):
     for file in built:
         assert validate_fmu(str(file)) == []
     variables = {v.name: v for v in read_model_description(str(built[0])).modelVariables}
-    assert all(v.unit for v in variables.values())
+    assert all(v.unit for v in variables.values() if v.type in ("Real", "Float64"))
     for name, values in GAINS.items():
         starts = [float(variables[f"{name}[{i}]"].start) for i in (1, 2) if f"{name}[{i}]" in variables]
         assert starts == (list(values) if has_gains and name != "z_p" else [])
+
+
+SWITCHES = {"integrator": False, "derivative_filter": 1, "derivative_samples": 4}
+"""Values of a Boolean, an enumeration and an integer, as results have them."""
+
+FILES = {
+    "switches.txt": "integrator = false\nderivative_filter = none\nderivative_samples = 4\n",
+    "switches.json": '{"integrator": false, "derivative_filter": "none", "derivative_samples": 4}',
+    "switches.toml": '[parameters]\nintegrator = false\nderivative_filter = "none"\nderivative_samples = 4\n',
+    "switches.ssv": """<ssv:ParameterSet version="1.0" name="switches"
+        xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters>
+        <ssv:Parameter name="integrator"><ssv:Boolean value="false"/></ssv:Parameter>
+        <ssv:Parameter name="derivative_filter"><ssv:Enumeration value="none"/></ssv:Parameter>
+        <ssv:Parameter name="derivative_samples"><ssv:Integer value="4"/></ssv:Parameter>
+        </ssv:Parameters></ssv:ParameterSet>""",
+}
+
+
+@pytest.fixture(scope="module")
+def python_kit(tmp_path_factory):
+    """The FMU of the Python kit."""
+    return build_folder(starters.copy("python", tmp_path_factory.mktemp("kit") / "fast_arm"))
+
+
+def test_the_switches_of_the_python_kit_do_what_they_say(python_kit):
+    assert validate_fmu(str(python_kit)) == []
+    signals = random_signals(20)
+    gains = {**GAINS, "K_i": (0.0, 0.0), "z_p": (0.0, 0.0)}
+    (torques,) = in_child(fmpys_torques, [python_kit], signals, **SWITCHES)
+    assert torques == [signals.u_m0, *law(signals, gains, samples=4)] != [signals.u_m0, *law(signals)]
+
+
+def test_parameters_of_every_type_come_from_every_file_and_are_recorded(python_kit, tmp_path):
+    given = {"--set": [word for name, value in SWITCHES.items() for word in ("--set", f"{name}={value!s}".lower())]}
+    for name, contents in FILES.items():
+        (tmp_path / name).write_text(contents)
+        given[name] = ["--parameters", name]
+    case = ("--quick", "--only", "c00.compliant.noise", "--no-report", "--output-dir", "own", "--json")
+    found = {}
+    for way, words in given.items():
+        done = call("evaluate", python_kit, *words, *case, folder=tmp_path)
+        found[way] = json.loads(done.out)
+        recorded = found[way]["head"]["controller"]["parameters"]
+        assert recorded == SWITCHES and [*map(type, recorded.values())] == [bool, int, int], (way, done.err)
+    assert len({json.dumps(each["cases"]) for each in found.values()}) == 1
+    simulated = call("simulate", python_kit, *given["switches.ssv"], "--duration", "0.1", folder=tmp_path)
+    assert simulated.code == 0, simulated.err
+
+
+def test_an_enumeration_that_is_no_integer_variable_is_refused(tmp_path):
+    folder = starters.copy("python", tmp_path / "fast_arm")
+    script = folder / "fast_arm_fmu.py"
+    script.write_text(script.read_text().replace('{"derivative_filter": (', '{"derivative_filtre": ('))
+    error = refusal(build_folder, folder, kind=errors.DescriptionError)
+    assert error.value == "derivative_filtre" and list(error.nearest) == ["derivative_filter", "derivative_samples"]
 
 
 REFUSED = [

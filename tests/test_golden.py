@@ -8,7 +8,7 @@
   objects by the functions below and not copied from their documents: a document may get another form, its numbers stay;
 - the hashes of what the whole leaderboard is computed from: the FMUs' bytes and the cases.
 
-The rows are those of ``python -m orchestrator.evaluate NAME.fmu --quick``, of ``--only 'c07.*'`` and of ``--protocol
+The rows are those of ``flexible-manipulator evaluate NAME.fmu --quick``, of ``--only 'c07.*'`` and of ``--protocol
 strict --only 'c00.*'``. ``REFRESH=golden python -m pytest tests/test_golden.py`` writes rows and numbers anew, but
 neither V nor the hashes; ``REFRESH=1``, which is for words, leaves all of it as it is.
 """

@@ -631,7 +631,7 @@ def test_the_command_of_a_member_makes_its_very_case(member):
     setting = Setting(CONTROLLER, PLANT, "strict", 0, None)
     words = shlex.split(member_command(setting, member, parameters(member, STRICT, NOMINAL)))
     assert words.count("--plant-set") == 1
-    given_options = simulate._parser().parse_args(words[3:])
+    given_options = simulate._parser().parse_args(words[2:])
     bench = simulate.options.benchmark(given_options)
     case = bench.varied(simulate._case(bench, given_options), variation(given_options))
     assert case.scenario == case_of(member, STRICT, NOMINAL).scenario

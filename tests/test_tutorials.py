@@ -2,16 +2,13 @@
 
 import glob
 import re
-import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from support.command_lines import called
+from support.pages import command_lines, simple_commands, text
 
 from orchestrator.cli.main import main
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 SMALLER = {
     "evaluate": ("--protocol", "paper.toml"),
@@ -40,12 +37,6 @@ PAGES = [
 ]
 
 
-def commands(page: str) -> Iterator[list[str]]:
-    """The words of each command in the blocks ``sh`` of a page."""
-    for block in re.findall(r"^```sh\n(.*?)^```", page, re.DOTALL | re.MULTILINE):
-        yield from map(shlex.split, block.replace("\\\n", " ").splitlines())
-
-
 def smaller(words: list[str], folder: Path) -> list[str]:
     """A command with a smaller protocol or search, and its patterns of files replaced by what they stand for."""
     found = [
@@ -61,10 +52,10 @@ def smaller(words: list[str], folder: Path) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_the_commands_of_a_tutorial_run_and_write_what_it_says(name: str, tmp_path: Path) -> None:
-    for protocol, text in PROTOCOLS.items():
-        (tmp_path / f"{protocol}.toml").write_text(text)
-    page = (DOCS / name).read_text(encoding="utf-8")
-    for program, *words in commands(page):
+    for protocol, contents in PROTOCOLS.items():
+        (tmp_path / f"{protocol}.toml").write_text(contents)
+    page = text(f"docs/{name}")
+    for program, *words in (words for line in command_lines(page) for words in simple_commands(line)):
         assert program == "flexible-manipulator"
         finished = called(main, *smaller(words, tmp_path), folder=tmp_path)
         assert finished.code == 0, (words, finished.out, finished.err)

@@ -30,8 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 EPILOG = """examples:
-  python -m controller_fmu.export my_controller                 the FMU of a copy of a starter kit
-  python -m controller_fmu.export my_controller --fmi 3         for FMI 3, in C
+  python -m controller_fmu.export my_controller                 # the FMU of a copy of a starter kit
+  python -m controller_fmu.export my_controller --fmi 3         # for FMI 3, in C
 
 exit codes: 0 built, 1 the build failed, 2 bad input"""
 

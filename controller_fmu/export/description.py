@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -36,9 +36,12 @@ def to_bytes(root: Element) -> bytes:
 
 
 def complete(
-    root: Element, units: Mapping[str, str] | None = None, base_units: Mapping[str, BaseUnit] | None = None
+    root: Element,
+    units: Mapping[str, str] | None = None,
+    base_units: Mapping[str, BaseUnit] | None = None,
+    enumerations: Mapping[str, Sequence[str]] | None = None,
 ) -> Element:
-    """Add units, initial unknowns and authorship to the FMI 2.0 description ``root`` in place; return it.
+    """Add units, enumerations, initial unknowns and authorship to the FMI 2.0 description ``root`` in place; return it.
 
     A unit that is written in the description stays, as does a unit's definition. The creation date is removed, so that
     equal sources give equal bytes.
@@ -48,16 +51,18 @@ def complete(
         units: unit of each real variable by its name without index, ``{"q_m": "rad"}``; "1" if it is dimensionless.
             None for a description that is written by hand and carries its units itself.
         base_units: definitions of units that :func:`base_exponents` does not know, by unit.
+        enumerations: names of the items, which count from 1, of each integer variable that is an enumeration.
 
     Raises:
         UnitError: a real variable has no unit, or one that is neither known nor defined.
-        DescriptionError: there is no ModelStructure.
+        DescriptionError: there is no ModelStructure, or an enumeration is no integer variable.
     """
     root.attrib.pop("generationDateAndTime", None)
     for name, value in DEFAULTS.items():
         root.attrib.setdefault(name, value)
     _set_units(root, units)
     _define_units(root, base_units or {}, _DEFINE_IN_XML if units is None else _DEFINE_IN_PYTHON)
+    _define_enumerations(root, enumerations or {})
     _list_initial_unknowns(root)
     return root
 
@@ -132,6 +137,26 @@ def _define_units(root: Element, base_units: Mapping[str, BaseUnit], remedy: str
             near = tuple(difflib.get_close_matches(name, allowed))
             raise UnitError(f"the unit {unit!r} has the unknown base unit {name!r}", value=name, nearest=near)
     root.insert(sum(child.tag in _INTERFACES for child in root), definitions)
+
+
+def _define_enumerations(root: Element, enumerations: Mapping[str, Sequence[str]]) -> None:
+    if not enumerations:
+        return
+    integers = {variable.attrib["name"]: variable.find("Integer") for variable in variables(root)}
+    types = Element("TypeDefinitions")
+    for name, items in enumerations.items():
+        integer = integers.get(name)
+        if integer is None:
+            near = tuple(difflib.get_close_matches(name, [name for name, one in integers.items() if one is not None]))
+            what = f"there is no integer variable {name!r} to be an enumeration"
+            raise DescriptionError(what, value=name, nearest=near, remedy="register an Integer of this name")
+        # Both types pass the same functions of FMI 2.0, so that the slave's code stays as it is.
+        integer.tag = "Enumeration"
+        integer.set("declaredType", name)
+        listed = SubElement(SubElement(types, "SimpleType", name=name), "Enumeration")
+        for value, item in enumerate(items, start=1):
+            SubElement(listed, "Item", name=item, value=str(value))
+    root.insert(sum(child.tag in (*_INTERFACES, "UnitDefinitions") for child in root), types)
 
 
 def _unit(unit: str, attributes: BaseUnit) -> Element:

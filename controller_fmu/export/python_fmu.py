@@ -25,7 +25,7 @@ sys.path[:0] = {os.path.dirname(package) for package in packages}
 FmuBuilder.build_FMU(script, "draft.fmu", packages)
 with open("units.json", "w") as file:
     module = importlib.import_module(units_module)
-    json.dump([getattr(module, name, {}) for name in ("UNITS", "BASE_UNITS")], file)
+    json.dump([getattr(module, name, {}) for name in ("UNITS", "BASE_UNITS", "ENUMERATIONS")], file)
 """
 
 
@@ -37,14 +37,16 @@ def python_fmu(script: Path, packages: Sequence[Path], units_module: str, target
         packages: package folders, modules and data files that the script needs, wherever they lie; they travel in
             the FMU's resources, beside the script.
         units_module: the module, as the script would import it, with a dict ``UNITS`` from variable names without
-            index to units, ``{"q_m": "rad"}``, "1" for a variable without dimension; and, for units that are not
-            known here, a dict ``BASE_UNITS``, ``{"deg": {"rad": 1, "factor": 0.0174532925199433}}``.
+            index to units, ``{"q_m": "rad"}``, "1" for a variable without dimension; for units that are not known here,
+            a dict ``BASE_UNITS``, ``{"deg": {"rad": 1, "factor": 0.0174532925199433}}``; and for integer variables that
+            are enumerations, a dict ``ENUMERATIONS`` of their items, which count from 1, ``{"mode": ("off", "on")}``.
         target: the FMU file to write, in a folder that exists; it is replaced in one go.
 
     Raises:
         TargetError: there is no folder for ``target``.
         SourceError: a source is missing or has a syntax error, or pythonfmu fails with it.
         UnitError: a variable has no unit, or one that is neither known nor defined.
+        DescriptionError: an enumeration is no integer variable.
     """
     check_target(target)
     for source in (script, *packages):
@@ -52,9 +54,9 @@ def python_fmu(script: Path, packages: Sequence[Path], units_module: str, target
             raise SourceError("the file does not exist", str(source), value=source.name)
     for file in _modules((script, *packages)):
         _check_syntax(file)
-    contents, units, base_units = _export(script, packages, units_module)
+    contents, declared = _export(script, packages, units_module)
     with located(script):
-        root = complete(parse(contents.pop("modelDescription.xml")), units, base_units)
+        root = complete(parse(contents.pop("modelDescription.xml")), *declared)
     root.set("guid", "")
     root.set("guid", content_guid({**contents, "modelDescription.xml": to_bytes(root)}))
     return write_atomically(pack({**contents, "modelDescription.xml": to_bytes(root)}), target)
@@ -82,9 +84,11 @@ def _check_syntax(file: Path) -> None:
         raise SourceError(what, str(file), value=file.name) from None
 
 
-def _export(
-    script: Path, packages: Sequence[Path], units_module: str
-) -> tuple[dict[str, bytes], dict[str, str], dict[str, BaseUnit]]:
+Declared = tuple[dict[str, str], dict[str, BaseUnit], dict[str, list[str]]]
+"""The dicts UNITS, BASE_UNITS and ENUMERATIONS of a slave's module."""
+
+
+def _export(script: Path, packages: Sequence[Path], units_module: str) -> tuple[dict[str, bytes], Declared]:
     sources = [str(path.resolve()) for path in packages]
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as folder:
         finished = subprocess.run(
@@ -97,5 +101,5 @@ def _export(
         )
         if finished.returncode != 0:
             raise SourceError(f"pythonfmu cannot build the slave\n{finished.stderr.strip()}", str(script))
-        units, base_units = json.loads(Path(folder, "units.json").read_text())
-        return unpack(Path(folder, "draft.fmu")), units, base_units
+        units, base_units, enumerations = json.loads(Path(folder, "units.json").read_text())
+        return unpack(Path(folder, "draft.fmu")), (units, base_units, enumerations)

@@ -17,9 +17,9 @@ from .guard import EXIT_BAD_INPUT, EXIT_INCOMPLETE, EXIT_OK, remedy
 from .values import Parser
 
 CHECK_EXAMPLES = """examples:
-  python -m orchestrator.check my_controller.fmu
-  python -m orchestrator.check my_controller.fmu --map q_m[1]=In1 --map q_m[2]=In2
-  python -m orchestrator.check my_controller.fmu --json
+  flexible-manipulator check my_controller.fmu
+  flexible-manipulator check my_controller.fmu --map "q_m[1]=In1" --map "q_m[2]=In2"
+  flexible-manipulator check my_controller.fmu --json
 
 exit codes: 0 nothing but notes, 1 a warning, 2 an error: the controller cannot be evaluated"""
 
@@ -47,8 +47,8 @@ def check(arguments: Sequence[str] | None = None) -> int:
 
 
 SELFTEST_EXAMPLES = """examples:
-  python -m orchestrator.selftest
-  python -m orchestrator.selftest --json
+  flexible-manipulator selftest
+  flexible-manipulator selftest --json
 
 exit codes: 0 all bits are the published ones, 1 some are not"""
 

@@ -32,13 +32,13 @@ from .values import Parser, number
 STATE_SPACE, MLP = "statespace", "mlp"
 
 NEW_EXAMPLES = """examples:
-  flexible-manipulator new python my_controller             a folder with a controller in Python
-  flexible-manipulator build my_controller                  its FMU
+  flexible-manipulator new python my_controller             # a folder with a controller in Python
+  flexible-manipulator build my_controller                  # its FMU
   flexible-manipulator evaluate my_controller/MyController.fmu
   flexible-manipulator new statespace gains.mat --out my.fmu
-                                                            the FMU of a linear controller: A, B, C, D, T_s
-  flexible-manipulator new numpy my_policy                  a folder with a neural network in NumPy (or onnx)
-  flexible-manipulator new mlp policy.npz --out my.fmu      the FMU of its weights, in C: W1, b1, W2, b2, ...
+                                                            # the FMU of a linear controller: A, B, C, D, T_s
+  flexible-manipulator new numpy my_policy                  # a folder with a neural network in NumPy (or onnx)
+  flexible-manipulator new mlp policy.npz --out my.fmu      # the FMU of its weights, in C: W1, b1, W2, b2, ...
 
 exit codes: 0 written, 1 no compiler, or a full disk, 2 bad input"""
 
@@ -171,11 +171,11 @@ def _build_parser() -> Parser:
         f"""{build_fmus.NAMES_HELP}
 
 examples:
-  flexible-manipulator build my_controller             writes my_controller/MyController.fmu
+  flexible-manipulator build my_controller             # writes my_controller/MyController.fmu
   flexible-manipulator build my_controller --platforms x86_64-linux,x86_64-windows
-                                                       in C, with binaries for these two
-  flexible-manipulator build                           builds the first {len(build_fmus.NAMES)} above into build/fmus
-  flexible-manipulator build TunedPID --output-dir .   builds one, elsewhere
+                                                       # in C, with binaries for these two
+  flexible-manipulator build                           # builds the first {len(build_fmus.NAMES)} above into build/fmus
+  flexible-manipulator build TunedPID --output-dir .   # builds one, elsewhere
 
 exit codes: 0 built, 1 a build failed, 2 bad input""",
     )

@@ -26,15 +26,15 @@ from .values import Parser
 # Imports inside functions: pyarrow and SciPy are loaded by those who need them.
 
 EXAMPLES = """examples:
-  python -m orchestrator.evaluate                              the paper's PID
-  python -m orchestrator.evaluate my_controller.fmu            your controller
-  python -m orchestrator.evaluate my_controller.fmu --quick    a first impression in seconds, not comparable
-  python -m orchestrator.evaluate --set K_p[1]=60              the PID with another gain
-  python -m orchestrator.evaluate --only 'c07.*'               one configuration
-  python -m orchestrator.evaluate --only '*.slippery.delay_2'  one system and test
-  python -m orchestrator.evaluate my_controller.fmu --seeds 0-9   mean and standard deviation over ten seeds
-  python -m orchestrator.evaluate --list                       the names of all cases
-  python -m orchestrator.evaluate my_controller.fmu --dry-run  how many cases there are, and how long they take
+  flexible-manipulator evaluate                              # the paper's PID
+  flexible-manipulator evaluate my_controller.fmu            # your controller
+  flexible-manipulator evaluate my_controller.fmu --quick    # a first impression in seconds, not comparable
+  flexible-manipulator evaluate --set "K_p[1]=60"            # the PID with another gain
+  flexible-manipulator evaluate --only 'c07.*'               # one configuration
+  flexible-manipulator evaluate --only '*.slippery.delay_2'  # one system and test
+  flexible-manipulator evaluate my_controller.fmu --seeds 0-9  # mean and standard deviation over ten seeds
+  flexible-manipulator evaluate --list                       # the names of all cases
+  flexible-manipulator evaluate my_controller.fmu --dry-run  # how many cases there are, and how long they take
 """
 
 

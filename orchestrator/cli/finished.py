@@ -69,10 +69,10 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
 
 
 REPORT_EXAMPLES = """examples:
-  python -m orchestrator.report runs/DiagonalPID-paper              report.html again
-  python -m orchestrator.report runs/DiagonalPID-paper --figures    and the paper's figures
-  python -m orchestrator.report runs/DiagonalPID-strict-robustness  the report of a search, a tuning, several seeds, ...
-  python -m orchestrator.report runs/DiagonalPID-paper --latex --no-report
+  flexible-manipulator report runs/DiagonalPID-paper              # report.html again
+  flexible-manipulator report runs/DiagonalPID-paper --figures    # and the paper's figures
+  flexible-manipulator report runs/DiagonalPID-strict-robustness  # the report of a search, a tuning, several seeds, ...
+  flexible-manipulator report runs/DiagonalPID-paper --latex --no-report
 
 exit codes: 0 written, 1 something cannot be written, 2 a folder holds no results, 3 written, but a requirement is not
 judged since cases were skipped or lost"""
@@ -128,10 +128,10 @@ def _write(document: Loaded, folder: Path, without: bool) -> list[str]:
 
 
 COMPARE_EXAMPLES = """examples:
-  python -m orchestrator.compare runs/DiagonalPID-paper runs/my_controller-paper
-  python -m orchestrator.compare runs/*-paper --json
-  python -m orchestrator.compare runs/*-paper runs/*-robustness --latex --figures
-  python -m orchestrator.compare runs/*-paper-seeds runs/*-robustness
+  flexible-manipulator compare runs/DiagonalPID-paper runs/my_controller-paper
+  flexible-manipulator compare runs/*-paper --json
+  flexible-manipulator compare runs/*-paper runs/*-robustness --latex --figures
+  flexible-manipulator compare runs/*-paper-seeds runs/*-robustness
 
 exit codes: 0 compared, 2 none of the folders holds results, 3 compared, but a requirement is not judged in one of them
 since cases were skipped or lost"""
@@ -176,9 +176,9 @@ def compare(arguments: Sequence[str] | None = None) -> int:
 
 
 RUNS_EXAMPLES = """examples:
-  python -m orchestrator.runs                     what is in the folder runs, the newest last
-  python -m orchestrator.runs results/*           in other folders
-  python -m orchestrator.runs --json              for a program
+  flexible-manipulator runs                     # what is in the folder runs, the newest last
+  flexible-manipulator runs results/*           # in other folders
+  flexible-manipulator runs --json              # for a program
 
 exit codes: 0 done, 2 no such folder"""
 

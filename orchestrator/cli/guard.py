@@ -21,9 +21,10 @@ EXIT_OK, EXIT_INCOMPLETE, EXIT_BAD_INPUT, EXIT_NOT_JUDGED, EXIT_INTERRUPTED = 0,
 EXIT_NOT_STANDARD = 4
 """Of ``verify --repeat``: the results are equal, the conditions not the standard ones."""
 
-EXIT_CODES = """exit codes: 0 all cases ended with done or unstable, 1 some ended with crashed, timeout or error, or the
-run could not go on (a full disk, a lost cluster), 2 bad input, 3 not judged: a case was lost to something else than the
-controller, or a requirement has no verdict since cases were skipped, 130 interrupted"""
+EXIT_CODES = """exit codes: 0 all cases ended with done or unstable, 1 some ended with crashed, timeout or error, or
+the run could not go on (a full disk, a lost cluster), 2 bad input, 3 not judged: a case was lost to
+something else than the controller, or a requirement has no verdict since cases were skipped, 130
+interrupted"""
 
 REMEDIES = {
     "connector-missing": "Rename it, or map it: --map {value}[1]=NAME --map {value}[2]=NAME.",
@@ -41,7 +42,7 @@ REMEDIES = {
     "folder-in-use": "Wait for it, or choose another folder with --output-dir.",
     "no-sandbox": "Install bubblewrap, or leave out --sandbox.",
     "no-dask": "It is needed for --scheduler only.",
-    "no-case": "List them with: python -m orchestrator.evaluate --list.",
+    "no-case": "List them with: flexible-manipulator evaluate --list.",
     "no-plant-parameter": "Correct --plant-set.",
     "bad-plant-parameter": "Correct --plant-set.",
     "left-files": "--sandbox keeps it from that.",
@@ -138,7 +139,7 @@ SIMULATING = {"evaluate", "check", "simulate", "robustness", "reliability", "swe
 
 
 def run(name: str, arguments: Sequence[str] | None = None) -> int:
-    """Run a command, guarded: what ``python -m`` and the console command call."""
+    """Run a command, guarded: what the console command and ``python -m`` call."""
     gc.set_threshold(GARBAGE_THRESHOLD)
     return guarded(partial(_imported, name), arguments)
 

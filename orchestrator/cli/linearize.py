@@ -18,12 +18,13 @@ from .guard import EXIT_OK
 from .values import Parser, number
 
 EXAMPLES = """examples:
-  python -m orchestrator.linearize --configuration 45 -60 --output model.mat     A, B, C, D with the loop's delay
-  python -m orchestrator.linearize --system random_3 --continuous                its modes, not sampled
-  python -m orchestrator.linearize --test delay_2 --friction sliding             with the delay of a test of A2
-  python -m orchestrator.linearize --plots plots                                 Bode diagram, step response, poles
-  python -m orchestrator.linearize my_controller.fmu --plots plots               the loop: margins, sensitivity, Nichols
-  python -m orchestrator.linearize gains.mat --robustness runs/my-strict-worst   beside the margins that a search found
+  flexible-manipulator linearize --configuration 45 -60 --output model.mat     # A, B, C, D with the loop's delay
+  flexible-manipulator linearize --system random_3 --continuous                # its modes, not sampled
+  flexible-manipulator linearize --test delay_2 --friction sliding             # with the delay of a test of A2
+  flexible-manipulator linearize --plots plots                                 # Bode diagram, step response, poles
+  flexible-manipulator linearize my_controller.fmu --plots plots               # the loop: margins, sensitivity, Nichols
+  flexible-manipulator linearize gains.mat --robustness runs/gains-strict-robustness
+                                                                               # beside the margins that a search found
 
 exit codes: 0 done, 2 bad input"""
 

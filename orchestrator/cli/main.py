@@ -62,9 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 COMPLETION_EXAMPLES = """examples:
-  eval "$(flexible-manipulator completion)"          in ~/.bashrc; in ~/.zshrc,
-                                                     put these words before it:
-                                                     autoload -U bashcompinit; bashcompinit;
+  eval "$(flexible-manipulator completion)"          # in ~/.bashrc; in ~/.zshrc,
+                                                     # put these words before it:
+                                                     # autoload -U bashcompinit; bashcompinit;
 
 exit codes: 0 done, 2 bad input"""
 

@@ -19,10 +19,10 @@ from ..pairing.built_in import DEFAULT_CONTROLLER, DEFAULT_IN_C, FILE, PLANT, PL
 from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed, available_cores
 from ..text import printable
-from .values import MAX_LIMIT, assignments, connection, natural, number, seeds, setting, time
+from .values import MAX_LIMIT, Parser, assignments, connection, natural, number, seeds, setting, time
 
 
-def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, default: str = "paper") -> None:
+def add_protocol(parser: Parser, several_seeds: bool = False, default: str = "paper") -> None:
     """Options that determine the cases; with ``several_seeds``, the command takes several seeds at once."""
     parser.add_argument(
         "--protocol",
@@ -40,7 +40,7 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
             metavar="LIST",
             help="evaluate with each of these, such as 0-9 or 0,3,5-7: mean and standard deviation",
         )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--plant-set",
         action="extend",
         default=[],
@@ -50,7 +50,7 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
         help="a nominal parameter of the plant, such as k_high[2]=0.5e6, or several, separated by commas; may be given "
         "again",
     )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--plant",
         default="auto",
         metavar="PLANT",
@@ -59,7 +59,7 @@ def add_protocol(parser: argparse.ArgumentParser, several_seeds: bool = False, d
     )
 
 
-def add_setting(parser: argparse.ArgumentParser) -> None:
+def add_setting(parser: Parser) -> None:
     """``--set``, as ``controller_parameters``: pairs of a name and a value."""
     parser.add_argument(
         "--set",
@@ -73,7 +73,7 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_connection(parser: argparse.ArgumentParser) -> None:
+def add_connection(parser: Parser) -> None:
     """``--map``, as ``connections``: pairs of a connector and a variable."""
     parser.add_argument(
         "--map",
@@ -86,9 +86,7 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_controller(
-    parser: argparse.ArgumentParser, which: str = "the controller to test (default: the paper's PID)"
-) -> None:
+def add_controller(parser: Parser, which: str = "the controller to test (default: the paper's PID)") -> None:
     """Options for the controller (``which`` says what it is for), its parameters and connectors, and the limits of its
     processes."""
     parser.add_argument(
@@ -109,7 +107,7 @@ def add_controller(
         help="parameters of the controller from a .toml, .json, .ssv or .txt file; --set overrides it",
     )
     add_connection(parser)
-    parser.add_argument(
+    parser.rare.add_argument(
         "--mapping",
         action="append",
         default=[],
@@ -124,13 +122,13 @@ def add_controller(
         metavar="SECONDS",
         help="the controller's sample time (default: its own, else the benchmark's 0.00025)",
     )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--library",
         choices=LIBRARIES,
         help="which library of the controller is loaded: its binary for this platform, one compiled of its sources, or "
         "its binary for Windows, under Wine (default: the first of these that can be)",
     )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--timeout",
         type=number(most=MAX_LIMIT, above=0.0),
         default=Testbed.timeout,
@@ -139,7 +137,7 @@ def add_controller(
         "proportional limit, and all get some seconds to start; a simulation may wait, without computing, for twice "
         f"this time (default: {Testbed.timeout:g})",
     )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--memory-limit",
         type=number(most=MAX_LIMIT, above=0.0),
         default=Testbed.memory_limit / 1e6,
@@ -151,17 +149,17 @@ def add_controller(
     )
 
 
-def add_jobs(parser: argparse.ArgumentParser) -> None:
+def add_jobs(parser: Parser) -> None:
     """The option for the number of processes."""
     parser.add_argument(
         "--jobs", type=natural(1), default=available_cores(), metavar="N", help="processes (default: all cores)"
     )
 
 
-def add_cluster(parser: argparse.ArgumentParser) -> None:
+def add_cluster(parser: Parser) -> None:
     """Options for a run on a cluster."""
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
-    parser.add_argument(
+    parser.rare.add_argument("--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786")
+    parser.rare.add_argument(
         "--wait",
         type=number(most=MAX_LIMIT, above=0.0),
         default=WAIT,

@@ -25,9 +25,9 @@ PROTOCOLS = ("paper", "quick")
 PAGE = Path("build", "playground.html")
 
 EXAMPLES = """examples:
-  flexible-manipulator playground                            builds the page and opens it
+  flexible-manipulator playground                            # builds the page and opens it
   flexible-manipulator playground --output page.html --no-open
-                                                             only builds it, elsewhere
+                                                             # only builds it, elsewhere
 
 exit codes: 0 built, 1 the compiler failed or is missing, 2 bad input"""
 

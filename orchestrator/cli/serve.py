@@ -22,11 +22,11 @@ from .values import MAX_LIMIT, Parser, natural, number
 # Imports inside functions: the sandbox is tried, and the packages of the extra are loaded, when a service begins.
 
 EXAMPLES = """examples:
-  flexible-manipulator serve                          for oneself: open http://127.0.0.1:8080
+  flexible-manipulator serve                          # for oneself: open http://127.0.0.1:8080
   flexible-manipulator serve --data /srv/benchmark --invite "Ada"
-                                                      a link for Ada, who may then come in
+                                                      # a link for Ada, who may then come in
   flexible-manipulator serve --data /srv/benchmark --accounts --host 0.0.0.0
-                                                      for a group, on all addresses of this machine
+                                                      # for a group, on all addresses of this machine
   flexible-manipulator serve --data /srv/benchmark --people
   flexible-manipulator serve --data /srv/benchmark --remove "Ada"
 

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from ..documents.ssp import Order  # loads Numba
 
 EXAMPLES = """examples:
-  python -m orchestrator.simulate --undisturbed --force 500 --t-1 1 --t-2 1.5 --duration 6    like Figure 9
-  python -m orchestrator.simulate --undisturbed --chirp-amplitude 1 -1                        like Figure 10
-  python -m orchestrator.simulate my_controller.fmu --case c07.compliant.gain_1               a case of an evaluation
-  python -m orchestrator.simulate --from runs/my_controller-paper --case c07.compliant.gain_1 the same, as it was run
-  python -m orchestrator.simulate --configuration 45 -60 --system random_3 --plant-set psi[2]=1e-3
-  python -m orchestrator.simulate --ideal --torque-limit 5 3                                  saturation alone
-  python -m orchestrator.simulate mine.fmu --with other.fmu --with "--gain 2 1"               one page for all three
+  flexible-manipulator simulate --undisturbed --force 500 --t-1 1 --t-2 1.5 --duration 6    # like Figure 9
+  flexible-manipulator simulate --undisturbed --chirp-amplitude 1 -1                        # like Figure 10
+  flexible-manipulator simulate my_controller.fmu --case c07.compliant.gain_1               # a case of an evaluation
+  flexible-manipulator simulate --from runs/my_controller-paper --case c07.compliant.gain_1 # the same, as it was run
+  flexible-manipulator simulate --configuration 45 -60 --system random_3 --plant-set "psi[2]=1e-3"
+  flexible-manipulator simulate --ideal --torque-limit 5 3                                  # saturation alone
+  flexible-manipulator simulate my_controller.fmu --with other.fmu --with "--gain 2 1"      # one page for all three
 
 Each --with adds a simulation: the words in quotes are options of this command, in addition to the others or in their
 place. If they name a controller, its parameters, mapping and sample time are those in the quotes alone. A single word
@@ -224,7 +224,7 @@ def _case(bench: Benchmark, given: argparse.Namespace) -> Case:
     return bench.case(given.case)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     parser = Parser(
         "simulate", "Simulate one case of the benchmark, or a variation of it.", EXAMPLES + "\n" + EXIT_CODES
     )
@@ -259,27 +259,27 @@ def _parser() -> argparse.ArgumentParser:
         "given again",
     )
     parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help="where to write (default: a new one in runs)")
-    parser.add_argument("--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case")
-    parser.add_argument(
+    parser.rare.add_argument(
+        "--csv", action="store_true", help="write trajectory.csv too: 100,000 lines for a whole case"
+    )
+    parser.rare.add_argument(
         "--record", action="store_true", help="write case.npz too, which python -m orchestrator.recheck computes anew"
     )
-    parser.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
+    parser.rare.add_argument("--mat", action="store_true", help="write trajectory.mat too, for MATLAB")
     shown = output.add_options(parser, "the result of the case", forms=False)
     output.add_dry_run(shown, "which case would be simulated")
-    parser.add_argument(
+    parser.rare.add_argument(
         "--export-ssp", type=Path, metavar="FILE", help="write the closed loop as an SSP package too, for other tools"
     )
-    parser.add_argument(
+    parser.rare.add_argument(
         "--in-sequence", action="store_true", help="for --export-ssp: the tool exchanges in sequence (OMSimulator)"
     )
     return parser
 
 
-def add_variation_options(parser: argparse.ArgumentParser) -> None:
+def add_variation_options(parser: Parser) -> None:
     """Add the options; :func:`variation` reads them. Each is a field of :class:`Variation`."""
-    group = parser.add_argument_group(
-        "disturbances and imperfections", "SI units; 0 switches off unless said otherwise"
-    )
+    group = parser.add_rare_group("disturbances and imperfections", "SI units; 0 switches off unless said otherwise")
 
     def pair(name: str, text: str, kind: Any = NUMBER, metavar: tuple[str, str] = ("AXIS1", "AXIS2")) -> None:
         group.add_argument(name, nargs=2, type=kind, metavar=metavar, help=text)

@@ -21,10 +21,10 @@ from ..views.units import number
 from .study import StudyCommand
 
 ROBUSTNESS_EXAMPLES = """examples:
-  python -m orchestrator.robustness my_controller.fmu                   some minutes
-  python -m orchestrator.robustness my_controller.fmu --budget 30000    ten times as long
-  python -m orchestrator.robustness my_controller.fmu --restarts 3      three independent starts, and their spread
-  python -m orchestrator.robustness my_controller.fmu --only B6 --no-list --budget 300
+  flexible-manipulator robustness my_controller.fmu                   # some minutes
+  flexible-manipulator robustness my_controller.fmu --budget 30000    # ten times as long
+  flexible-manipulator robustness my_controller.fmu --restarts 3      # three independent starts, and their spread
+  flexible-manipulator robustness my_controller.fmu --only B6 --no-list --budget 300
 
 V found and the largest values are lower bounds: a longer search may find larger ones. Each failure comes with a command
 that reproduces it. If the search finds no failure, the controller may still have one. The same command continues an
@@ -32,27 +32,27 @@ interrupted search.
 """
 
 RELIABILITY_EXAMPLES = """examples:
-  python -m orchestrator.reliability my_controller.fmu
-  python -m orchestrator.reliability my_controller.fmu --probability 0.001 --confidence 0.99
-  python -m orchestrator.reliability my_controller.fmu --distribution corners
-  python -m orchestrator.reliability my_controller.fmu --distribution corners --only A2 --draws 12000
-  python -m orchestrator.reliability my_controller.fmu --more 500
+  flexible-manipulator reliability my_controller.fmu
+  flexible-manipulator reliability my_controller.fmu --probability 0.001 --confidence 0.99
+  flexible-manipulator reliability my_controller.fmu --distribution corners
+  flexible-manipulator reliability my_controller.fmu --distribution corners --only A2 --draws 12000
+  flexible-manipulator reliability my_controller.fmu --more 500
 
 A sample without a failure bounds the probability of a failure: 459 draws by 0.01, 4603 draws by 0.001, at 99 %
 confidence. The same command continues an interrupted sample; --more adds draws to a finished one.
 """
 
 TUNE_EXAMPLES = """examples:
-  python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --vary z_p[1]=0.8:0.99
-  python -m orchestrator.tune my_controller.fmu --vary K_p[1]=20:80:log --trials 500 --robust 2000
+  flexible-manipulator tune my_controller.fmu --vary "K_p[1]=20:80:log" --vary "z_p[1]=0.8:0.99"
+  flexible-manipulator tune my_controller.fmu --vary "K_p[1]=20:80:log" --trials 500 --robust 2000
 
 The same command continues an interrupted search, with the same result. Use best.toml with --parameters. If no candidate
 holds A1 to A3 where it was judged, the exit code is 1, too.
 """
 
 SWEEP_EXAMPLES = """examples:
-  python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5
-  python -m orchestrator.sweep my_controller.fmu --vary K_p[1]=20:80:5:log --vary z_p[1]=0.8,0.9,0.95
+  flexible-manipulator sweep my_controller.fmu --vary "K_p[1]=20:80:5"
+  flexible-manipulator sweep my_controller.fmu --vary "K_p[1]=20:80:5:log" --vary "z_p[1]=0.8,0.9,0.95"
 
 The same command continues an interrupted sweep.
 """

@@ -84,16 +84,18 @@ READERS: dict[str, Callable[[str], Any]] = {
 """What reads a word of the command line, by the annotation of the field that it is for."""
 
 
-def add_fields(parser: argparse.ArgumentParser, study: type[Study[Any]]) -> None:
+def add_fields(parser: Parser, study: type[Study[Any]]) -> None:
     """Add an option for each field of ``study`` that the command asks for."""
-    groups: dict[str, argparse._ActionsContainer] = {"": parser}
+    groups: dict[str, argparse._ActionsContainer] = {}
     for attribute in fields(study):
         told = attribute.metadata["option"]
         if not told.asked:
             continue
-        if told.exclude not in groups:
-            groups[told.exclude] = parser.add_mutually_exclusive_group()
-        place, word = groups[told.exclude], (told.word or attribute.name).replace("_", "-")
+        place: argparse._ActionsContainer = parser.rare if told.rare else parser
+        if told.exclude and told.exclude not in groups:
+            groups[told.exclude] = place.add_mutually_exclusive_group()
+        place = groups.get(told.exclude, place)
+        word = (told.word or attribute.name).replace("_", "-")
         kind, value = str(attribute.type), default(attribute)
         if kind == "bool":
             flag, action = (f"--no-{word}", "store_false") if value else (f"--{word}", "store_true")
@@ -145,7 +147,7 @@ class StudyCommand:
     ``options`` adds what the study itself does not have; ``study`` makes the study of what was given, ``check`` looks
     for what contradicts itself before. ``tell`` puts events into words; without it there is a progress bar. ``files``
     writes what belongs to the document beside it and the report, and gives the names. ``program`` is how it is started,
-    if not by ``python -m``.
+    if not as ``flexible-manipulator``.
     """
 
     kind: type[Study[Any]]
@@ -166,17 +168,17 @@ class StudyCommand:
         kind = self.kind
         protocols = [default(attribute) for attribute in fields(kind) if attribute.name == kind.protocol_option]
         parser = Parser(kind.command, self.help, f"{self.examples}\n{EXIT_CODES}", self.program)
-        options.add_controller(parser)
-        options.add_protocol(parser, self.several_seeds, *protocols)
         add_fields(parser, kind)
         self.options(parser)
+        options.add_controller(parser)
+        options.add_protocol(parser, self.several_seeds, *protocols)
         options.add_jobs(parser)
         if not kind.on_this_machine:
             options.add_cluster(parser)
         place = f"runs/CONTROLLER-PROTOCOL{kind.suffix}"
         parser.add_argument("--output-dir", type=Path, metavar="FOLDER", help=f"where to write (default: {place})")
         if self.report:
-            parser.add_argument("--no-report", action="store_true", help="write no report.html")
+            parser.rare.add_argument("--no-report", action="store_true", help="write no report.html")
         output.add_options(parser, "the JSON document")
         output.add_dry_run(parser, "the number of different cases, those in the store, and the estimated time")
         return parser

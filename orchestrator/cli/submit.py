@@ -18,10 +18,10 @@ from .options import add_connection, add_setting, refuse_repeated
 from .values import Parser
 
 EXAMPLES = """examples:
-  flexible-manipulator submit my.fmu --to http://127.0.0.1:8080
-  flexible-manipulator submit my.fmu --to https://bench.example.org    with your key in BENCHMARK_KEY
-  flexible-manipulator submit my.fmu --to http://127.0.0.1:8080 --map q_m[1]=In1 --map q_m[2]=In2
-  flexible-manipulator submit my.fmu --to http://127.0.0.1:8080 --no-wait --json
+  flexible-manipulator submit my_controller.fmu --to http://127.0.0.1:8080
+  flexible-manipulator submit my_controller.fmu --to https://bench.example.org    # with your key in BENCHMARK_KEY
+  flexible-manipulator submit my_controller.fmu --to http://127.0.0.1:8080 --map "q_m[1]=In1" --map "q_m[2]=In2"
+  flexible-manipulator submit my_controller.fmu --to http://127.0.0.1:8080 --no-wait --json
 
 exit codes: 0 finished, or received with --no-wait; 1 failed, cancelled, or the service is away; 2 refused,
 or bad input"""

@@ -5,8 +5,12 @@ from __future__ import annotations
 import argparse
 import math
 import re
+import shutil
 from collections.abc import Callable
 from fractions import Fraction
+from functools import cached_property
+from textwrap import fill
+from typing import Any
 
 from ..errors import InputError
 from ..exact_time import seconds
@@ -24,18 +28,63 @@ MAX_VALUES = 10_000
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose error messages have two lines."""
+    """A parser of a ``command``, or of what is started as a ``program``.
+
+    ``--help`` explains the common options and names the rare ones, which ``--help-all`` explains, too. Error messages
+    have two lines.
+    """
 
     def __init__(self, command: str, description: str, epilog: str = "", program: str = "") -> None:
         super().__init__(
-            prog=program or f"python -m orchestrator.{command}",
+            prog=program or f"flexible-manipulator {command}",
             description=description,
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        self._rare: list[argparse._ArgumentGroup] = []
+        self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show this message with all options explained")
+
+    @cached_property
+    def rare(self) -> argparse._ArgumentGroup:
+        """The group of the options that few need."""
+        return self.add_rare_group("more options")
+
+    def add_rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
+        """Add a group of options that few need; the help has it behind all other groups."""
+        self._rare.append(self.add_argument_group(title, description))
+        return self._rare[-1]
+
+    def format_help(self, whole: bool = False) -> str:
+        """The help; if it is the ``whole`` one, the rare options are explained."""
+        # One word stands for the options in the usage: all of them took up to a fifth of the help.
+        formatter = self.formatter_class(prog=f"{self.prog} [OPTION ...]")
+        needed = [action for action in self._actions if action.required or not action.option_strings]
+        formatter.add_usage(self.usage, needed, [])
+        formatter.add_text(self.description)
+        for group in sorted(self._action_groups, key=self._rare.__contains__):
+            named = group in self._rare and not whole
+            formatter.start_section(f"{group.title} (--help-all explains them)" if named else group.title)
+            formatter.add_text(_names(group) if named else group.description)
+            formatter.add_arguments([] if named else group._group_actions)
+            formatter.end_section()
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
 
     def error(self, message: str) -> None:  # type: ignore[override]  # it does not return either
         self.exit(2, f"error: {message}\n{self.prog} --help shows the options\n")
+
+
+class _HelpAll(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        assert isinstance(parser, Parser)
+        print(parser.format_help(whole=True), end="")
+        parser.exit()
+
+
+def _names(group: argparse._ArgumentGroup) -> str:
+    """The options of a group by name, in lines that fit the terminal with their indentation."""
+    names = ", ".join(action.option_strings[-1] for action in group._group_actions)
+    return fill(names, shutil.get_terminal_size().columns - 4, break_on_hyphens=False)
 
 
 def time(text: str) -> Fraction:

@@ -32,10 +32,10 @@ MAX_ROUND_BYTES = 4096
 """Bytes that the JSON of a round of drand may have."""
 
 EXAMPLES = """examples:
-  python -m orchestrator.verify my_controller.fmu
-  python -m orchestrator.verify my_controller.fmu --beside all
-  python -m orchestrator.verify my_controller.fmu --draws round.json --published 2027-01-31T12:00:00Z
-  python -m orchestrator.verify --repeat verification.json my_controller.fmu
+  flexible-manipulator verify my_controller.fmu
+  flexible-manipulator verify my_controller.fmu --beside all
+  flexible-manipulator verify my_controller.fmu --draws round.json --published 2027-01-31T12:00:00Z
+  flexible-manipulator verify --repeat verification.json my_controller.fmu
 
 exit codes of --repeat: 0 the results equal those of the certificate, to the last bit, and both were made under the
 standard conditions; 4 the results are equal, but the conditions are not the standard ones, and the message names them;

@@ -39,7 +39,7 @@ def setting(head: Head, seed: int | None = None) -> Setting:
 
 def evaluate_command(file: str, mapping: str = "", protocol: str = "paper") -> str:
     """The whole command that evaluates the FMU ``file`` with a ``mapping`` file, if there is one."""
-    words = ["python", "-m", "orchestrator.evaluate", file]
+    words = ["flexible-manipulator", "evaluate", file]
     if mapping:
         words += ["--mapping", mapping]
     if protocol != "paper":
@@ -109,7 +109,7 @@ def _exact(value: float) -> str:
 
 def _command(setting: Setting, *case: str) -> str:
     controller, plant = setting.controller, setting.plant
-    words = ["python", "-m", "orchestrator.simulate", *filter(None, (controller.path,)), *case]
+    words = ["flexible-manipulator", "simulate", *filter(None, (controller.path,)), *case]
     if controller.library == "wine":
         words += ["--library", controller.library]
     if setting.protocol != "paper":

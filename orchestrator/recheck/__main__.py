@@ -12,8 +12,8 @@ from .compare import Recheck, recheck
 from .reading import Unreadable
 
 EPILOG = """examples:
-  python -m orchestrator.simulate my_controller.fmu --case c07.compliant.disturbance --record case.npz
-  python -m orchestrator.recheck case.npz
+  flexible-manipulator simulate my_controller.fmu --case c07.compliant.disturbance --record --output-dir case
+  python -m orchestrator.recheck case/case.npz
 
 exit codes: 0 all differences are within their bounds, 1 some are not, 2 a file cannot be read
 """

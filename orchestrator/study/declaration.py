@@ -30,7 +30,7 @@ class Option:
     A number is at ``least`` and at ``most`` so much, ``above`` and ``below`` so much, a text one of ``choices``. The
     command calls the option by its ``word``, by default the field's name, and has none if ``asked`` is false. What is
     on by default it can only switch off; the help of that is ``off``. Of options that ``exclude`` each other it takes
-    one.
+    one. A ``rare`` one is explained where all are.
     """
 
     help: str
@@ -44,6 +44,7 @@ class Option:
     metavar: str = ""
     exclude: str = ""
     required: bool = False
+    rare: bool = False
     asked: bool = True
 
     def problem(self, value: Any) -> str:

@@ -80,8 +80,8 @@ class TuningStudy(Study[Tuning]):
         least=0,
         metavar="N",
     )
-    sampler: str = option("cmaes", "of Optuna", choices=SAMPLERS)
-    search_seed: int = option(1, "of the sampler", least=0, metavar="N")
+    sampler: str = option("cmaes", "of Optuna", choices=SAMPLERS, rare=True)
+    search_seed: int = option(1, "of the sampler", least=0, metavar="N", rare=True)
 
     def ask(self, testbed: Testbed, controller: Controller, folder: Path | None = None) -> Requests[Tuning]:
         """The requests of a tuning; the sampler keeps its own record in the study's folder."""

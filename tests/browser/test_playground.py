@@ -82,8 +82,8 @@ def test_the_command_gives_the_same_numbers(name, html, folder, open_page):
     page = open_page(html, DESK)
     go_to(page, STATES[name])
     command = shlex.split(page.locator("#command").inner_text())
-    assert command[:3] == ["python", "-m", "orchestrator.simulate"]
-    done = call("simulate", *command[3:], "--plant", "native", "--json", folder=folder)
+    assert command[:2] == ["flexible-manipulator", "simulate"]
+    done = call("simulate", *command[2:], "--plant", "native", "--json", folder=folder)
     assert done.code == 0, done.err
     wanted = json.loads(done.out)
     found = page.evaluate("data.answers[0]")

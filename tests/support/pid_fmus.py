@@ -49,19 +49,20 @@ def random_signals(samples: int = 200, seed: int = 1) -> Signals:
     return Signals(q_m_ref, q_m, (1.7, -0.3))
 
 
-def law(signals: Signals, gains: Mapping[str, Sequence[float]] = GAINS) -> list[tuple[float, float]]:
-    """Torques [N.m] of the recursion for eq. (13), written as plainly as can be."""
+def law(signals: Signals, gains: Mapping[str, Sequence[float]] = GAINS, samples: int = 1) -> list[tuple[float, float]]:
+    """Torques [N.m] of the recursion for eq. (13), written as plainly as can be; the derivative is the slope over so
+    many ``samples``."""
     axes = []
     for i in range(2):
         K_p, K_i, K_d, z_p = (gains[name][i] for name in ("K_p", "K_i", "K_d", "z_p"))
-        e_1, v, s = 0.0, 0.0, signals.u_m0[i]
+        past, v, s = [0.0] * samples, 0.0, signals.u_m0[i]
         torques = []
         for reference, measured in zip(signals.q_m_ref[:, i].tolist(), signals.q_m[:, i].tolist(), strict=True):
             e = reference - measured
-            v = z_p * v + (1.0 - z_p) * (e - e_1) / T_S
+            v = z_p * v + (1.0 - z_p) * (e - past[-samples]) / (samples * T_S)
             s = s + K_i * T_S * e
             torques.append(K_p * e + K_d * v + s)
-            e_1 = e
+            past.append(e)
         axes.append(torques)
     return list(zip(*axes, strict=True))
 
@@ -186,7 +187,7 @@ def live(
     return {**found, "log": "\n".join(log)}
 
 
-def fmpys_torques(paths: Sequence[Path], signals: Signals) -> list[list[tuple[float, ...]]]:
+def fmpys_torques(paths: Sequence[Path], signals: Signals, **parameters: float | str) -> list[list[tuple[float, ...]]]:
     """For each FMU u_m at all multiples of T_S from 0 on, through FMPy's own simulation; to be run in a child."""
     found, times = [], [k * T_S for k in range(len(signals.rows))]
     for path in paths:
@@ -205,7 +206,7 @@ def fmpys_torques(paths: Sequence[Path], signals: Signals) -> list[list[tuple[fl
             solver="Euler",
             record_events=False,
             input=np.array(rows, dtype=dtype),
-            start_values=start,
+            start_values={**start, **parameters},
             output=outputs,
         )
         columns = [np.asarray(result[name], dtype=float).reshape(len(result), -1) for name in outputs]
@@ -213,8 +214,8 @@ def fmpys_torques(paths: Sequence[Path], signals: Signals) -> list[list[tuple[fl
     return found
 
 
-def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
+def in_child(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """Return what ``function`` returns in a fresh process."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
-        return pool.submit(function, *arguments).result()
+        return pool.submit(function, *arguments, **named).result()

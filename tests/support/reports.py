@@ -298,7 +298,7 @@ def swept(*counts: int, **controller: Any) -> Sweep:
 
 def sampled(**controller: Any) -> Reliability:
     """Of five draws, of which the second one breaks A2."""
-    names, failure = tuple(RULES.criteria), Failure(1, "delay_2", "limit cycle", "python -m orchestrator.simulate x")
+    names, failure = tuple(RULES.criteria), Failure(1, "delay_2", "limit cycle", "flexible-manipulator simulate x")
     costs = [80.0, 90.0, 100.0, 110.0, 120.0]
     values = {name: [cost / 100.0 * RULES.criteria[name].target for cost in costs] for name in names}
     return Reliability(

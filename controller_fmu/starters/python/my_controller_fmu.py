@@ -1,8 +1,9 @@
 """A controller in Python: a PID for each axis. Replace the class Axis by your own."""
 
+from collections import deque
 from typing import Any
 
-from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu import Boolean, DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real
 from pythonfmu.enums import Fmi2Status
 
 T_S = 0.25e-3  # sample time [s]
@@ -15,27 +16,39 @@ UNITS = {
     "K_p": "N.m/rad",
     "K_i": "N.m/(rad.s)",
     "K_d": "N.m.s/rad",
-}  # of every variable, by its name without index
+}  # of every real variable, by its name without index
+
+NO_FILTER, FIRST_ORDER = 1, 2
+ENUMERATIONS = {"derivative_filter": ("none", "first_order")}  # integers whose values, from 1 on, have names
 
 
 class Axis:
-    """The controller of one axis, which starts from the torque [N.m] of the steady state."""
+    """The controller of one axis, which starts from the torque [N.m] of the steady state.
 
-    def __init__(self, K_p: float, K_i: float, K_d: float, torque: float) -> None:
-        self.K_p, self.K_i, self.K_d = K_p, K_i, K_d
-        self.e, self.v, self.s = 0.0, 0.0, torque
+    The derivative is the slope over some samples, behind a filter or not; the integrator can be off.
+    """
+
+    def __init__(self, gains: tuple[float, float, float], torque: float, my: "MyController") -> None:
+        self.K_p, self.K_i, self.K_d = gains
+        self.integrator = my.integrator
+        self.z_p = 0.95 if my.derivative_filter == FIRST_ORDER else 0.0  # pole of the filter
+        self.past = deque([0.0] * my.derivative_samples, my.derivative_samples)  # errors, the oldest one first
+        self.v, self.s = 0.0, torque
 
     def sample(self, e: float) -> float:
         """Return the torque [N.m] for the position error ``e`` [rad]; called once every T_S."""
-        z_p = 0.95  # pole of the derivative filter
-        self.v = z_p * self.v + (1.0 - z_p) * (e - self.e) / T_S
-        self.s = self.s + self.K_i * T_S * e
-        self.e = e
+        self.v = self.z_p * self.v + (1.0 - self.z_p) * (e - self.past[0]) / (len(self.past) * T_S)
+        if self.integrator:
+            self.s = self.s + self.K_i * T_S * e
+        self.past.append(e)
         return self.K_p * e + self.K_d * self.v + self.s
 
 
 class MyController(Fmi2Slave):
-    """What the benchmark connects, q_m_ref, q_m, u_m and u_m0, and gains to tune; each is a list of two."""
+    """What the benchmark connects, q_m_ref, q_m, u_m and u_m0, and gains to tune; each is a list of two.
+
+    A Boolean, an enumeration and an integer say how: each is one for both axes.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -48,6 +61,11 @@ class MyController(Fmi2Slave):
         self.K_p = self.variable("K_p", "parameter", 45.0, 15.0)
         self.K_i = self.variable("K_i", "parameter", 30.0, 10.0)
         self.K_d = self.variable("K_d", "parameter", 1.5, 0.5)
+        self.integrator, self.derivative_filter, self.derivative_samples = True, FIRST_ORDER, 1
+        fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
+        self.register_variable(Boolean("integrator", **fixed))
+        self.register_variable(Integer("derivative_filter", **fixed))
+        self.register_variable(Integer("derivative_samples", **fixed))
 
     def variable(self, name: str, causality: str, *start: float) -> list[float]:
         """Register ``name[1]`` and ``name[2]``, and return the list that holds their values."""
@@ -71,7 +89,9 @@ class MyController(Fmi2Slave):
 
     def exit_initialization_mode(self) -> None:
         """Start from the steady state; parameters have their values by now, in __init__ they have not."""
-        self.axes = [Axis(self.K_p[i], self.K_i[i], self.K_d[i], self.u_m0[i]) for i in (0, 1)]
+        if self.derivative_samples < 1:
+            raise ValueError(f"derivative_samples = {self.derivative_samples} is refused: it must be 1 or more")
+        self.axes = [Axis((self.K_p[i], self.K_i[i], self.K_d[i]), self.u_m0[i], self) for i in (0, 1)]
         self.u_m[:] = self.u_m0
         self.samples = 0
 

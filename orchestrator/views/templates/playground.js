@@ -395,7 +395,7 @@ function showCommand() {
   const { name, values, matrices } = state.chosen;
   const own = isOwn(state);
   const { plant, imperfections } = caseOf(state);
-  const words = ["python -m orchestrator.simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
+  const words = ["flexible-manipulator simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
   if (!matrices) for (const [parameter, value] of Object.entries(values)) words.push(`--set '${parameter}=${value}'`);
   if (own) {
     const arm = Object.entries(plant).filter(([parameter, value]) => value !== data.nominal[parameter] && !parameter.startsWith("q_a_start"));
