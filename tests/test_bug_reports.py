@@ -152,6 +152,12 @@ def test_a_reset_follows_an_initialization_with_values(benchmark, tmp_path):
     assert finding.severity == "ok", finding.text
 
 
+def test_a_check_names_what_other_libraries_have_too(benchmark, tmp_path):
+    file = Specimen(options=("-DNAMES_OF_OTHERS",)).write(tmp_path / "controller.fmu")
+    (finding,) = (found for found in benchmark.check(Controller(file)).found if found.subject == "symbols")
+    assert finding.severity == "note" and "error, y0" in finding.text
+
+
 def test_a_parameter_that_exists_twice_is_not_set(benchmark, tmp_path):
     twins = variable("K", causality="parameter", start="1.0", variability="fixed")
     file = Specimen(edits=(twins, twins)).write(tmp_path / "controller.fmu")

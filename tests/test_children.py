@@ -102,6 +102,19 @@ def test_a_worker_has_nothing_of_its_owner(harmless):
     assert not Path(folder).exists()  # it goes with the worker
 
 
+def test_a_run_draws_no_order_of_its_own(harmless):
+    """All processes of a run are forked from one: an order of a set that is drawn for it shows in no repetition."""
+
+    def of_a_new_server() -> bytes:
+        for key, server in list(launch._servers.items()):
+            if key[0] == "hostile.works":
+                launch._discard(server)
+        (outcome,) = run_isolated(job(harmless, "hash_of", b"q_m"))
+        return outcome.value
+
+    assert of_a_new_server() == of_a_new_server()
+
+
 def test_the_owner_never_loads_an_fmu(harmless):
     run(harmless, short_cases((STRUCK,)))
     assert "/fmus/" not in Path("/proc/self/maps").read_text()

@@ -63,11 +63,10 @@ def pid(version, tmp_path_factory):
     return build_fmus.c_fmu(sorted(sources.glob("*.[ch]")), sources / "modelDescription.xml", target, dialect)
 
 
-def relay(version: int, pid: Path, target: Path) -> Path:
+def relay(version: int, pid: Path, target: Path, indicators: str = INDICATORS) -> Path:
     """u_m = 1 where the position error of axis 1 is above 0.5 mrad, else -1, by events alone; -1 after BETWEEN."""
     real = f"fmi{version}{'Real' if version == 2 else 'Float64'}"
-    indicators = glue(version, "GetEventIndicators", f", {real} z[], size_t n", INDICATORS % version)
-    functions = event(RELAY) | indicators
+    functions = event(RELAY) | glue(version, "GetEventIndicators", f", {real} z[], size_t n", indicators % version)
     if version == 3:
         functions |= glue(3, "GetNumberOfEventIndicators", ", size_t *n", "{ *n = 2; return fmi3OK; }")
 
@@ -173,3 +172,73 @@ def test_a_next_event_that_is_always_now_is_an_error_and_no_hang(version, pid, p
     (trajectory,) = simulate_all(probe_plant_file, file, [quiet(Fraction(1, 100), {})])
     assert trajectory.ending.status is Status.ERROR
     assert "Stalling.fmu asks for event iterations without end" in trajectory.ending.message
+
+
+BETWEEN_CALLS = "static int calls, is_broken; static double s; void look(void) { if (is_broken) abort(); }"
+"""After the status fatal no function may be called any more: these end the process then."""
+
+
+def solved(version: int, pid: Path, target: Path, failure: str = "") -> Path:
+    """u_m[1] is a continuous state, which has the position error for its derivative; ``failure`` is what becomes of
+    that in the 30th call."""
+    component, real = ("fmi2Component", "fmi2Real") if version == 2 else ("fmi3Instance", "fmi3Float64")
+    derivatives = "GetDerivatives" if version == 2 else "GetContinuousStateDerivatives"
+    own = "look(); Component *component = c; double *x = component->memory->model; (void)x;"
+    failing = f"if (++calls == 30) {{ {failure} }}"
+    bodies = {
+        "GetContinuousStates": f"{{ {own} values[0] = x[4]; return fmi{version}OK; }}",
+        "SetContinuousStates": f"{{ {own} x[4] = values[0]; return fmi{version}OK; }}",
+        "GetNominalsOfContinuousStates": f"{{ {own} values[0] = 1.0; return fmi{version}OK; }}",
+        derivatives: f"{{ {own} {failing} values[0] = 1e3 * (x[0] - x[2] + x[4]); return fmi{version}OK; }}",
+    }
+    functions = event("")
+    for name, body in bodies.items():
+        constant = "const " if name.startswith("Set") else ""
+        functions |= glue(version, name, f", {constant}{real} values[], size_t n", body)
+    head = f"{BETWEEN_CALLS}\nfmi{version}Status fmi{version}GetContinuousStates({component}"
+    first = f"fmi{version}GetContinuousStates"
+    functions[first] = functions[first].replace(f"fmi{version}Status {first}({component}", head, 1)
+    if version == 3:
+        functions |= glue(3, "GetNumberOfContinuousStates", ", size_t *n", "{ *n = 1; return fmi3OK; }")
+
+    def declare(root: Element) -> None:
+        variables, structure = root.find("ModelVariables"), root.find("ModelStructure")
+        if version == 3:
+            SubElement(variables, "Float64", name="der_s", valueReference="990", derivative="4")
+            SubElement(structure, "ContinuousStateDerivative", valueReference="990")
+            return
+        scalar = SubElement(variables, "ScalarVariable", name="der_s", valueReference="990")
+        SubElement(scalar, "Real", derivative="5")
+        SubElement(SubElement(structure, "Derivatives"), "Unknown", index=str(len(variables)))
+
+    return with_functions(pid, target, functions, declare)
+
+
+def test_a_solver_tries_a_smaller_step_after_discard(version, pid, probe_plant_file, tmp_path):
+    healthy = answers(probe_plant_file, solved(version, pid, tmp_path / "Healthy.fmu"))
+    refused = f"values[0] = 1e6; return fmi{version}Discard;"
+    once = answers(probe_plant_file, solved(version, pid, tmp_path / "Once.fmu", refused))
+    assert healthy[-1, 0] > 1e-6
+    np.testing.assert_allclose(once, healthy, atol=1e-7)  # of the solver, whose tolerance is 1e-8
+
+
+@pytest.mark.parametrize(
+    ("failure", "words"),
+    [
+        ("return fmi%dError;", "failed with status 3"),
+        ("is_broken = 1; return fmi%dFatal;", "failed with status 4"),
+        ("return fmi%dOK;", "gave no number"),
+    ],
+)
+def test_derivatives_that_are_not_given_end_the_simulation(failure, words, version, pid, probe_plant_file, tmp_path):
+    file = solved(version, pid, tmp_path / "Failing.fmu", failure.replace("%d", str(version)))
+    (trajectory,) = simulate_all(probe_plant_file, file, [quiet(SAMPLES * T_S, FALLING)])
+    assert trajectory.ending.status is Status.ERROR
+    assert words in trajectory.ending.message
+
+
+def test_an_event_indicator_that_is_no_number_ends_the_simulation(version, pid, probe_plant_file, tmp_path):
+    undefined = INDICATORS.replace("return", "if (z[1] > 0.0) z[0] = 0.0 / 0.0; return")
+    file = relay(version, pid, tmp_path / "Undefined.fmu", undefined)
+    (trajectory,) = simulate_all(probe_plant_file, file, [quiet(SAMPLES * T_S, FALLING)])
+    assert trajectory.ending.status is Status.ERROR and "getEventIndicators gave no number" in trajectory.ending.message

@@ -22,6 +22,7 @@ from ..fmi.connectors import CONTROLLER, Binding
 from ..fmi.description import declared_capabilities, illegal_combinations, uncollected
 from ..fmi.host import wine
 from ..fmi.library import NATIVE, SOURCE, has_sources
+from ..fmi.symbols import shadowed
 from ..fmi.variables import Variable, variables
 from ..loop.sampling import FIXED, SampleTime
 from ..loop.setup import Setup, held_inputs, sample_time_parameter
@@ -67,6 +68,11 @@ def archive_findings(archive: Archive) -> Iterator[Finding]:
     else:
         yield Finding(Severity.NOTE, "platforms", f"source code only, compiled here for {platform}")
     yield _library(archive)
+    if names := shadowed(archive.library_file):
+        text = f"the library has names of other libraries, {_some(names)}; here it finds its own by them"
+        remedy = "Hide what is not of FMI (-fvisibility=hidden), or link with -Wl,-Bsymbolic: other importers may call "
+        remedy += "the others."
+        yield Finding(Severity.NOTE, "symbols", text, remedy)
     if str(archive.interface.needsExecutionTool).lower() in ("true", "1"):
         text = "the FMU declares that it needs a tool of its exporter at run time (a Python FMU needs Python)"
         remedy = "Make sure that it is installed wherever the FMU is to run."

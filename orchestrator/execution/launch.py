@@ -121,7 +121,9 @@ def _cannot_start(reason: str) -> EnvironmentFault:
 
 def environment() -> dict[str, str]:
     """The environment of a process of this package."""
-    return {**os.environ, VARIABLE: str(cache_folder()), "NUMBA_CACHE_DIR": str(compiled_code_folder())}
+    places = {VARIABLE: str(cache_folder()), "NUMBA_CACHE_DIR": str(compiled_code_folder())}
+    # Else the order of a set of texts is another one in each run, and with it the sum over it in a law in Python.
+    return {**os.environ, **places, "PYTHONHASHSEED": "0"}
 
 
 def boot(module: str, *arguments: int | str) -> list[str]:

@@ -540,6 +540,12 @@ REPORTS = (
         ),
     ),
     Report(
+        "ghorwin/MasterSim#25",
+        "Fix problem when loading IBK-based FMUs with different IBK versions",
+        "has functions and data with names that the C library and the mathematical library have, too",
+        Specimen(options=("-DNAMES_OF_OTHERS",)),
+    ),
+    Report(
         "CATIA-Systems/FMPy#242",
         "Link against libm when compiling platform binaries on Linux",
         "uses the mathematical library and does not name it",

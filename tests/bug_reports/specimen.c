@@ -42,6 +42,12 @@ typedef struct {
     fmi3LogMessageCallback log;
 } Controller;
 
+#ifdef NAMES_OF_OTHERS
+/* The mathematical library has another function y0, the C library a function error. */
+double y0(double x) { return x; }
+double error[AXES];
+#endif
+
 static bool is(const Controller *c, const char *property) { return strcmp(c->property, property) == 0; }
 
 /* ---- Law ---- */
@@ -65,7 +71,12 @@ static void initialize(Controller *c)
 static void sample(Controller *c)
 {
     for (int i = 0; i < AXES; i++) {
+#ifdef NAMES_OF_OTHERS
+        error[i] = y0(c->values[Q_M_REF + i] - c->values[Q_M + i]);
+        c->states[i] = pid_sample(c->gains[i], c->states[i], error[i]);
+#else
         c->states[i] = pid_sample(c->gains[i], c->states[i], c->values[Q_M_REF + i] - c->values[Q_M + i]);
+#endif
         const double u_m = pid_torque(c->gains[i], c->states[i]);
         c->values[U_M + i] = is(c, "one step late") ? c->held[i] : u_m;
         c->held[i] = u_m;

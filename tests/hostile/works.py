@@ -21,6 +21,11 @@ def surroundings(plant, controller, task):
     return repr((os.getcwd(), os.listdir(), len(sockets()), main)).encode()
 
 
+def hash_of(plant, controller, task):
+    """The hash of a text, by which Python orders a set."""
+    return repr(hash(task.decode())).encode()
+
+
 def sockets():
     """Descriptors of sockets beyond standard output."""
     found = []

@@ -25,6 +25,7 @@ from .. import log, trace
 from ..archive import Archive
 from ..library import NATIVE, has_sources
 from ..port import FATAL, Port, unconnected
+from ..symbols import load_with_its_own
 from ..variables import Variable
 
 
@@ -139,6 +140,7 @@ class Slave(ABC):
     def _load(self) -> Any:
         """The FMPy object that holds the library."""
         library = self.archive.library_file
+        load_with_its_own(library)
         fmu = self.fmpy_class(
             guid=self.archive.description.guid,
             modelIdentifier=self.archive.interface.modelIdentifier,

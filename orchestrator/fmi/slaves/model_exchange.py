@@ -8,11 +8,13 @@ only sampled, but that is the solver's work.
 from __future__ import annotations
 
 import ctypes
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 from fmpy.sundials import CVodeSolver
@@ -28,7 +30,10 @@ RELATIVE_TOLERANCE = 1e-8
 """The solver's tolerance; a sample is so short that a tighter one costs hardly any steps."""
 
 STEP_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int)
-ERROR = 3
+DISCARD, ERROR = 2, 3
+
+SMALLER_STEP, GIVE_UP = 1, -1
+"""What a callback of CVode returns for values that it does not have: try again from nearer by, or end."""
 
 
 class _NoInput:
@@ -38,14 +43,72 @@ class _NoInput:
         """Do nothing."""
 
 
+class _CVode(CVodeSolver):  # type: ignore[misc]
+    """CVode, which is told when a call fails.
+
+    An exception that leaves a callback is lost, and CVode takes what lies in memory for the callback's answer: some
+    simulations went on with derivatives that the FMU had refused, others ended.
+    """
+
+    def f(self, *arguments: Any) -> int:
+        """The derivatives."""
+        return _answer(super().f, arguments)
+
+    def g(self, *arguments: Any) -> int:
+        """The event indicators."""
+        return _answer(super().g, arguments)
+
+
+def _answer(evaluate: Callable[..., int], arguments: Sequence[Any]) -> int:
+    try:
+        return evaluate(*arguments)
+    except Exception as problem:
+        # FMI 2.0 (2.1.3): after discard the solver may try a smaller step.
+        return SMALLER_STEP if _is_discard(problem) else GIVE_UP
+
+
+def _is_discard(problem: Exception) -> bool:
+    return isinstance(problem, FMICallException) and problem.status == DISCARD
+
+
+def _numbers(get: Callable[[Any, int], Any]) -> Callable[[Any, int], None]:
+    """``get``, which has to write a number into each place of the values that it is given."""
+
+    def call(values: Any, size: int) -> None:
+        for i in range(size):
+            values[i] = math.nan
+        get(values, size)
+        # CVode compares the signs of event indicators: of one that is not a number it would never see an event.
+        if any(map(math.isnan, values[:size])):
+            raise ValueError(f"{get.__name__} gave no number")
+
+    return call
+
+
 class Solver:
     """CVode for a Model Exchange FMU with continuous states or event indicators, called from the compiled loop."""
 
-    def __init__(self, fmu: Any, clock: np.ndarray, make: Callable[[float], CVodeSolver]) -> None:
-        """``clock`` is the port's; ``make`` makes the solver, given its start time, once the FMU has its states."""
-        self._fmu, self._clock, self._make = fmu, clock, make
+    def __init__(self, fmu: Any, clock: np.ndarray, functions: dict[str, Callable[..., Any]], **sizes: int) -> None:
+        """``clock`` is the port's; ``functions`` and ``sizes`` are what CVode asks the FMU for, by FMPy's names."""
+        self._fmu, self._clock = fmu, clock
+        self._arguments = {name: self._checked(function) for name, function in functions.items()} | sizes
         self._solver: CVodeSolver | None = None
+        self._failure: Exception | None = None
         self._callback = STEP_CALLBACK(self._guarded)
+
+    def _checked(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """``function``, which is not called after one has failed: FMPy's solver writes the states after CVode's end."""
+
+        def call(*arguments: Any) -> Any:
+            if self._failure is not None:
+                raise self._failure
+            try:
+                return function(*arguments)
+            except Exception as problem:
+                self._failure = None if _is_discard(problem) else problem
+                raise
+
+        return call
 
     @property
     def address(self) -> int:
@@ -57,15 +120,18 @@ class Solver:
         try:
             self._integrate(time, time + step)
         except Exception as problem:
-            log.current.keep(f"solving by CVode failed: {problem}".encode(), self._fmu.instanceName.encode())
-            return ERROR
+            told = self._failure or problem
+            log.current.keep(f"solving by CVode failed: {told}".encode(), self._fmu.instanceName.encode())
+            return ports.FATAL if getattr(told, "status", None) == ports.FATAL else ERROR
         return 0
 
     def _integrate(self, time: float, goal: float) -> None:
         """Up to ``goal`` [s] or a state event. It always begins after an event, where states may have jumped."""
         # Not earlier: CVode reads states and nominals, which an FMU has after its initialization.
         if self._solver is None:
-            self._solver = self._make(time)
+            self._solver = _CVode(
+                startTime=time, input=_NoInput(), relativeTolerance=RELATIVE_TOLERANCE, **self._arguments
+            )
         self._solver.reset(time)
         event, _, reached = self._solver.step(time, goal)
         self._clock[ports.REACHED], self._clock[ports.STATE_EVENT] = reached, event
@@ -85,19 +151,15 @@ class _ModelExchange(Slave):
         # A sampled controller: its values change in events alone, and no solver is needed between them.
         if not (states or indicators):
             return port
-        arguments = {
-            "nx": states,
-            "nz": indicators,
+        functions = {
             "get_x": self._fmu.getContinuousStates,
             "set_x": self._fmu.setContinuousStates,
-            "get_dx": getattr(self._fmu, self._derivatives),
-            "get_z": self._fmu.getEventIndicators,
+            "get_dx": _numbers(getattr(self._fmu, self._derivatives)),
+            "get_z": _numbers(self._fmu.getEventIndicators),
             "get_nominals": self._fmu.getNominalsOfContinuousStates,
             "set_time": self._fmu.setTime,
-            "input": _NoInput(),
-            "relativeTolerance": RELATIVE_TOLERANCE,
         }
-        self._solver = Solver(self._fmu, port.clock, lambda start: CVodeSolver(startTime=start, **arguments))
+        self._solver = Solver(self._fmu, port.clock, functions, nx=states, nz=indicators)
         return port._replace(do_step=self._solver.address)
 
     @abstractmethod
