@@ -39,8 +39,8 @@ LONGEST, BESIDE = 34, 17
 ERROR, TORQUES = 1.35, 1.05
 """Heights of a row [inch]: of errors, and of a torque."""
 
-EDGES, BAR = 1.1, 0.17
-"""Heights [inch]: of all that stands above and below bars, and of a bar."""
+EDGES, BAR, LINE = 0.6, 0.17, 0.16
+"""Heights [inch]: of what stands above and below plots, of a bar, and of a line of a legend."""
 
 END = 3.0
 """Time [s] at the end of a case that is judged by it."""
@@ -65,8 +65,8 @@ class Paper:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A figure: the ``name`` of its files, its plots, the ``columns`` of text that it spans, its ``height`` [inch] and
-    its ``caption``."""
+    """A figure: the ``name`` of its files, its plots, the ``columns`` of text that it spans, its ``height`` without the
+    legend [inch] and its ``caption``."""
 
     name: str
     rows: Sequence[Sequence[Plot]]
@@ -98,7 +98,11 @@ def write_comparison(
 
 def drawn(sheet: Sheet, widths: tuple[float, float]) -> Figure:
     """The figure."""
-    size = widths[sheet.columns - 1], sheet.height
+    width = widths[sheet.columns - 1]
+    first = sheet.rows[0][0]
+    names = list(dict.fromkeys(one.name for one in (*first.series, *first.levels) if one.name))
+    lines = math.ceil(len(names) / drawing.legend_columns(names, width)) if names else 0
+    size = width, sheet.height + LINE * lines
     return drawing.figure(sheet.rows, size, titles=sheet.titles, common=sheet.common)
 
 
@@ -159,7 +163,7 @@ def parts_of_cost(
     stacks = {bars.stack for bars in plot.series if isinstance(bars, Bars)}
     head, target = runs[0].document.head, runs[0].document.head.rules.cost.target
     caption = f"V of eq. (15), made up of the shares of {_span(list(head.rules.criteria))} ({_conditions(head)}). "
-    caption += f"Dashed: V of a controller that meets all targets, {number(target)}."
+    caption += f"Dashed: V of a controller that meets all targets, {target:g}."
     if len(stacks) > 1:
         caption += " Hatched: V that a search for worst cases found, which the true worst case may exceed."
     lines = max(run.label.count("\n") + 1 for run in narrow)
@@ -247,14 +251,15 @@ def _time_caption(recorded: Recorded, stretches: Sequence[Stretch]) -> str:
     system = "nominal system" if about.system == "nominal" else f"system {about.system}"
     words = f"TCP position error [{MILLIMETRE.shown}] and motor torques [{TORQUE.shown}] over time [{SECOND.shown}]: "
     words += " and ".join(f"{stretch.words}{side}" for stretch, side in zip(stretches, _sides(stretches), strict=True))
-    words += f". Case {about.id}: {system}, link angles {case_plots.pose_words(about.q_a)}"
+    case = f"Case {about.id}" if about.configuration >= 0 else "Example"
+    words += f". {case}: {system}, link angles {case_plots.pose_words(about.q_a)}"
     words += f" ({_conditions(entry.document.head)})."
     dashed = [
-        f"target of {stretch.levels}, {number(rules.criteria[stretch.levels].target, MILLIMETRE.factor)} mm"
+        f"{stretch.levels} ({number(rules.criteria[stretch.levels].target, MILLIMETRE.factor)} {MILLIMETRE.shown})"
         for stretch in stretches
         if stretch.levels in rules.criteria
     ]
-    return words + (f" Dashed: {' and '.join(dashed)}." if dashed else "")
+    return words + (f" Dashed: the target of {' and of '.join(dashed)}." if dashed else "")
 
 
 def _sides(stretches: Sequence[Stretch]) -> Sequence[str]:
@@ -280,8 +285,8 @@ def radii(
     )
     caption = "V of the scorecard (open) and V that a search for worst cases found (filled), over the factor on the "
     caption += "tolerances of Table 1 at which A1 to A3 fail. A symbol that points to the right: no failure was found "
-    caption += f"up to there; to the left: there or below. Dashed: V of {number(target)} and the tolerances of Table 1."
-    return [Sheet("V_and_tolerances", [[plot]], columns, 2.7, caption)]
+    caption += f"up to there; to the left: there or below. Dashed: V of {target:g} and the tolerances of Table 1."
+    return [Sheet("V_and_tolerances", [[plot]], columns, 2.4, caption)]
 
 
 def _radius(shown: Shown[Robustness], cards: Sequence[Shown[Evaluation] | Shown[Spread]]) -> Iterator[Line | Scatter]:
@@ -310,7 +315,7 @@ def seeds(spreads: Sequence[Shown[Spread]], columns: Columns) -> list[Sheet]:
     names = _span(list(document.rules.criteria))
     caption = f"V and {names} relative to their targets, mean and standard deviation over seeds "
     caption += f"({_conditions(document.head)}). Dashed: the targets."
-    return [Sheet("V_and_criteria_over_seeds", [[compare_page.seeds(spreads)]], columns, 2.6, caption)]
+    return [Sheet("V_and_criteria_over_seeds", [[compare_page.seeds(spreads)]], columns, 2.3, caption)]
 
 
 def margins(searches: Sequence[Shown[Robustness]], columns: Columns) -> list[Sheet]:
@@ -328,7 +333,7 @@ def margins(searches: Sequence[Shown[Robustness]], columns: Columns) -> list[She
     caption += "found to fail. A symbol that points to the right: no failure was found up to there; to the left: there "
     caption += f"or below. Dashed: what A1 and A2 ask for, {number(gain)} and {number(delay, MILLISECOND.factor)} ms."
     rows = [plots] if columns == 2 else [[plot] for plot in plots]
-    return [Sheet("margins_of_gain_and_delay", rows, columns, 2.4 * len(rows), caption, common=True)]
+    return [Sheet("margins_of_gain_and_delay", rows, columns, 2.1 * len(rows), caption, common=True)]
 
 
 def _margins(kind: str, x: Axis, asked: float, shown: Sequence[Shown[Robustness]]) -> Plot:

@@ -124,7 +124,7 @@ def figure(
                 # A title may be the name of a file, in which a dollar begins no formula.
                 axes.set_title(printable(one.title), fontsize=font, parse_math=False)
             if not common and not titles:
-                _legend_above(axes, size[0] / len(rows[0]), font)
+                _legend_above(axes, one, size[0] / len(rows[0]), font)
             elif not common:
                 # To look for the best place among all samples of a simulation takes longer than to draw them.
                 axes.legend(loc="upper right") if axes.get_legend_handles_labels()[0] else None
@@ -132,8 +132,8 @@ def figure(
             for axes in grid[:-1].flat:
                 axes.set_xlabel("")
         if common:
-            handles, names = grid[0, 0].get_legend_handles_labels()
-            columns = _columns(names, size[0], font)
+            handles, names = _legend(grid[0, 0], rows[0][0])
+            columns = legend_columns(names, size[0], font)
             made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
     return made
 
@@ -220,7 +220,7 @@ def _draw_bars(axes: Axes, plot: Plot, series: Bars, label: str, bars: Sequence[
     before = [one for one in bars[: list(bars).index(series)] if series.stack and one.stack == series.stack]
     base = sum((np.nan_to_num(_shown(one.values, axis)) for one in before), np.zeros(len(values)))
     colours = [PALETTE[one] for one in series.colours] or PALETTE[series.colour]
-    look: Any = {"color": colours, "label": label, "zorder": 3, "alpha": 0.5 if series.colour == "soft" else 1.0}
+    look: Any = {"color": colours, "label": label, "zorder": 2, "alpha": 0.5 if series.colour == "soft" else 1.0}
     look |= {"edgecolor": "w", "linewidth": 0.5} if series.stack else {}  # neighbours in a stack are told apart in grey
     look |= {"hatch": "/////"} if series.hatched else {}
     if plot.flat:
@@ -306,15 +306,25 @@ def symbols(words: str) -> str:
     return SYMBOL.sub(lambda symbol: "$" + symbol[1].replace("q̇", r"\dot{q}") + "_{" + symbol[2] + "}$", plain)
 
 
-def _legend_above(axes: Axes, width: float, font: float) -> None:
+def _legend_above(axes: Axes, one: Plot | Heat, width: float, font: float) -> None:
     """A legend that covers nothing of what is drawn, wherever that is; of one entry there is none."""
-    names = axes.get_legend_handles_labels()[1]
+    handles, names = _legend(axes, one)
     if len(names) > 1:
-        look: Any = {"ncols": _columns(names, width, font), "frameon": False, "columnspacing": 1.0}
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), **look)
+        look: Any = {"ncols": legend_columns(names, width, font), "frameon": False, "columnspacing": 1.0}
+        axes.legend(handles, names, loc="lower center", bbox_to_anchor=(0.5, 1.0), **look)
 
 
-def _columns(names: Sequence[str], width: float, font: float) -> int:
+def _legend(axes: Axes, one: Plot | Heat) -> tuple[list[Any], list[str]]:
+    """Handles and names in the order of the plot's series and levels. Matplotlib has lines before bars."""
+    handles, names = axes.get_legend_handles_labels()
+    if isinstance(one, Heat):
+        return handles, names
+    order = [symbols(named.name) for named in (*one.series, *one.levels)]
+    places = sorted(range(len(names)), key=lambda place: order.index(names[place]))
+    return [handles[place] for place in places], [names[place] for place in places]
+
+
+def legend_columns(names: Sequence[str], width: float, font: float = 8.0) -> int:
     """How many ``names`` of a legend stand beside each other in a ``width`` [inch]; if they were too many, the layout
     would make room for them beside the axes."""
     longest = max(len(re.sub(r"[${}\\]", "", name)) for name in names)

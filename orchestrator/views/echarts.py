@@ -46,7 +46,7 @@ FILLS: tuple[dict[str, Any], ...] = (
     {"dashArrayX": [1, 0], "dashArrayY": [3, 4], "rotation": math.pi / 4},
     {"symbol": "circle", "dashArrayX": [[6, 6], [0, 6, 6, 0]], "dashArrayY": [6, 0]},
 )
-"""Patterns of bars whose colours repeat themselves; those that are hatched have the second one."""
+"""Patterns of bars whose colours repeat themselves; those that are hatched have the second."""
 
 DASHES: dict[Dash, Any] = {"solid": "solid", "dashed": "dashed", "dotted": "dotted", "dashdot": [8, 3, 2, 3]}
 
@@ -154,12 +154,12 @@ LEGEND: dict[str, Any] = {
 
 
 def _decal(plot: Plot) -> dict[str, Any]:
+    """Patterns of bars by their names; those that are hatched have one of their own, beside bars without any."""
     listed = [one for one in plot.series if isinstance(one, Bars)]
-    hatched = any(one.hatched for one in listed)
-    bars = [one for one in listed if hatched or not one.stack]
-    if len(bars) <= len(HUES) and not hatched:
+    bars = [one for one in listed if not one.stack]
+    if len(bars) <= len(HUES) and not any(one.hatched for one in listed):
         return {}
-    fills = (FILLS[one.hatched if hatched else place // len(HUES) % len(FILLS)] for place, one in enumerate(bars))
+    fills = (FILLS[place // len(HUES) % len(FILLS)] for place in range(max(1, len(bars))))
     return {"decal": {"show": True, "decals": [{"color": "@card", **fill} for fill in fills]}}
 
 
@@ -369,6 +369,7 @@ def _bars(plot: Plot, bars: Bars) -> dict[str, Any]:
             "color": _colour(bars.colour),
             "opacity": 0.5 if bars.colour == "soft" else 1,
             **({"borderColor": "@card", "borderWidth": 0.5} if bars.stack else {}),
+            **({"decal": {"color": "@card", "symbol": "rect", **FILLS[1]}} if bars.hatched else {}),
         },
     }
 
