@@ -115,7 +115,8 @@ def test_pages_have_the_colours_of_the_figures_on_light_and_on_dark_ground():
 
 
 def test_v_found_stands_beside_v_of_the_same_controller_in_the_same_parts():
-    (plot,) = (plot for sheet in all_sheets(everything()) if sheet.name == "V_by_criteria" for (plot,) in sheet.rows)
+    sheet = all_sheets(everything())[0]
+    ((plot,),) = sheet.rows
     stacks: dict[str, list[Bars]] = {}
     for bars in plot.series:
         stacks.setdefault(bars.stack, []).append(bars)
@@ -129,6 +130,9 @@ def test_v_found_stands_beside_v_of_the_same_controller_in_the_same_parts():
     found = search("b").cost
     np.testing.assert_allclose(sums["found"], [0.0, found, found])
     assert stacks["found"][-1].labels == ("", f"{found:.1f}", f"{found:.1f}")
+    drawings = drawn(sheet, (3.5, 7.16)).axes[0].containers
+    for bars, name in ((drawings[6], "V"), (drawings[13], "found")):
+        np.testing.assert_allclose([bar.get_x() + bar.get_width() for bar in bars], sums[name], err_msg=name)
     (alone,) = all_sheets(grouped([(evaluation("a"), None), (search("b"), None)]))[:1]
     assert {bars.stack for bars in alone.rows[0][0].series} == {"V"}, "of another controller"
 
