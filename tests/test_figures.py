@@ -1,18 +1,14 @@
 """What the paper's figures of a run show: their curves, units, targets and legends."""
 
 import math
-import re
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from support.reports import recording, results_of, scaled, searched, seeded, spread, stored
+from support.reports import recording, results_of, spread
 
-from orchestrator.cli.finished import compare
-from orchestrator.documents import comparison_figures
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.figures import FIGURES
-from orchestrator.views.drawing import PALETTE
 from plant_fmu.flexible_manipulator import coefficients, dynamics
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
@@ -120,30 +116,3 @@ def test_a_case_that_ended_before_what_a_figure_shows_is_not_drawn():
     run = Evaluation(results_of(), (short,))
     drawn = {name.split("_")[1] for name, draw in FIGURES.items() if draw(run) is not None}
     assert drawn == {"03", "04", "10", "12"}
-
-
-def test_controllers_are_drawn_in_the_widths_of_a_journal_and_look_the_same_in_all_figures(tmp_path, capsys):
-    K = {"b": 0.8, "a": 1.2}
-    for name, gain in K.items():
-        runs = {"file": f"{name}.fmu", "parameters": {"K": gain}}
-        stored(tmp_path / name, scaled(gain, controller=runs), (recording(("example",), size=gain * 8e-3),))
-        seeded(gain, range(3), file=f"{name}.fmu").save(tmp_path / f"{name}-seeds")
-        searched(gain, file=f"{name}.fmu").save(tmp_path / f"{name}-worst")
-    folders = [str(folder) for folder in sorted(tmp_path.iterdir())]
-    assert compare([*folders, "--csv", "--figures", "--output-dir", str(tmp_path / "out")]) == 0
-    assert capsys.readouterr().out.startswith("rank,controller,V,")
-    widths = {"time": 180, "radius": 88, "seeds": 88, "margins": 180}
-    for name, width in widths.items():
-        drawing = (tmp_path / "out" / "figures" / f"comparison_{name}.pdf").read_bytes()
-        points = float(re.search(rb"/MediaBox \[ 0 0 ([0-9.]+) ", drawing)[1])
-        assert points == pytest.approx(width / 25.4 * 72, abs=0.1), name
-    looks = {name: place for place, name in enumerate(sorted(K))}
-    spreads = {name: seeded(K[name], range(3)) for name in looks}
-    bars = comparison_figures.seeds(spreads, looks).axes[0].containers
-    assert {bar.get_label(): bar[0].get_color() for bar in bars} == {"a": PALETTE["one"], "b": PALETTE["two"]}
-    a, b = (bar[0].get_xydata() for bar in bars)
-    assert a[0][1] > b[0][1] and len(a) == 8
-    first, second = comparison_figures.margins({"b": searched()}, looks).axes
-    lines = (line for line in (*first.lines, *second.lines) if len(line.get_xydata()) == 1)
-    drawn = [(*line.get_xydata()[0], line.get_marker()) for line in lines]
-    assert drawn == [(2.5, 0.0, "s"), (1.5, 1.0, "s")], "axis 1 and axis 2"

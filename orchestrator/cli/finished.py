@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 from ..codec import to_json
 from ..documents import compare_page, comparison
+from ..documents.comparability import Entry
 from ..documents.document import Displayable
 from ..documents.evaluation import Evaluation
 from ..documents.files import FIGURES, REPORT, RESULTS, prepare_folder
+from ..documents.recording import EXAMPLE, Recording, record
 from ..documents.reliability import Reliability
 from ..documents.robustness import Robustness
 from ..documents.spread import Spread
@@ -25,7 +27,7 @@ from ..text import printable
 from ..views.table import Cell, Column, Summary, Table
 from . import output
 from .guard import EXIT_OK
-from .values import Parser
+from .values import Parser, widths
 
 # Imports inside functions: only `report` writes what the commands of the studies write, which take a second to load.
 
@@ -132,6 +134,7 @@ COMPARE_EXAMPLES = """examples:
   flexible-manipulator compare runs/*-paper --json
   flexible-manipulator compare runs/*-paper runs/*-robustness --latex --figures
   flexible-manipulator compare runs/*-paper-seeds runs/*-robustness
+  flexible-manipulator compare runs/*-paper --figures --widths 88mm,180mm --case c07.compliant.disturbance
 
 exit codes: 0 compared, 2 none of the folders holds results, 3 compared, but a requirement is not judged in one of them
 since cases were skipped or lost"""
@@ -151,10 +154,31 @@ def compare(arguments: Sequence[str] | None = None) -> int:
         help="where to write compare.html (default: runs/comparison)",
     )
     output.add_dry_run(output.add_options(parser, "the comparison as JSON"), "what would be compared")
-    parser.add_argument(
-        "--figures", action="store_true", help="write figures for a paper as PDF, SVG and PNG, 88 or 180 mm wide"
+    group = parser.add_argument_group("figures for a paper")
+    group.add_argument(
+        "--figures", action="store_true", help="write figures as PDF, SVG and PNG, with their captions as LaTeX"
+    )
+    group.add_argument(
+        "--widths",
+        type=widths,
+        metavar="ONE,TWO",
+        help="how wide one column of the paper's text is, and two, in in, mm, cm or pt (default: 3.5in,7.16in)",
+    )
+    group.add_argument(
+        "--columns", type=int, choices=(1, 2), help="how many columns every figure spans (default: what suits each)"
+    )
+    group.add_argument(
+        "--case",
+        action="append",
+        default=[],
+        metavar="ID",
+        dest="cases",
+        help="draw this case over time, too, such as c07.compliant.disturbance; may be given again. A run that has not "
+        "recorded the case simulates it again",
     )
     given = parser.parse_args(arguments)
+    if not given.figures and (given.widths or given.columns or given.cases):
+        raise InputError("--widths, --columns and --case are for figures. Give --figures too.", "contradiction")
     listed = finished(given.runs)
     compared = comparison.grouped([(document, path) for document, path in listed])
     if given.dry_run:
@@ -164,15 +188,39 @@ def compare(arguments: Sequence[str] | None = None) -> int:
     compared.report(given.output_dir / compare_page.FILE)
     written = [compare_page.FILE]
     if given.figures:
-        from ..documents.comparison_figures import write_comparison  # Matplotlib, which takes a second
+        from ..documents.comparison_figures import Paper, write_comparison  # Matplotlib, which takes a second
 
-        drawn, empty = write_comparison(compared.named, given.output_dir / FIGURES)
+        entries = compared.first.get(Evaluation.KIND, ())
+        cases = {id: _recorded(entries, id) for id in dict.fromkeys(given.cases)}
+        paper = Paper(given.widths or Paper.widths, given.columns)
+        drawn, empty = write_comparison(compared.first, given.output_dir / FIGURES, paper, cases)
         written += [f"{FIGURES}/{name}" for name in drawn]
         if empty:
             print(f"not written, since there are no data for them: {', '.join(empty)}", file=sys.stderr)
     output.put(compared, given, compared.document())
     output.tell_written(given.output_dir, written)
     return max(output.shown_code(document.completeness) for document, _ in listed)
+
+
+def _recorded(entries: Sequence[Entry], id: str) -> list[tuple[Entry, Recording]]:
+    """The case ``id`` of every evaluation: as it was recorded, or simulated again."""
+    return [
+        (entry, _recording(entry.document, entry.folder, id))
+        for entry in entries
+        if isinstance(entry.document, Evaluation) and entry.folder is not None
+    ]
+
+
+def _recording(run: Evaluation, folder: Path, id: str) -> Recording:
+    # Of the systems that are drawn over each other, the torques are not kept.
+    there = next((entry for entry in run.recordings if entry.about.id == id and len(entry.torque)), None)
+    if there is not None:
+        return there
+    from .simulate import again
+
+    print(printable(f"{folder}: {id} is not recorded, and is simulated again"), file=sys.stderr)
+    simulation = again(folder, id)
+    return record(simulation.case, (EXAMPLE,), simulation.trajectory)
 
 
 RUNS_EXAMPLES = """examples:

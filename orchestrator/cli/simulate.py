@@ -162,6 +162,15 @@ def _folder_name(controller: Controller, bench: Benchmark, simulation: Simulatio
     return file_name(f"{controller.name}{protocol}{seed}-{simulation.case.id}{angles}{varied}")
 
 
+def again(folder: Path, id: str) -> Simulation:
+    """The case ``id`` of the run in ``folder``, simulated as it was there; raises what :meth:`.Benchmark.simulate`
+    raises, and :class:`InputError` if controller or plant have other contents today."""
+    given = _parser().parse_args(["--from", str(folder), "--case", id])
+    run = Results.load(folder)
+    bench = _benchmark_of(run, given)
+    return bench.simulate(_controller_of(run, given), _case(bench, given))
+
+
 def _benchmark_of(run: Results, given: argparse.Namespace) -> Benchmark:
     """The benchmark of an earlier run, under the conditions given."""
     asked = options.benchmark(given)

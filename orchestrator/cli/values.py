@@ -98,6 +98,26 @@ def time(text: str) -> Fraction:
     return value
 
 
+LENGTHS = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54, "pt": 1 / 72.27}
+"""Units of a length on paper [inch]; the point is TeX's."""
+
+LEAST_WIDTH, MOST_WIDTH = 2.0, 20.0
+"""Widths of a figure [inch]."""
+
+
+def widths(text: str) -> tuple[float, float]:
+    """Two lengths as ``3.5in,7.16in``, in inches: the widths of one column of text and of two."""
+    found = [re.fullmatch(r"\s*(\d+\.?\d*)\s*(in|mm|cm|pt)\s*", part) for part in text.split(",")]
+    values = [float(match[1]) * LENGTHS[match[2]] for match in found if match]
+    if len(values) != 2 or len(found) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not two widths, such as 3.5in,7.16in or 88mm,180mm")
+    one, two = values
+    if not LEAST_WIDTH <= one <= two <= MOST_WIDTH:
+        limits = f"{LEAST_WIDTH:g} in to {MOST_WIDTH:g} in"
+        raise argparse.ArgumentTypeError(f"{text!r}: widths are from {limits}, and two columns wider than one")
+    return one, two
+
+
 def connection(text: str) -> tuple[str, str]:
     """``CONNECTOR=VARIABLE`` as a pair."""
     connector, equals, variable = text.partition("=")

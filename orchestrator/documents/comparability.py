@@ -1,12 +1,16 @@
-"""The one rule that decides what may be compared: what figures depend on besides the controller must be equal."""
+"""The one rule that decides what may be compared: what figures depend on besides the controller must be equal; and
+what is compared."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
 
 from ..benchmark.results import Rules
 from ..codec import Struct
-from .head import Head
+from .document import Comparable, Row
+from .head import ControllerRecord, Head
 
 SETUP = ("benchmark", "sample_time", "plant_parameters", "plant")
 """What must be equal for a search and a scorecard of one controller to stand beside each other."""
@@ -74,6 +78,30 @@ def conditions(head: Head) -> Conditions:
 
 def same_controller(one: Head, other: Head) -> bool:
     """Whether both are of the same FMU with the same parameters, under the same conditions but protocol and seed."""
-    first, second = one.controller, other.controller
-    alike = (first.sha256, first.parameters, first.mapping) == (second.sha256, second.parameters, second.mapping)
-    return alike and not conditions(one).difference(conditions(other), SETUP)
+    return same_fmu(one.controller, other.controller) and not conditions(one).difference(conditions(other), SETUP)
+
+
+def same_fmu(one: ControllerRecord, other: ControllerRecord) -> bool:
+    """Whether both are the same FMU with the same parameters."""
+    return (one.sha256, one.parameters, one.mapping) == (other.sha256, other.parameters, other.mapping)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A document with the name it is listed under, and what is shown of it.
+
+    ``place`` is that of its controller among those that are compared, in the order in which they were given: by it a
+    controller looks the same on every page and in every figure. ``controller`` is the controller's name there.
+    """
+
+    name: str
+    document: Comparable
+    folder: Path | None
+    row: Row
+    place: int
+    controller: str
+
+    @property
+    def cost(self) -> float | None:
+        """V, if it counts, that is if every case of the protocol was simulated."""
+        return None if self.document.rank.reason else self.document.V

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Generic, NamedTuple, TypeVar
 
 from ..benchmark.results import Rules
 from ..benchmark.spread import Statistic
-from ..views.plot import Axis, Band, Bars, Colour, Level, Plot, Scatter, Symbol, Window, dash, hue
+from ..views.plot import Axis, Band, Bars, Colour, Level, Plot, Scatter, Symbol, Window, dash, hue, shape
 from ..views.table import Choice, Commands, Note, Panel, Part
 from ..views.units import number
 from . import case_plots
 from .case_plots import Curve
 from .commands import recording_command
-from .comparability import same_controller
+from .comparability import Entry, same_controller
 from .document import Comparable
 from .evaluation import Evaluation
 from .recording import Recording, largest_error, shortened
@@ -27,63 +28,70 @@ FILE = "compare.html"
 CURVE_ROWS = 10_000
 """Most rows of a worst case."""
 
-Named = Mapping[str, Sequence[tuple[str, Comparable]]]
-"""Documents with their names, by kind."""
+Entries = Mapping[str, Sequence[Entry]]
+"""What is compared, by kind."""
 
-SHAPES: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "ring", "frame")
-"""Controllers are told apart by colour, and by dashes or symbols: in print as well."""
+D = TypeVar("D", bound=Comparable)
 
 SPAN = 0.6
 """Part of the room of a name that the controllers share."""
 
 
-def panels(named: Named, everything: Sequence[tuple[str, Comparable]] = ()) -> tuple[Panel, ...]:
+@dataclass(frozen=True)
+class Shown(Generic[D]):
+    """A document under the ``label`` of a chart; its controller looks the same wherever it has the same ``place``."""
+
+    label: str
+    document: D
+    place: int
+
+
+def panels(entries: Entries, everything: Sequence[tuple[str, Comparable]] = ()) -> tuple[Panel, ...]:
     """The tabs of charts that there are documents for; ``everything`` are those of all groups."""
     made: list[Panel] = []
     if rows := bounds(everything):
         made.append(Panel("bounds", "Bounds of V", (_bounds(rows),)))
-    runs = labelled(named)
+    runs, spreads = ranked(entries, Evaluation), ranked(entries, Spread)
     if runs:
-        made.append(Panel("bars", "Criteria", (_ratios(runs), _stack(runs))))
+        searches = [entry.document for entry in entries.get(Robustness.KIND, ())]
+        made.append(Panel("bars", "Criteria", (_ratios(runs), stack(runs, searches))))
         if len(runs) > 1:
-            first = next(iter(runs.values())).results
-            scores = {label: run.results.configurations for label, run in runs.items()}
+            first = runs[0].document.results
+            scores = {run.label: run.document.configurations for run in runs}
             made.append(Panel("difference", "Workspace", workspace(first.plant, first.rules, scores)))
         made.append(Panel("overlay", "Worst cases", (_overlay(runs),)))
-    spreads = {
-        f"{place}. {name}": document
-        for place, (name, document) in enumerate(named.get(Spread.KIND, ()), start=1)
-        if isinstance(document, Spread)
-    }
     if spreads:
-        made.append(Panel("seeds", "Seeds", (seeds(spreads, {label: place for place, label in enumerate(spreads)}),)))
+        made.append(Panel("seeds", "Seeds", (seeds(spreads),)))
     return tuple(made)
 
 
-def labelled(named: Named) -> dict[str, Evaluation]:
-    """The evaluations, which stand in the order of the first leaderboard, with their rank there before the name: by it
-    they are told apart where names are cut."""
-    runs: dict[str, Evaluation] = {}
-    for place, (name, document) in enumerate(named.get(Evaluation.KIND, ()), start=1):
-        if isinstance(document, Evaluation):
-            runs[f"({place}) {name}" if document.rank.reason else f"{place}. {name}"] = document
-    return runs
+def ranked(entries: Entries, kind: type[D]) -> list[Shown[D]]:
+    """Those of a kind, which stand in the order of their first leaderboard, with their rank there before the name: by
+    it they are told apart where names are cut."""
+    listed = [(entry, entry.document) for entry in entries.get(kind.KIND, ())]
+    return [
+        Shown(f"({rank}) {entry.name}" if document.rank.reason else f"{rank}. {entry.name}", document, entry.place)
+        for rank, (entry, document) in enumerate(listed, start=1)
+        if isinstance(document, kind)
+    ]
 
 
 # What V consists of.
 
 
-def _ratios(runs: Mapping[str, Evaluation]) -> Plot:
-    rules = next(iter(runs.values())).results.rules
-    ratios = {label: tuple(_ratio(run, name) for name in rules.criteria) for label, run in runs.items()}
-    told = (f"{label}: {', '.join(map(number, values))}" for label, values in ratios.items())
-    high = _reaching(1.0, (value for values in ratios.values() for value in values))
+def _ratios(runs: Sequence[Shown[Evaluation]]) -> Plot:
+    rules = runs[0].document.results.rules
+    bars = tuple(
+        Bars(run.label, tuple(_ratio(run.document, name) for name in rules.criteria), hue(run.place)) for run in runs
+    )
+    told = (f"{one.name}: {', '.join(map(number, one.values))}" for one in bars)
+    high = _reaching(1.0, (value for one in bars for value in one.values))
     return Plot(
         "bars-chart",
         "Criteria relative to their targets",
         Axis(names=tuple(rules.criteria)),
         Axis("Value / target", high=high),
-        tuple(Bars(label, values, hue(place)) for place, (label, values) in enumerate(ratios.items())),
+        bars,
         (Level(1.0, "target"),),
         text=f"B1 to B7 relative to their targets. {'. '.join(told)}.",
     )
@@ -99,23 +107,60 @@ def _reaching(least: float, values: Iterator[float | None]) -> float | None:
     return 1.2 * least if max((value or 0.0 for value in values), default=0.0) < least else None
 
 
-def _stack(runs: Mapping[str, Evaluation]) -> Plot:
-    rules = next(iter(runs.values())).results.rules
-    colours: tuple[Colour, ...] = ("b1", "b2", "b3", "b4", "b5", "b6", "b7")
-    series = tuple(
-        Bars(name, tuple(run.results.criteria[name].share for run in runs.values()), colours[place % 7], "V")
-        for place, name in enumerate(rules.criteria)
+COLOURS: tuple[Colour, ...] = ("b1", "b2", "b3", "b4", "b5", "b6", "b7")
+"""Those of the criteria, which are areas."""
+
+
+def stack(runs: Sequence[Shown[Evaluation]], others: Sequence[Comparable]) -> Plot:
+    """V of every run, made up of the shares of the criteria; beside it, what a search of the same controller found, if
+    one is among ``others``."""
+    rules = runs[0].document.results.rules
+    searches = [_search(run.document, others) for run in runs]
+    card = [{name: run.document.criteria[name].share for name in rules.criteria} for run in runs]
+    found = [{} if search is None else _shares(search, rules) for search in searches]
+    told = (
+        f"{run.label}: V {number(run.document.cost)}{f', found {number(search.cost)}' if search else ''}"
+        for run, search in zip(runs, searches, strict=True)
     )
+    costs = [run.document.cost for run in runs], [None if search is None else search.cost for search in searches]
+    stacked = [_stacked("V", card, costs[0]), *([_stacked("found", found, costs[1])] if any(found) else [])]
+    beside = " Hatched: V found by a search, which the true worst case may exceed." if any(found) else ""
     return Plot(
         "stack-chart",
         "What V consists of",
-        Axis("V", high=_reaching(rules.cost.target, (run.cost for run in runs.values()))),
-        Axis(names=tuple(runs), inverse=True),
-        series,
+        Axis("V", high=_reaching(rules.cost.target, (cost for each in costs for cost in each))),
+        Axis(names=tuple(run.label for run in runs), inverse=True),
+        tuple(bars for each in stacked for bars in each),
         (Level(rules.cost.target, "target", upright=True),),
-        text="V of every run, made up of the shares of B1 to B7.",
-        height=36,
+        text=f"V of every run, made up of the shares of {', '.join(rules.criteria)}.{beside} {'. '.join(told)}.",
+        height=36 * len(stacked),
     )
+
+
+def _search(run: Evaluation, others: Sequence[Comparable]) -> Robustness | None:
+    """The first search of the run's controller that found a V."""
+    searches = (other for other in others if isinstance(other, Robustness) and other.cost is not None)
+    return next((search for search in searches if same_controller(search.head, run.head)), None)
+
+
+def _shares(search: Robustness, rules: Rules) -> Mapping[str, float | None]:
+    """The parts of V found, as those of a scorecard; of a search for some criteria, these alone."""
+    values = {name: search.criteria[name].value for name in rules.criteria if name in search.criteria}
+    return {
+        name: None if value is None else rules.criteria[name].weight * value / rules.criteria[name].target
+        for name, value in values.items()
+    }
+
+
+def _stacked(name: str, shares: Sequence[Mapping[str, float | None]], costs: Sequence[float | None]) -> list[Bars]:
+    """A stack of the shares of each run, with its V at the end."""
+    names = list(dict.fromkeys(criterion for each in shares for criterion in each))
+    bars = [
+        Bars(criterion, tuple(each.get(criterion) for each in shares), COLOURS[place % 7], name, hatched=name != "V")
+        for place, criterion in enumerate(names)
+    ]
+    ends = tuple("" if cost is None else number(cost) for cost in costs)
+    return [*bars[:-1], replace(bars[-1], labels=ends)]
 
 
 # What is known of V.
@@ -131,9 +176,10 @@ class Mark(NamedTuple):
 
 LOOKS: Mapping[str, tuple[str, Symbol, Colour]] = {
     "scorecard": ("scorecard", "circle", "soft"),
-    "sampled": ("sampled: at most, for nearly all draws", "left", "two"),
-    "found": ("found: at least, in the worst case", "right", "one"),
+    "sampled": ("sampled: at most, for nearly all draws", "left", "ink"),
+    "found": ("found: at least, in the worst case", "right", "ink"),
 }
+"""By kind. No colour is that of a controller."""
 
 
 def bounds(everything: Sequence[tuple[str, Comparable]]) -> list[tuple[str, Comparable, list[Mark]]]:
@@ -191,31 +237,26 @@ def _bounds(rows: Sequence[tuple[str, Comparable, list[Mark]]]) -> Plot:
 # Worst cases laid over each other.
 
 
-def _overlay(runs: Mapping[str, Evaluation]) -> Part:
-    rules = next(iter(runs.values())).results.rules
+def _overlay(runs: Sequence[Shown[Evaluation]]) -> Part:
+    rules = runs[0].document.results.rules
     options = []
     for name in ("B5", "B6", "B7"):
-        shown = {label: next(reversed(run.recorded(name)), None) for label, run in runs.items()}
-        if any(shown.values()):
-            options.append((f"{name}, {rules.criteria[name].title.lower()}", _worst(name, rules, runs, shown)))
+        recorded = [(run, next(reversed(run.document.recorded(name)), None)) for run in runs]
+        shown = [(run, entry) for run, entry in recorded if entry is not None]
+        if shown:
+            options.append((f"{name}, {rules.criteria[name].title.lower()}", _worst(name, rules, shown)))
     return Choice("which", "Worst case of", tuple(options)) if options else Note(
         "These runs were made without trajectories."
     )  # fmt: skip
 
 
-def _worst(
-    name: str, rules: Rules, runs: Mapping[str, Evaluation], shown: Mapping[str, Recording | None]
-) -> tuple[Part, ...]:
+def _worst(name: str, rules: Rules, shown: Sequence[tuple[Shown[Evaluation], Recording]]) -> tuple[Part, ...]:
     """The worst case of one criterion of all runs: errors, torques, and commands."""
-    curves = [
-        Curve(label, shortened(entry, CURVE_ROWS), hue(place), dash=dash(place))
-        for place, (label, entry) in enumerate(shown.items())
-        if entry is not None
-    ]
-    entries = {label: entry for label, entry in shown.items() if entry is not None}
-    longest = max(entries.values(), key=lambda entry: entry.about.time)
-    window = _window(name, rules, longest, list(entries.values()))
-    told = ", ".join(f"{label} in {entry.about.id}" for label, entry in entries.items())
+    curves = [curve(run, shortened(entry, CURVE_ROWS)) for run, entry in shown]
+    entries = [entry for _, entry in shown]
+    longest = max(entries, key=lambda entry: entry.about.time)
+    window = _window(name, rules, longest, entries)
+    told = ", ".join(f"{run.label} in {entry.about.id}" for run, entry in shown)
     id = f"overlay-{name}"
     error = case_plots.errors(
         f"{id}-error",
@@ -231,10 +272,14 @@ def _worst(
     )
     torques = (_torques(id, curves, axis, rules, window) for axis in (1, 2))
     commands = (
-        (f"{label}: {entry.about.id}", recording_command(runs[label].results.head, entry.about))
-        for label, entry in entries.items()
+        (f"{run.label}: {entry.about.id}", recording_command(run.document.head, entry.about)) for run, entry in shown
     )
     return error, *torques, Commands("repeat these cases", tuple(commands))
+
+
+def curve(of: Shown[D], entry: Recording) -> Curve:
+    """A recording, as its controller looks."""
+    return Curve(of.label, entry, hue(of.place), dash=dash(of.place))
 
 
 def _window(name: str, rules: Rules, longest: Recording, entries: Sequence[Recording]) -> Window:
@@ -259,15 +304,11 @@ def _torques(id: str, curves: Sequence[Curve], axis: int, rules: Rules, window: 
 # Several seeds.
 
 
-def seeds(spreads: Mapping[str, Spread], looks: Mapping[str, int]) -> Plot:
-    """Mean and standard deviation of V and the criteria over the seeds, relative to their targets, of controllers that
-    ``looks`` numbers."""
-    rules = next(iter(spreads.values())).rules
+def seeds(spreads: Sequence[Shown[Spread]]) -> Plot:
+    """Mean and standard deviation of V and the criteria over the seeds, relative to their targets."""
+    rules = spreads[0].document.rules
     targets = {"V": rules.cost.target} | {name: spec.target for name, spec in rules.criteria.items()}
-    series = tuple(
-        _seeds(label, spread, targets, looks[label], offset(place, len(spreads)))
-        for place, (label, spread) in enumerate(spreads.items())
-    )
+    series = tuple(_seeds(shown, targets, offset(number, len(spreads))) for number, shown in enumerate(spreads))
     told = (f"{points.name}: {', '.join(points.words)}" for points in series)
     return Plot(
         "seeds-chart",
@@ -280,9 +321,9 @@ def seeds(spreads: Mapping[str, Spread], looks: Mapping[str, int]) -> Plot:
     )
 
 
-def _seeds(label: str, spread: Spread, targets: Mapping[str, float], look: int, shift: float) -> Scatter:
+def _seeds(of: Shown[Spread], targets: Mapping[str, float], shift: float) -> Scatter:
     """The points of one controller, beside those of the others."""
-    values: Mapping[str, Statistic] = {"V": spread.cost, **spread.criteria}
+    values: Mapping[str, Statistic] = {"V": of.document.cost, **of.document.criteria}
     shown = [(at, name, values[name]) for at, name in enumerate(targets) if values[name].mean is not None]
     means = [(value.mean or 0.0) / targets[name] for _, name, value in shown]
     deviations = tuple((value.deviation or 0.0) / targets[name] for _, name, value in shown)
@@ -291,14 +332,9 @@ def _seeds(label: str, spread: Spread, targets: Mapping[str, float], look: int, 
         for (_, name, _), mean, deviation in zip(shown, means, deviations, strict=True)
     )
     x = [at + shift for at, _, _ in shown]
-    return Scatter(label, x, means, hue(look), shape(look), 7.0, tuple(words), deviations)
+    return Scatter(of.label, x, means, hue(of.place), shape(of.place), 7.0, tuple(words), deviations)
 
 
 def offset(place: int, count: int) -> float:
     """Where a controller stands beside the others."""
     return SPAN * ((place + 0.5) / count - 0.5)
-
-
-def shape(place: int) -> Symbol:
-    """The symbol of a controller: another one where colours repeat themselves."""
-    return SHAPES[(place + place // len(SHAPES)) % len(SHAPES)]

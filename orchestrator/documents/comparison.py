@@ -15,27 +15,12 @@ from ..text import shortened
 from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, VerdictCell, shown
 from ..views.table import plain as number_in
 from . import compare_page
-from .comparability import Conditions, conditions
+from .comparability import Conditions, Entry, conditions, same_fmu
 from .document import Comparable, Displayable, Row
 from .evaluation import Evaluation
 from .head import ControllerRecord
 from .spread import Spread
 from .wording import SEED_MATTERS
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A document with the name it is listed under, and what is shown of it."""
-
-    name: str
-    document: Comparable
-    folder: Path | None
-    row: Row
-
-    @property
-    def cost(self) -> float | None:
-        """V, if it counts, that is if every case of the protocol was simulated."""
-        return None if self.document.rank.reason else self.document.V
 
 
 @dataclass(frozen=True)
@@ -113,10 +98,9 @@ class Comparison(Displayable, Sequence[Group]):
         return self.groups[place]
 
     @property
-    def named(self) -> dict[str, list[tuple[str, Comparable]]]:
-        """The documents of the first group of each kind, with their names: what charts and figures show."""
-        first = {group.kind: group for group in reversed(self.groups)}
-        return {kind: [(entry.name, entry.document) for entry in group.entries] for kind, group in first.items()}
+    def first(self) -> dict[str, tuple[Entry, ...]]:
+        """The documents of the first group of each kind: what charts and figures show."""
+        return {group.kind: group.entries for group in reversed(self.groups)}
 
     def summary(self) -> Summary:
         """A table for each group."""
@@ -127,10 +111,10 @@ class Comparison(Displayable, Sequence[Group]):
 
     def page(self) -> Page:
         """The tables, and charts of the first group of each kind."""
-        summary, named = self.summary(), self.named
+        summary = self.summary()
         listed = (entry.document for group in self.groups for entry in group.entries)
         everything = [(_controller(document.head.controller), document) for document in listed]
-        panels = (Panel("leaderboard", "Leaderboard", summary.parts), *compare_page.panels(named, everything))
+        panels = (Panel("leaderboard", "Leaderboard", summary.parts), *compare_page.panels(self.first, everything))
         return Page(summary.title, summary.kicker, panels)
 
     def document(self) -> dict[str, Any]:
@@ -156,15 +140,18 @@ def compare(documents: Iterable[Comparable]) -> Comparison:
 def grouped(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
     """The documents in groups, those of one kind together, and of each kind the largest group first."""
     listed = names([(document.head.controller, folder) for document, folder in documents])
+    controllers = places([document.head.controller for document, _ in documents])
+    firsts = [controllers.index(place) for place in range(len(set(controllers)))]
+    titles = names([(documents[first][0].head.controller, documents[first][1]) for first in firsts])
     everything = [(name, document) for name, (document, _) in zip(listed, documents, strict=True)]
     groups: dict[str, list[tuple[Conditions, list[Entry]]]] = {Evaluation.KIND: [], Spread.KIND: []}  # these first
-    for name, (document, folder) in zip(listed, documents, strict=True):
+    for name, place, (document, folder) in zip(listed, controllers, documents, strict=True):
         of_kind, setup = groups.setdefault(document.KIND, []), conditions(document.head)
         there = next((entries for common, entries in of_kind if common == setup), None)
         if there is None:
             of_kind.append((setup, there := []))
         first = there[0].document if there else None
-        there.append(Entry(name, document, folder, document.row(first, everything)))
+        there.append(Entry(name, document, folder, document.row(first, everything), place, titles[place]))
     ordered = []
     for kind, of_kind in groups.items():
         of_kind.sort(key=lambda group: len(group[1]), reverse=True)
@@ -174,6 +161,15 @@ def grouped(documents: Sequence[tuple[Comparable, Path | None]]) -> Comparison:
             unranked = tuple((entry, rank.reason) for entry, rank in ranks if rank.reason)
             ordered.append(Group(kind, common, tuple(e for e, _ in ranked), unranked, common.difference(of_kind[0][0])))
     return Comparison(tuple(ordered))
+
+
+def places(controllers: Sequence[ControllerRecord]) -> list[int]:
+    """The place of each controller among the different ones, in the order in which they are given."""
+    different: list[ControllerRecord] = []
+    for one in controllers:
+        if not any(same_fmu(one, other) for other in different):
+            different.append(one)
+    return [next(place for place, other in enumerate(different) if same_fmu(one, other)) for one in controllers]
 
 
 def names(listed: Sequence[tuple[ControllerRecord, Path | None]]) -> list[str]:

@@ -1,167 +1,398 @@
-"""Figures over several controllers, for a paper: PDF and SVG (and PNG) in the widths of a journal's columns."""
+"""Figures over several controllers for a paper: PDF, SVG and PNG in the widths of its columns, and their captions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 from matplotlib.figure import Figure
 
 from ..search.findings import Margin
 from ..views import drawing
-from ..views.plot import Axis, Level, Line, Plot, Scatter, Window, dash, hue
-from ..views.units import MILLISECOND, NONE, number
+from ..views.export import latex_text
+from ..views.plot import Axis, Bars, Level, Line, Plot, Scatter, Window, hue, shape
+from ..views.units import MILLIMETRE, MILLISECOND, NONE, SECOND, TORQUE, number
 from . import case_plots, compare_page
-from .case_plots import Curve
-from .comparability import same_controller
-from .document import Comparable
+from .comparability import Entry, same_controller
+from .compare_page import D, Entries, Shown
 from .evaluation import Evaluation
 from .figures import window, write_drawn
+from .files import write_text
+from .head import Head
 from .recording import EXAMPLE, Recording, part_of
 from .robustness import Robustness
 from .spread import Spread
+from .wording import seed_words
 
-MM = 1 / 25.4
-ONE_COLUMN, TWO_COLUMNS = 88 * MM, 180 * MM
-"""Widths of a figure [inch]."""
+CAPTIONS = "figures.tex"
+"""The figures as LaTeX, with captions."""
 
-LONGEST = 34
-"""Characters of a name in a legend."""
+LONGEST, BESIDE = 34, 17
+"""Characters of a name in a legend, and of a line of it beside an axis."""
 
-Looks = Mapping[str, int]
-"""The number of each controller, by which it looks the same in all figures."""
+ERROR, TORQUES = 1.35, 1.05
+"""Heights of a row [inch]: of errors, and of a torque."""
+
+EDGES, BAR, LINE = 0.6, 0.17, 0.16
+"""Heights [inch]: of what stands above and below plots, of a bar, and of a line of a legend."""
+
+END = 3.0
+"""Time [s] at the end of a case that is judged by it."""
+
+THIN = 1.0
+"""Width of a curve [pixel]: many lie over each other."""
+
+Columns = Literal[1, 2]
+
+Recorded = Sequence[tuple[Entry, Recording]]
+"""A case of several runs."""
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What figures are drawn for: the ``widths`` [inch] of one column of text and of two, by default the IEEE's, and
+    how many ``columns`` all figures are to span, if not what suits each."""
+
+    widths: tuple[float, float] = (3.5, 7.16)
+    columns: Columns | None = None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A figure: the ``name`` of its files, its plots, the ``columns`` of text that it spans, its ``height`` without the
+    legend [inch] and its ``caption``."""
+
+    name: str
+    rows: Sequence[Sequence[Plot]]
+    columns: Columns
+    height: float
+    caption: str
+    titles: bool = False
+    common: bool = False
 
 
 def write_comparison(
-    named: Mapping[str, Sequence[tuple[str, Comparable]]], folder: Path
+    entries: Entries, folder: Path, paper: Paper | None = None, cases: Mapping[str, Recorded] | None = None
 ) -> tuple[list[str], list[str]]:
-    """Write all figures of the documents, with their names by kind, that there are data for into ``folder``, which is
-    created.
+    """Write all figures that there are data for, and those of the ``cases`` by their names, into ``folder``, which is
+    created, with their captions as LaTeX.
 
-    Returns the names of the figures written, without endings, and of the others.
+    Returns the names of the files written, those of figures without endings, and of what there are no data for.
     """
-    listed = [(_short(name), document) for entries in named.values() for name, document in entries]
-    looks = {name: place for place, name in enumerate(dict.fromkeys(name for name, _ in listed))}
-    runs = {name: document for name, document in listed if isinstance(document, Evaluation)}
-    spreads = {name: document for name, document in listed if isinstance(document, Spread)}
-    searches = {name: document for name, document in listed if isinstance(document, Robustness)}
+    chosen = paper or Paper()
+    listed = sheets(entries, chosen.columns, cases or {})
+    made = [sheet for found in listed.values() for sheet in found]
     drawings: Mapping[str, Callable[[], Figure | None]] = {
-        "comparison_time": partial(over_time, runs, looks),
-        "comparison_radius": partial(radii, searches, [*runs.values(), *spreads.values()], looks),
-        "comparison_seeds": partial(seeds, spreads, looks),
-        "comparison_margins": partial(margins, searches, looks),
+        sheet.name: partial(drawn, sheet, chosen.widths) for sheet in made
     }
-    return write_drawn(drawings, folder)
+    written, _ = write_drawn(drawings, folder)
+    write_text(folder / CAPTIONS, captions(made))
+    return [*written, CAPTIONS], [name for name, found in listed.items() if not found]
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
+def drawn(sheet: Sheet, widths: tuple[float, float]) -> Figure:
+    """The figure."""
+    width = widths[sheet.columns - 1]
+    first = sheet.rows[0][0]
+    names = list(dict.fromkeys(one.name for one in (*first.series, *first.levels) if one.name))
+    lines = math.ceil(len(names) / drawing.legend_columns(names, width)) if names else 0
+    size = width, sheet.height + LINE * lines
+    return drawing.figure(sheet.rows, size, titles=sheet.titles, common=sheet.common)
 
 
-def over_time(runs: Mapping[str, Evaluation], looks: Looks) -> Figure | None:
-    """Figures 10 and 9 side by side: TCP error [mm] and torques [Nm] over time [s], due to the chirp and the force."""
-    shown = {name: next(iter(run.recorded(EXAMPLE)), None) for name, run in runs.items()}
-    entries = {name: entry for name, entry in shown.items() if entry is not None}
-    if not entries:
-        return None
-    columns = [_column(criterion, entries, runs, looks) for criterion in ("B7", "B5")]
-    rows = list(zip(*columns, strict=True))
-    return drawing.figure(rows, (TWO_COLUMNS, 105 * MM), titles=True, common=True)
-
-
-def _column(
-    criterion: str, entries: Mapping[str, Recording], runs: Mapping[str, Evaluation], looks: Looks
-) -> tuple[Plot, ...]:
-    """Error and torques in the part of a case that a criterion is measured in."""
-    rules = next(iter(runs.values())).results.rules
-    part = window(next(iter(entries.values())), criterion)
-    curves = [
-        Curve(name, part_of(entry, *part), hue(looks[name]), dash=dash(looks[name])) for name, entry in entries.items()
+def sheets(entries: Entries, columns: Columns | None, cases: Mapping[str, Recorded]) -> dict[str, list[Sheet]]:
+    """The figures by what they show; those that there are no data for are empty."""
+    runs, spreads = labelled(entries, Evaluation), labelled(entries, Spread)
+    searches = labelled(entries, Robustness)
+    examples = [
+        (entry, recording)
+        for entry in entries.get(Evaluation.KIND, ())
+        if isinstance(entry.document, Evaluation)
+        for recording in entry.document.recorded(EXAMPLE)[:1]
     ]
-    shown = Window("", part)
-    error = case_plots.errors(criterion, "", curves, rules, shown, text=criterion, of=curves[0].recording, group="time")
-    levels = tuple(replace(level, name="") for level in error.levels if level.name.startswith(criterion))
-    target = number(rules.criteria[criterion].target, 1e3)
-    title = f"{'Force' if criterion == 'B5' else 'Chirp'} (target {criterion}: {target} mm)"
+    return {
+        "V_by_criteria": parts_of_cost(runs, searches, columns or 1),
+        "time_example": over_time("time_example", examples, columns or 2),
+        "V_and_tolerances": radii(searches, [*runs, *spreads], columns or 1),
+        "V_and_criteria_over_seeds": seeds(spreads, columns or 1),
+        "margins_of_gain_and_delay": margins(searches, columns or 2),
+        # LaTeX takes what follows the first dot of a name for its ending.
+        **{
+            (name := f"time_{id.replace('.', '-')}"): over_time(name, recorded, columns or 2)
+            for id, recorded in cases.items()
+        },
+    }
+
+
+def labelled(entries: Entries, kind: type[D]) -> list[Shown[D]]:
+    """Those of a kind with names that fit into a legend: the controller's, if there is no other of it."""
+    listed = [(entry, entry.document) for entry in entries.get(kind.KIND, ())]
+    names = _names([entry for entry, _ in listed])
+    return [
+        Shown(name, document, entry.place)
+        for name, (entry, document) in zip(names, listed, strict=True)
+        if isinstance(document, kind)
+    ]
+
+
+def _names(entries: Sequence[Entry]) -> list[str]:
+    counts = Counter(entry.controller for entry in entries)
+    names = [entry.controller if counts[entry.controller] == 1 else entry.name for entry in entries]
+    short = [name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names]
+    cut = Counter(short)
+    return [name if cut[name] == 1 else f"{place}. {name}" for place, name in enumerate(short, start=1)]
+
+
+# The figures.
+
+
+def parts_of_cost(
+    runs: Sequence[Shown[Evaluation]], searches: Sequence[Shown[Robustness]], columns: Columns
+) -> list[Sheet]:
+    """V by criteria, one bar for each controller, and V found beside it."""
+    if not runs:
+        return []
+    narrow = [replace(run, label="\n".join(textwrap.wrap(run.label, BESIDE)) or run.label) for run in runs]
+    plot = compare_page.stack(narrow, [search.document for search in searches])
+    stacks = {bars.stack for bars in plot.series if isinstance(bars, Bars)}
+    head, target = runs[0].document.head, runs[0].document.head.rules.cost.target
+    caption = f"V of eq. (15), made up of the shares of {_span(list(head.rules.criteria))} ({_conditions(head)}). "
+    caption += f"Dashed: V of a controller that meets all targets, {target:g}."
+    if len(stacks) > 1:
+        caption += " Hatched: V that a search for worst cases found, which the true worst case may exceed."
+    lines = max(run.label.count("\n") + 1 for run in narrow)
+    height = EDGES + len(runs) * BAR * max(1.5 * len(stacks), lines)
+    return [Sheet("V_by_criteria", [[plot]], columns, height, caption)]
+
+
+class Stretch(NamedTuple):
+    """A part of a case that is shown: in words, the time [s], and the beginning of the names of its levels."""
+
+    name: str
+    words: str
+    time: tuple[float, float]
+    levels: str
+
+
+def over_time(name: str, recorded: Recorded, columns: Columns) -> list[Sheet]:
+    """TCP error and torques over time in a case of several runs, as in Figures 9 to 12; in one column, a figure for
+    each part of the case."""
+    stretches = _stretches(recorded) if recorded else []
+    parts = [(stretch, plots) for stretch in stretches if (plots := _column(recorded, stretch))]
+    if not parts:
+        return []
+    height = EDGES + ERROR + 2 * TORQUES
+    if columns == 2:
+        rows = list(zip(*(plots for _, plots in parts), strict=True))
+        told = _time_caption(recorded, [stretch for stretch, _ in parts])
+        return [Sheet(name, rows, columns, height, told, titles=True, common=True)]
+    return [
+        Sheet(
+            f"{name}_{stretch.name}",
+            [[plot] for plot in plots],
+            columns,
+            height,
+            _time_caption(recorded, [stretch]),
+            titles=True,
+            common=True,
+        )
+        for stretch, plots in parts
+    ]
+
+
+def _stretches(recorded: Recorded) -> list[Stretch]:
+    """What a case is to be seen in: chirp and force, or what follows the force in a test that is judged at its end."""
+    entry, rules = recorded[0][1], recorded[0][0].document.head.rules
+    about = entry.about
+    if not case_plots.pulsed(entry):
+        return [Stretch("whole", "whole case", (0.0, about.duration), "none")]
+    force = Stretch("force", f"force of {math.hypot(*about.force):g} N", window(entry, "B5"), "B5")
+    if any("B7" in test.criteria for test in rules.tests if test.name == about.test):
+        return [Stretch("chirp", "chirp", window(entry, "B7"), "B7"), force]
+    end = (about.duration - END, about.duration)
+    return [force, Stretch("end", f"last {END:g} s", end, "none")]
+
+
+def _column(recorded: Recorded, stretch: Stretch) -> tuple[Plot, ...]:
+    """Error and both torques of one part of a case, below each other; none if all ended before it."""
+    rules = recorded[0][0].document.head.rules
+    names = _names([entry for entry, _ in recorded])
+    curves = [
+        compare_page.curve(Shown(name, entry.document, entry.place), part_of(recording, *stretch.time))._replace(
+            width=THIN
+        )
+        for name, (entry, recording) in zip(names, recorded, strict=True)
+    ]
+    if not any(len(curve.recording.motion) for curve in curves):
+        return ()
+    shown = Window("", stretch.time)
+    whole = recorded[0][1]
+    of = whole if case_plots.pulsed(whole) else None
+    error = case_plots.errors(stretch.name, "", curves, rules, shown, text=stretch.words, of=of, group="time")
+    levels = tuple(replace(level, name="") for level in error.levels if level.name.startswith(stretch.levels))
     torques = (
-        replace(plot, y=Axis(f"Torque u_m{axis}", plot.y.unit), levels=())
+        replace(plot, title="", y=Axis(f"Torque u_m{axis}", plot.y.unit), levels=())
         for axis, limit in enumerate(rules.torque_limit, start=1)
-        for plot in (case_plots.torques("torque", "", curves, axis, limit, shown, text=criterion, group="time"),)
+        for plot in (case_plots.torques("torque", "", curves, axis, limit, shown, text="torque", group="time"),)
     )
+    title = stretch.words[:1].upper() + stretch.words[1:]
     return replace(error, title=title, y=replace(error.y, title="TCP error"), levels=levels), *torques
 
 
-def radii(searches: Mapping[str, Robustness], cards: Sequence[Evaluation | Spread], looks: Looks) -> Figure | None:
+def _time_caption(recorded: Recorded, stretches: Sequence[Stretch]) -> str:
+    entry, recording = recorded[0]
+    about, rules = recording.about, entry.document.head.rules
+    system = "nominal system" if about.system == "nominal" else f"system {about.system}"
+    words = f"TCP position error [{MILLIMETRE.shown}] and motor torques [{TORQUE.shown}] over time [{SECOND.shown}]: "
+    words += " and ".join(f"{stretch.words}{side}" for stretch, side in zip(stretches, _sides(stretches), strict=True))
+    case = f"Case {about.id}" if about.configuration >= 0 else "Example"
+    words += f". {case}: {system}, link angles {case_plots.pose_words(about.q_a)}"
+    words += f" ({_conditions(entry.document.head)})."
+    dashed = [
+        f"{stretch.levels} ({number(rules.criteria[stretch.levels].target, MILLIMETRE.factor)} {MILLIMETRE.shown})"
+        for stretch in stretches
+        if stretch.levels in rules.criteria
+    ]
+    return words + (f" Dashed: the target of {' and of '.join(dashed)}." if dashed else "")
+
+
+def _sides(stretches: Sequence[Stretch]) -> Sequence[str]:
+    return (" (left)", " (right)") if len(stretches) == 2 else [""] * len(stretches)
+
+
+def radii(
+    searches: Sequence[Shown[Robustness]], cards: Sequence[Shown[Evaluation] | Shown[Spread]], columns: Columns
+) -> list[Sheet]:
     """V over the factor on the tolerances of Table 1 at which A1 to A3 fail: right and low is better. A line leads from
     V of the scorecard to V that the search found."""
-    series = [one for name, search in searches.items() for one in _radius(name, search, cards, looks[name])]
+    series = [one for search in searches for one in _radius(search, cards)]
     if not series:
-        return None
-    target = next(iter(searches.values())).rules.cost.target
-    x = Axis("Tolerances at which A1-A3 fail / Table 1 (▸: none found, ◂: or below)")
-    y = Axis("V (open: scorecard, filled: found)")
-    levels = Level(target, ""), Level(1.0, "", upright=True)
-    return drawing.figure(Plot("radius", "", x, y, tuple(series), levels), (ONE_COLUMN, 70 * MM))
-
-
-def _radius(name: str, search: Robustness, cards: Sequence[Evaluation | Spread], look: int) -> list[Line | Scatter]:
-    radius = search.radius
-    if radius is None:
         return []
-    card = next((other.V for other in cards if same_controller(other.head, search.head)), None)
+    target = searches[0].document.rules.cost.target
+    plot = Plot(
+        "radius",
+        "",
+        Axis("Tolerances at which A1-A3 fail / Table 1"),
+        Axis("V"),
+        tuple(series),
+        (Level(target, ""), Level(1.0, "", upright=True)),
+    )
+    caption = "V of the scorecard (open) and V that a search for worst cases found (filled), over the factor on the "
+    caption += "tolerances of Table 1 at which A1 to A3 fail. A symbol that points to the right: no failure was found "
+    caption += f"up to there; to the left: there or below. Dashed: V of {target:g} and the tolerances of Table 1."
+    return [Sheet("V_and_tolerances", [[plot]], columns, 2.4, caption)]
+
+
+def _radius(shown: Shown[Robustness], cards: Sequence[Shown[Evaluation] | Shown[Spread]]) -> Iterator[Line | Scatter]:
+    search, radius, look = shown.document, shown.document.radius, hue(shown.place)
+    if radius is None:
+        return
+    card = next((other.document.V for other in cards if same_controller(other.document.head, search.head)), None)
     at = radius.limit if radius.stability is None else radius.stability
-    symbol = compare_page.shape(look) if radius.stability_refined else "left"
+    symbol = shape(shown.place) if radius.stability_refined else "left"
     if radius.stability is None:
         symbol = "right"
     values = [value for value in (card, search.cost) if value is not None]
-    points: list[Line | Scatter] = [Line("", [at] * len(values), values, hue(look))]
+    yield Line("", [at] * len(values), values, look)
     if card is not None:
-        points.append(Scatter(name if search.cost is None else "", [at], [card], hue(look), symbol, 10.0, hollow=True))
+        name = shown.label if search.cost is None else ""
+        yield Scatter(name, [at], [card], look, symbol, 10.0, hollow=True)
     if search.cost is not None:
-        points.append(Scatter(name, [at], [search.cost], hue(look), symbol, 10.0))
-    return points
+        yield Scatter(shown.label, [at], [search.cost], look, symbol, 10.0)
 
 
-def seeds(spreads: Mapping[str, Spread], looks: Looks) -> Figure | None:
+def seeds(spreads: Sequence[Shown[Spread]], columns: Columns) -> list[Sheet]:
     """V and the criteria relative to their targets: mean and standard deviation over the seeds."""
     if not spreads:
-        return None
-    return drawing.figure(compare_page.seeds(spreads, looks), (ONE_COLUMN, 65 * MM))
+        return []
+    document = spreads[0].document
+    names = _span(list(document.rules.criteria))
+    caption = f"V and {names} relative to their targets, mean and standard deviation over seeds "
+    caption += f"({_conditions(document.head)}). Dashed: the targets."
+    return [Sheet("V_and_criteria_over_seeds", [[compare_page.seeds(spreads)]], columns, 2.3, caption)]
 
 
-def margins(searches: Mapping[str, Robustness], looks: Looks) -> Figure | None:
+def margins(searches: Sequence[Shown[Robustness]], columns: Columns) -> list[Sheet]:
     """The smallest gain factors and delays [ms] found to fail, of both axes, beside what A1 and A2 ask for."""
-    entries = {name: search for name, search in searches.items() if search.margins}
-    if not entries:
-        return None
-    tests = next(iter(entries.values())).rules.tests
+    shown = [search for search in searches if search.document.margins]
+    if not shown:
+        return []
+    tests = shown[0].document.rules.tests
     gain, delay = max(test.gain for test in tests), max(test.delay for test in tests)
-    none = " (▸: none found up to there, ◂: there or below)"
     plots = [
-        _margins("gain", Axis(f"Factor of the loop gain{none}", NONE, logarithmic=True), gain, entries, looks),
-        _margins("delay", Axis(f"Additional delay{none}", MILLISECOND), delay, entries, looks),
+        _margins("gain", Axis("Factor of the loop gain", NONE, logarithmic=True), gain, shown),
+        _margins("delay", Axis("Additional delay", MILLISECOND), delay, shown),
     ]
-    return drawing.figure([plots], (TWO_COLUMNS, 60 * MM), common=True)
+    caption = f"Smallest factors of the loop gain and additional delays [{MILLISECOND.shown}] of an axis that a search "
+    caption += "found to fail. A symbol that points to the right: no failure was found up to there; to the left: there "
+    caption += f"or below. Dashed: what A1 and A2 ask for, {number(gain)} and {number(delay, MILLISECOND.factor)} ms."
+    rows = [plots] if columns == 2 else [[plot] for plot in plots]
+    return [Sheet("margins_of_gain_and_delay", rows, columns, 2.1 * len(rows), caption, common=True)]
 
 
-def _margins(kind: str, x: Axis, asked: float, entries: Mapping[str, Robustness], looks: Looks) -> Plot:
-    series = []
-    for place, (name, search) in enumerate(entries.items()):
-        for axis in (1, 2):
-            margin = search.margins.get(f"{kind}_{axis}", None)
-            series.append(_margin(name, margin, axis - 1 + compare_page.offset(place, len(entries)), looks[name]))
+def _margins(kind: str, x: Axis, asked: float, shown: Sequence[Shown[Robustness]]) -> Plot:
+    series = tuple(
+        _margin(
+            one,
+            one.document.margins.get(f"{kind}_{axis}", None),
+            axis - 1 + compare_page.offset(number, len(shown)),
+        )
+        for number, one in enumerate(shown)
+        for axis in (1, 2)
+    )
     names = Axis(names=("axis 1", "axis 2"), inverse=True)
-    level = Level(asked, "asked for", upright=True)
-    return Plot(kind, "", x, names, tuple(series), (level,))
+    return Plot(kind, "", x, names, series, (Level(asked, "asked for", upright=True),))
 
 
-def _margin(name: str, margin: Margin | None, place: float, look: int) -> Scatter:
+def _margin(of: Shown[Robustness], margin: Margin | None, at: float) -> Scatter:
     """One margin; none is an entry of the legend alone."""
-    symbol = compare_page.shape(look)
+    look, symbol = hue(of.place), shape(of.place)
     if margin is None:
-        return Scatter(name, [], [], hue(look), symbol)
+        return Scatter(of.label, [], [], look, symbol)
     if margin.value is None:
-        return Scatter(name, [margin.limit], [place], hue(look), "right")
-    return Scatter(name, [margin.value], [place], hue(look), symbol if margin.refined else "left")
+        return Scatter(of.label, [margin.limit], [at], look, "right")
+    return Scatter(of.label, [margin.value], [at], look, symbol if margin.refined else "left")
+
+
+# Captions.
+
+
+def captions(made: Sequence[Sheet]) -> str:
+    r"""The figures as LaTeX: ``figure*`` spans both columns of a document that has two, and is ``figure`` elsewhere."""
+    return "\n".join([HEADER, *(FIGURE % _fields(sheet) for sheet in made)])
+
+
+HEADER = r"""% In the preamble: \usepackage{graphicx}, and \graphicspath{{FOLDER/}} with the folder of the figures.
+% A figure has its own size, at which its text has 8 pt; where it is wider than the text, it is scaled down to that.
+\providecommand{\fittedgraphics}[1]{%
+  \setbox0\hbox{\includegraphics{#1}}%
+  \ifdim\wd0>\linewidth\includegraphics[width=\linewidth]{#1}\else\box0\fi}
+"""
+
+FIGURE = r"""\begin{figure%(star)s}
+  \centering
+  \fittedgraphics{%(name)s.pdf}
+  \caption{%(caption)s}
+  \label{fig:%(label)s}
+\end{figure%(star)s}
+"""
+
+
+def _fields(sheet: Sheet) -> Mapping[str, str]:
+    star = "*" if sheet.columns == 2 else ""
+    label = sheet.name.replace("_", "-")
+    return {"star": star, "name": sheet.name, "caption": latex_text(sheet.caption), "label": label}
+
+
+def _span(names: Sequence[str]) -> str:
+    return f"{names[0]} to {names[-1]}" if len(names) > 1 else "".join(names)
+
+
+def _conditions(head: Head) -> str:
+    return f"protocol {head.protocol}, {seed_words(head)}"

@@ -18,7 +18,7 @@ from ..benchmark.case import Case
 from ..benchmark.cases import NOISE, seed_words
 from ..benchmark.protocol import Protocol
 from ..codec import plain
-from ..views.plot import Axis, Band, Level, Line, Plot, Window
+from ..views.plot import Axis, Band, Level, Line, Plot, Window, dash, hue
 from ..views.units import MILLIMETRE, SECOND, TORQUE
 from .flat_case import flat_case
 
@@ -148,7 +148,11 @@ def _other(values: Mapping[str, float], first: Mapping[str, float]) -> dict[str,
 
 def playground_plots(protocol: Protocol) -> tuple[Plot, ...]:
     """Error and torques over time, empty: the page's script puts the curves in."""
-    time, lines = Axis("Time", SECOND), (Line("chosen", (), (), "one", above=True), Line("beside", (), (), "two"))
+    time = Axis("Time", SECOND)
+    # As two controllers look in a comparison.
+    lines = tuple(
+        Line(name, (), (), hue(place), dash(place), above=not place) for place, name in enumerate(("chosen", "beside"))
+    )
     rules, settled, target = protocol.disturbance, protocol.settling.error, protocol.criteria["B5"].target
     after = (rules.t_1 - 1.0, rules.t_2 + 5.0)
     shown = (

@@ -109,6 +109,7 @@ class TimingRecord(Struct, frozen=True):
 def prepare() -> None:
     """Import and compile everything a simulation needs, so that no worker has to."""
     from ..benchmark import one_pass
+    from ..fmi import symbols
     from ..loop.closed_loop import warm_up
 
     for module in ("orchestrator.loop.master", "fmpy.validation"):
@@ -118,6 +119,7 @@ def prepare() -> None:
             unpack(b"", task)  # what its fields are is found out at the first time
     warm_up()
     one_pass.warm_up()
+    symbols.of_the_program()
 
 
 def judge_case(plant: Slave, controller: Slave, packed: bytes) -> bytes:

@@ -25,7 +25,9 @@ STYLE: Any = {
     "grid.alpha": 0.3,
     # Some publishers refuse the fonts of type 3 that Matplotlib embeds otherwise.
     "pdf.fonttype": 42,
+    # Text stays text, to be searched and edited; for what must look the same everywhere there is the PDF.
     "svg.fonttype": "none",
+    "hatch.linewidth": 0.5,
     # Else the ids in a file are drawn at random, and equal figures have other bytes.
     "svg.hashsalt": "flexible-manipulator",
 }
@@ -48,7 +50,7 @@ MARKERS: Mapping[Symbol, str] = {
 
 HOLLOW: frozenset[Symbol] = frozenset({"ring", "frame"})
 
-DASHES: Mapping[str, Any] = {"solid": "solid", "dashed": "--", "dotted": (0, (1, 1))}
+DASHES: Mapping[str, Any] = {"solid": "solid", "dashed": "--", "dotted": (0, (1, 1)), "dashdot": "-."}
 
 POINTS = 0.57
 """Points on paper for a pixel of a page."""
@@ -59,8 +61,11 @@ DECADES = 100.0
 MOST_NUMBERS = 120
 """Cells of a map that have room for a number each."""
 
-LONGEST = 28
-"""Characters of a name of which two stand beside each other above a plot."""
+LETTER, HANDLE = 0.56, 4.0
+"""Widths in a legend, in sizes of its font: of a letter, and of the symbol before a name with the gaps beside it."""
+
+LABELLED = 0.18
+"""Part of an axis beyond the longest bar, where its label stands."""
 
 SPAN = 0.8
 """Part of the room of a name that its bars share."""
@@ -107,7 +112,7 @@ def figure(
 ) -> Figure:
     """Plots in rows, drawn into a figure of this ``size`` [inch] or ``into`` another; those above each other have one x
     axis if they are zoomed together. ``titles`` stand above the plots, and one legend above all if it is ``common``;
-    ``font`` is the size of letters [pt]."""
+    ``font`` is the size of all letters [pt], as publishers ask for it at the final size."""
     rows = [[plots]] if isinstance(plots, Plot | Heat) else plots
     with rc_context({**STYLE, "font.size": font}):
         made = into or Picture(figsize=size, layout="constrained")
@@ -119,7 +124,7 @@ def figure(
                 # A title may be the name of a file, in which a dollar begins no formula.
                 axes.set_title(printable(one.title), fontsize=font, parse_math=False)
             if not common and not titles:
-                _legend_above(axes)
+                _legend_above(axes, one, size[0] / len(rows[0]), font)
             elif not common:
                 # To look for the best place among all samples of a simulation takes longer than to draw them.
                 axes.legend(loc="upper right") if axes.get_legend_handles_labels()[0] else None
@@ -127,9 +132,9 @@ def figure(
             for axes in grid[:-1].flat:
                 axes.set_xlabel("")
         if common:
-            handles, names = grid[0, 0].get_legend_handles_labels()
-            columns = min(3, len(names))
-            made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False, fontsize=7)
+            handles, names = _legend(grid[0, 0], rows[0][0])
+            columns = legend_columns(names, size[0], font)
+            made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
     return made
 
 
@@ -201,7 +206,7 @@ def _draw_labels(axes: Axes, plot: Plot, line: Line) -> None:
     sides = [-1, *[-1 if line.inside else 1] * (len(line.labels) - 1)]
     for right, up, words, side in zip(x, y, line.labels, sides, strict=False):
         align: Any = {"ha": "left" if side > 0 else "right", "va": "center"}
-        axes.annotate(symbols(words), (right, up), (5 * side, 0), textcoords="offset points", fontsize=6, **align)
+        axes.annotate(symbols(words), (right, up), (5 * side, 0), textcoords="offset points", **align)
 
 
 def _draw_bars(axes: Axes, plot: Plot, series: Bars, label: str, bars: Sequence[Bars]) -> None:
@@ -212,16 +217,19 @@ def _draw_bars(axes: Axes, plot: Plot, series: Bars, label: str, bars: Sequence[
     stacks = list(dict.fromkeys(one.stack or one.name for one in bars))
     thick = SPAN / len(stacks)
     place = np.arange(len(values)) + thick * (stacks.index(series.stack or series.name) - (len(stacks) - 1) / 2)
-    before = bars[: list(bars).index(series)] if series.stack else []
+    before = [one for one in bars[: list(bars).index(series)] if series.stack and one.stack == series.stack]
     base = sum((np.nan_to_num(_shown(one.values, axis)) for one in before), np.zeros(len(values)))
     colours = [PALETTE[one] for one in series.colours] or PALETTE[series.colour]
-    look: Any = {"color": colours, "label": label, "zorder": 3, "alpha": 0.5 if series.colour == "soft" else 1.0}
+    look: Any = {"color": colours, "label": label, "zorder": 2, "alpha": 0.5 if series.colour == "soft" else 1.0}
+    look |= {"edgecolor": "w", "linewidth": 0.5} if series.stack else {}  # neighbours in a stack are told apart in grey
+    look |= {"hatch": "/////"} if series.hatched else {}
     if plot.flat:
         drawn = axes.barh(place, values, thick, left=base, **look)
     else:
         drawn = axes.bar(place, values, thick, bottom=base, **look)
     if series.labels:
-        axes.bar_label(drawn, [symbols(words) for words in series.labels], padding=2, fontsize=6)
+        axes.set_xmargin(LABELLED) if plot.flat else axes.set_ymargin(LABELLED)
+        axes.bar_label(drawn, [symbols(words) for words in series.labels], padding=2)
 
 
 def _draw_level(axes: Axes, plot: Plot, level: Level, label: str) -> None:
@@ -298,9 +306,27 @@ def symbols(words: str) -> str:
     return SYMBOL.sub(lambda symbol: "$" + symbol[1].replace("q̇", r"\dot{q}") + "_{" + symbol[2] + "}$", plain)
 
 
-def _legend_above(axes: Axes) -> None:
+def _legend_above(axes: Axes, one: Plot | Heat, width: float, font: float) -> None:
     """A legend that covers nothing of what is drawn, wherever that is; of one entry there is none."""
-    names = [re.sub(r"[${}\\]", "", name) for name in axes.get_legend_handles_labels()[1]]
+    handles, names = _legend(axes, one)
     if len(names) > 1:
-        columns = 2 if max(map(len, names)) <= LONGEST else 1  # else the layout would make room for it beside the axes
-        axes.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
+        look: Any = {"ncols": legend_columns(names, width, font), "frameon": False, "columnspacing": 1.0}
+        axes.legend(handles, names, loc="lower center", bbox_to_anchor=(0.5, 1.0), **look)
+
+
+def _legend(axes: Axes, one: Plot | Heat) -> tuple[list[Any], list[str]]:
+    """Handles and names in the order of the plot's series and levels. Matplotlib has lines before bars."""
+    handles, names = axes.get_legend_handles_labels()
+    if isinstance(one, Heat):
+        return handles, names
+    order = [symbols(named.name) for named in (*one.series, *one.levels)]
+    places = sorted(range(len(names)), key=lambda place: order.index(names[place]))
+    return [handles[place] for place in places], [names[place] for place in places]
+
+
+def legend_columns(names: Sequence[str], width: float, font: float = 8.0) -> int:
+    """How many ``names`` of a legend stand beside each other in a ``width`` [inch]; if they were too many, the layout
+    would make room for them beside the axes."""
+    longest = max(len(re.sub(r"[${}\\]", "", name)) for name in names)
+    room = 72.0 * width / font / (LETTER * longest + HANDLE)
+    return max(1, min(len(names), int(room)))

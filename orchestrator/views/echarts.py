@@ -17,6 +17,7 @@ from .plot import (
     Axis,
     Bars,
     Colour,
+    Dash,
     Level,
     Line,
     Plot,
@@ -45,7 +46,9 @@ FILLS: tuple[dict[str, Any], ...] = (
     {"dashArrayX": [1, 0], "dashArrayY": [3, 4], "rotation": math.pi / 4},
     {"symbol": "circle", "dashArrayX": [[6, 6], [0, 6, 6, 0]], "dashArrayY": [6, 0]},
 )
-"""Patterns of bars whose colours repeat themselves."""
+"""Patterns of bars whose colours repeat themselves; those that are hatched have the second."""
+
+DASHES: dict[Dash, Any] = {"solid": "solid", "dashed": "dashed", "dotted": "dotted", "dashdot": [8, 3, 2, 3]}
 
 HALO = {"textBorderColor": "@card", "textBorderWidth": 4}
 """A rim around text that stands on lines or bars."""
@@ -151,10 +154,12 @@ LEGEND: dict[str, Any] = {
 
 
 def _decal(plot: Plot) -> dict[str, Any]:
-    bars = [one for one in plot.series if isinstance(one, Bars) and not one.stack]
-    if len(bars) <= len(HUES):
+    """Patterns of bars by their names; those that are hatched have one of their own, beside bars without any."""
+    listed = [one for one in plot.series if isinstance(one, Bars)]
+    bars = [one for one in listed if not one.stack]
+    if len(bars) <= len(HUES) and not any(one.hatched for one in listed):
         return {}
-    fills = (FILLS[place // len(HUES) % len(FILLS)] for place in range(len(bars)))
+    fills = (FILLS[place // len(HUES) % len(FILLS)] for place in range(max(1, len(bars))))
     return {"decal": {"show": True, "decals": [{"color": "@card", **fill} for fill in fills]}}
 
 
@@ -285,7 +290,12 @@ def _line(plot: Plot, line: Line, pool: Pool) -> dict[str, Any]:
         "symbol": SYMBOLS[line.symbol] if line.symbol else "rect" if line.labels else "circle",
         "symbolSize": 7 if line.symbol else 1,
         "itemStyle": {"color": _colour(line.colour)},
-        "lineStyle": {"width": line.width, "type": line.dash, "opacity": 0.4 if line.faint else 1, "cap": "butt"},
+        "lineStyle": {
+            "width": line.width,
+            "type": DASHES[line.dash],
+            "opacity": 0.4 if line.faint else 1,
+            "cap": "butt",
+        },
         "label": {"color": "@ink", "distance": 8, **HALO},
         "emphasis": {"disabled": True},
         "z": 4 if line.above else 2 if line.faint else 3,
@@ -359,6 +369,7 @@ def _bars(plot: Plot, bars: Bars) -> dict[str, Any]:
             "color": _colour(bars.colour),
             "opacity": 0.5 if bars.colour == "soft" else 1,
             **({"borderColor": "@card", "borderWidth": 0.5} if bars.stack else {}),
+            **({"decal": {"color": "@card", "symbol": "rect", **FILLS[1]}} if bars.hatched else {}),
         },
     }
 
@@ -375,7 +386,7 @@ def _segment(plot: Plot, level: Level) -> dict[str, Any]:
         "silent": True,
         "tooltip": {"show": False},
         "showSymbol": False,
-        "lineStyle": {"color": _colour(level.colour), "type": level.dash, "width": 1.5},
+        "lineStyle": {"color": _colour(level.colour), "type": DASHES[level.dash], "width": 1.5},
         "endLabel": {**look, **HALO, "padding": [0, 4, 3, 0]},
         "z": 6,
     }
@@ -411,6 +422,6 @@ def _mark(plot: Plot, level: Level) -> dict[str, Any]:
     return {
         "xAxis" if level.upright else "yAxis": axis.shown(level.value),
         "name": level.name,
-        "lineStyle": {"color": _colour(level.colour), "type": level.dash, "width": 1.5},
+        "lineStyle": {"color": _colour(level.colour), "type": DASHES[level.dash], "width": 1.5},
         "label": {"formatter": level.name, "color": _colour(level.colour), "position": look, **HALO},
     }

@@ -132,7 +132,7 @@ def latex(tables: Sequence[Table]) -> str:
     parts = ["% \\usepackage{booktabs}"]
     for table in tables:
         parts += ["\\begin{table}", "  \\centering\\footnotesize\\setlength{\\tabcolsep}{4pt}"]
-        parts.append(f"  \\caption{{{_latex_text('. '.join(filter(None, (table.title, table.caption))))}}}")
+        parts.append(f"  \\caption{{{latex_text('. '.join(filter(None, (table.title, table.caption))))}}}")
         lengths = [_length(table, place) for place in range(len(table.columns))]
         most = _most(lengths, table.keys)
         widths = [_width(length, most) for length in lengths]
@@ -172,9 +172,9 @@ def _tabular(table: Table, most: int) -> Iterator[str]:
     best = [table.best(place) for place in range(len(table.columns))]
     yield f"  \\begin{{tabular}}{{{''.join(kinds)}}}"
     yield "    \\toprule"
-    yield "    " + _latex_line(_latex_text(column.name) for column in table.columns)
+    yield "    " + _latex_line(latex_text(column.name) for column in table.columns)
     if any(unit.shown for unit in table.units):
-        yield "    " + _latex_line(_latex_text(f"[{unit.shown}]") if unit.shown else "" for unit in table.units)
+        yield "    " + _latex_line(latex_text(f"[{unit.shown}]") if unit.shown else "" for unit in table.units)
     yield "    \\midrule"
     for number, row in enumerate(table.rows):
         cells = [_latex_cell(cell, unit) for cell, unit in zip(row, table.units, strict=True)]
@@ -199,10 +199,11 @@ def _latex_line(cells: Iterable[str]) -> str:
 
 def _latex_cell(cell: Cell, unit: Unit) -> str:
     words = "-" if cell is None else shown(cell, unit)
-    return "--" if words == "-" else _latex_text(words)
+    return "--" if words == "-" else latex_text(words)
 
 
-def _latex_text(text: str) -> str:
+def latex_text(text: str) -> str:
+    """Text in which no character means something to LaTeX."""
     escaped = "".join(_SPECIAL.get(char, char) for char in " ".join(printable(text).split()))
     return f"{{}}{escaped}" if escaped.startswith(("[", "*")) else escaped  # else they belong to the row's end before
 

@@ -23,10 +23,12 @@ Colour = Literal[
 HUES: tuple[Colour, ...] = ("one", "two", "three", "four", "five", "six")
 """Colours of things that are told apart, one after the other."""
 
-Dash = Literal["solid", "dashed", "dotted"]
-DASHES: tuple[Dash, ...] = ("solid", "dashed", "dotted")
+Dash = Literal["solid", "dashed", "dotted", "dashdot"]
+DASHES: tuple[Dash, ...] = ("solid", "dashed", "dashdot", "dotted")
 
 Symbol = Literal["", "circle", "square", "triangle", "diamond", "ring", "frame", "left", "right", "cross", "plus"]
+
+SHAPES: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "ring", "frame")
 
 Numbers = Sequence[float | None] | np.ndarray
 """Values, None where there is none. An array has single precision on a page, where it takes less room."""
@@ -38,8 +40,14 @@ def hue(number: int) -> Colour:
 
 
 def dash(number: int) -> Dash:
-    """Its kind of line: another one where colours repeat themselves."""
-    return DASHES[number // len(HUES) % len(DASHES)]
+    """Its kind of line: another one than its neighbours', for print without colours, and another one where colours
+    repeat themselves."""
+    return DASHES[(number + number // len(HUES)) % len(DASHES)]
+
+
+def shape(number: int) -> Symbol:
+    """Its symbol: the same of symbols."""
+    return SHAPES[(number + number // len(SHAPES)) % len(SHAPES)]
 
 
 @dataclass(frozen=True)
@@ -110,7 +118,7 @@ class Scatter:
 @dataclass(frozen=True, eq=False)
 class Bars:
     """A bar for each name of the axis that has names; those with one ``stack`` stand on each other. ``colours`` are
-    those of single bars, ``labels`` stand at their ends."""
+    those of single bars, ``labels`` stand at their ends; what is ``hatched`` is of another kind than the rest."""
 
     name: str
     values: tuple[float | None, ...]
@@ -118,6 +126,7 @@ class Bars:
     stack: str = ""
     labels: tuple[str, ...] = ()
     colours: tuple[Colour, ...] = ()
+    hatched: bool = False
 
 
 Series = Line | Scatter | Bars

@@ -71,7 +71,7 @@ def test_runs_are_told_apart_in_the_figures_of_the_comparison(open_page):
     page.locator("#pick-which").select_option("0")
     assert [name.split(" ")[0] for name in legend(page, "overlay-B5-error")] == [f"{rank}." for rank in range(1, 8)]
     lines = option(page, "overlay-B5-error")["series"][:7]
-    assert len({(line["itemStyle"]["color"], line["lineStyle"]["type"]) for line in lines}) == 7
+    assert len({(line["itemStyle"]["color"], str(line["lineStyle"]["type"])) for line in lines}) == 7
     peaks = [max(error for _, error in line["data"]) for line in lines]
     assert peaks == sorted(set(peaks))
 

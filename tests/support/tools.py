@@ -27,6 +27,8 @@ MINGW = "x86_64-w64-mingw32-gcc"
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
+LATEX = ("pdflatex", "tectonic")
+
 
 def bubblewrap_works() -> bool:
     """Whether it is installed and may make namespaces, which a container may forbid."""
@@ -108,6 +110,7 @@ TOOLS: Mapping[str, Tool] = {
     "wine": _program("wine", "needs Wine (wine)"),
     "mingw": _program(MINGW, f"needs a C compiler for Windows (package mingw-w64, {MINGW})"),
     "chromium": Tool(f"needs a browser ({', '.join(BROWSERS)})", lambda: any(map(shutil.which, BROWSERS))),
+    "latex": Tool(f"needs LaTeX ({' or '.join(LATEX)})", lambda: any(map(shutil.which, LATEX))),
     "readelf": _program("readelf", "needs readelf (binutils)"),
     "openssl": _program("openssl", "needs OpenSSL (openssl)"),
     "OMSimulator": _program("OMSimulator", "needs OMSimulator on the path (OMSimulator)"),
