@@ -97,6 +97,14 @@ document.addEventListener("click", ({ target }) => {
   $(`select[data-choice="${choice}"]`).focus();
 });
 
+document.addEventListener("click", ({ target }) => {
+  const button = target.closest("[data-panel]");
+  if (!button) return;
+  show(button.dataset.panel);
+  window.scrollTo(0, 0);
+  $(`#${button.dataset.panel}`).focus({ preventScroll: true });
+});
+
 /** Show the panel `id`; its name becomes part of the address, so that a link can point at it. */
 function show(id) {
   openPanel(id);
