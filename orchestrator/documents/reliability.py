@@ -150,7 +150,7 @@ class Reliability(Document, Comparable, kw_only=True):
         failed = len({failure.draw for failure in entry.failures})
         if failed:
             return f"{worst} fails in {failed} of {entry.judged} draws, {bound}"
-        return f"no draw of {entry.judged} that were judged breaks {listed(names)}, {bound}"
+        return f"None of {entry.judged} draws breaks {listed(names)}, {bound}"
 
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))

@@ -213,9 +213,9 @@ class Robustness(Document, Comparable, kw_only=True):
             return ""
         searched = f"in {self.simulations} simulations, {self.spent:.0f} of a budget of {self.budget} whole cases"
         if verdict:
-            return f"no failure of {listed(names)} was found ({searched})"
+            return f"No failure of {listed(names)} was found ({searched})"
         if verdict is None:
-            return f"no failure was found ({searched}), and {verdict_words(found)}"
+            return f"No failure was found ({searched}), and {verdict_words(found)}"
         fail = "fails" if len(names) == 1 else "fail"
         return (
             f"{listed(names)} {fail} for an arm within the tolerances: {worst_page.ending(self.requirements[names[0]])}"

@@ -127,7 +127,10 @@ addEventListener("beforeprint", () => {
   document.documentElement.classList.add("printed");
   draw();
 });
-addEventListener("afterprint", () => document.documentElement.classList.remove("printed"));
+addEventListener("afterprint", () => {
+  document.documentElement.classList.remove("printed");
+  draw();
+});
 
 function startPage() {
   const tabs = [...document.querySelectorAll('[role="tab"]')];
