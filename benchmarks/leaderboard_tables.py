@@ -222,7 +222,8 @@ def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> st
     )
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
-        f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n{LEGEND}\n\n"
+        f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
+        f"{LEGEND}\n\n"
         f"{WORST_HEAD}{worst_row(worst, name)}\n{told}{broken(repeatable, worst['robustness'])}"
         f"{_seeds(own)}\n{largest(repeatable)}{_reported(reported)}"
     )

@@ -126,7 +126,7 @@ def test_each_row_links_its_page_its_animation_and_its_commands(name):
 
 
 def test_a_leaderboard_can_be_read():
-    """At most eight columns each, what is more folded away, and a verdict is a mark behind the name of its requirement."""
+    """At most eight columns each, the rest folded away, and a verdict is a mark behind the name of its requirement."""
     first, folded = tables.leaderboard(best_known(KEPT)).split("<details>")
     board = {row[0].split("]")[0][1:]: row for head, rows in tables_of(first) for row in rows if len(head) <= 8}
     assert board.keys() == KNOWN.keys() and board["RobustLQG"][3:6] == [
