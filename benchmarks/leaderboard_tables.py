@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.claims import Claim, Figures, best_known, claims, counting, known, name_of  # noqa: E402
-from benchmarks.marked_tables import with_table  # noqa: E402
-from benchmarks.submissions import BASELINE, HELD, SUBMISSIONS, VERIFIED, submissions, verified_table  # noqa: E402
+from benchmarks.marked_tables import folded, with_table  # noqa: E402
+from benchmarks.submissions import BASELINE, LEGEND, SUBMISSIONS, VERIFIED, held, submissions, verified_table  # noqa: E402
 from orchestrator.views.units import SHOWN, number  # noqa: E402
 
 README, BOARD, SEARCHES = ROOT / "README.md", ROOT / "docs" / "leaderboard.md", ROOT / "docs" / "robustness.md"
@@ -44,6 +44,12 @@ WORST_HEAD = (
     f"| {SEARCH_HEAD}\n" + 14 * "|---" + "|\n"
 )
 MAKER = "benchmarks/leaderboard.py"
+BOARD_HEAD = (
+    f"| controller | V | V found (at least) | `paper` | `strict` | found | {SEARCH_HEAD}\n" + 8 * "|---" + "|\n"
+)
+MORE_HEAD = (
+    "| controller | V strict | B5 mm | B6 s | gain | delay ms | radius | motion, repeat |\n" + 8 * "|---" + "|\n"
+)
 BRIEF_HEAD = f"| controller | V | V found (at least) | requirements | {SEARCH_HEAD}\n" + 6 * "|---" + "|\n"
 
 CRITERIA = {"V": "", "B5": "m", "B6": "s", "B7": "m"}
@@ -65,27 +71,29 @@ def row(figures: Figures, name: str) -> str:
     return f"| {name} | **{figures['cost']:.1f}** | {verdicts(figures['stability'])} | {values} |\n"
 
 
-def worst_row(figures: Figures, name: str, *more: str) -> str:
-    """A line of the table of worst cases, of what is :func:`known`, with ``more`` cells at its end."""
+def worst_row(figures: Figures, name: str) -> str:
+    """A line of the table of worst cases, of what is :func:`known`."""
     strict, found = figures["strict"], figures["robustness"]
-    margins, radius = found["margins"], found["radius"]
-    gains, delays = (
-        " and ".join(_margin(margins[f"{kind}_{axis}"], factor) for axis in (1, 2))
-        for kind, factor in (("gain", 1.0), ("delay", 1e3))
-    )
     cells = (
         f"{figures['cost']:.1f}",
         f"{strict['cost']:.1f}",
         _worst_cost(found),
         *map(verdicts, (figures["stability"], strict["stability"], found["requirements"])),
-        *(shown(found["worst_case"][key]) for key in ("B5", "B6")),
-        gains,
-        delays,
-        " and ".join(_reach(radius, key) for key in REACHES),
+        *_extremes(found),
         *_searched(figures),
-        *more,
     )
     return f"| {name} | {' | '.join(cells)} |\n"
+
+
+def _extremes(found: Mapping[str, Any]) -> tuple[str, ...]:
+    """The largest B5 and B6 found, margins of gain and delay, and the radius."""
+    margins, radius = found["margins"], found["radius"]
+    gains, delays = (
+        " and ".join(_margin(margins[f"{kind}_{axis}"], factor) for axis in (1, 2))
+        for kind, factor in (("gain", 1.0), ("delay", 1e3))
+    )
+    worst = (shown(found["worst_case"][key]) for key in ("B5", "B6"))
+    return (*worst, gains, delays, " and ".join(_reach(radius, key) for key in REACHES))
 
 
 def shown(entry: Mapping[str, Any]) -> str:
@@ -94,8 +102,8 @@ def shown(entry: Mapping[str, Any]) -> str:
 
 
 def verdicts(requirements: Mapping[str, Mapping[str, Any]]) -> str:
-    """Whether each of the requirements holds, in words."""
-    return " ".join(HELD[entry["passed"]] for entry in requirements.values())
+    """Whether each of the requirements holds."""
+    return held({name: entry["passed"] for name, entry in requirements.items()})
 
 
 def _margin(margin: Mapping[str, Any], factor: float) -> str:
@@ -148,14 +156,37 @@ def _failing(figures: Figures) -> str:
 
 
 def leaderboard(kept: Sequence[Figures]) -> str:
-    """The whole table of docs/leaderboard.md, in the order of what was found; a name links to the controller's page,
-    the last cells to its animation and to the commands that repeat its worst cases."""
+    """The tables of docs/leaderboard.md, in the order of what was found: the verdicts and V, and, folded away, the
+    other figures. A name links to the controller's page, the last cells to its animation and to the commands that
+    repeat its worst cases."""
+    ordered = sorted(kept, key=standing)
+    return BOARD_HEAD + "".join(map(_board_row, ordered)) + folded("Margins, radius, largest B5 and B6", more(ordered))
+
+
+def _board_row(figures: Figures) -> str:
+    """The verdicts and V of a controller, and how long was searched."""
+    found = figures["robustness"]
+    judged = (figures["stability"], figures["strict"]["stability"], found["requirements"])
+    cells = (f"{figures['cost']:.1f}", _worst_cost(found), *map(verdicts, judged), *_searched(figures))
+    return f"| {_linked(figures)} | {' | '.join(cells)} |\n"
+
+
+def more(kept: Sequence[Figures]) -> str:
+    """What else is known of each controller."""
     lines = []
-    for each in sorted(kept, key=standing):
-        page = f"../{PAGES[name_of(each)]}/README.md"
-        moving = f"[GIF](pictures/{animation(name_of(each)).name})"
-        lines.append(worst_row(each, f"[{name_of(each)}]({page})", moving, f"[commands]({page}#scorecard)"))
-    return WORST_HEAD.replace(SEARCH_HEAD, f"{SEARCH_HEAD} motion | repeat |").rstrip() + "---|---|\n" + "".join(lines)
+    for each in kept:
+        links = (f"[GIF](pictures/{animation(name_of(each)).name})", f"[commands]({_page(each)}#scorecard)")
+        cells = (f"{each['strict']['cost']:.1f}", *_extremes(each["robustness"]), ", ".join(links))
+        lines.append(f"| {_linked(each)} | {' | '.join(cells)} |\n")
+    return MORE_HEAD + "".join(lines)
+
+
+def _page(figures: Figures) -> str:
+    return f"../{PAGES[name_of(figures)]}/README.md"
+
+
+def _linked(figures: Figures) -> str:
+    return f"[{name_of(figures)}]({_page(figures)})"
 
 
 def starts(kept: Sequence[Figures]) -> str:
@@ -192,6 +223,7 @@ def scorecard(kept: Sequence[Figures], others: Sequence[Claim], name: str) -> st
     compared = "" if name == BASELINE else row(baseline, BASELINE)
     return (
         f"{HEAD}{row(own, name)}| of V | | | {shares} |\n{row(own['strict'], f'{name}, `strict`')}{compared}\n"
+        f"{LEGEND}\n\n"
         f"{WORST_HEAD}{worst_row(worst, name)}\n{told}{broken(repeatable, worst['robustness'])}"
         f"{_seeds(own)}\n{largest(repeatable)}{_reported(reported)}"
     )

@@ -5,6 +5,11 @@ from __future__ import annotations
 END = "<!-- end of table -->\n"
 
 
+def folded(title: str, table: str) -> str:
+    """A ``table`` that a reader unfolds by its ``title``."""
+    return f"\n<details>\n<summary>{title}</summary>\n\n{table}\n</details>\n"
+
+
 def with_table(text: str, table: str, maker: str) -> str:
     """``text`` with ``table`` between the marks of the script ``maker``, which the first of the marks names."""
     mark = f"<!-- table: made by {maker} -->\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -25,8 +25,10 @@ SUBMISSIONS, REPETITIONS, VERIFIED = ROOT / "submissions", ROOT / "repetitions",
 these, as NAME.json; and where their table stands."""
 
 BASELINE = "DiagonalPID"
-HELD = {True: "holds", False: "fails", None: "not judged"}
-"""The verdict on a requirement, as a word of the tables."""
+HELD = {True: "✓", False: "✗", None: "–"}
+"""The verdict on a requirement, as a mark of the tables."""
+
+LEGEND = "✓: holds, ✗: fails, –: not judged."
 
 VERIFIED_HEAD = (
     "| controller | V | reference | V strict | reference | A1 A2 A3 | B5 mm | B6 s | B7 mm | draws | result |\n"
@@ -112,11 +114,16 @@ def place_of(submission: Submission) -> tuple[bool, bool, float]:
     return not submission.repeated, not held, submission.known.cost.mean or 0.0
 
 
+def held(verdicts: Mapping[str, bool | None]) -> str:
+    """A mark behind the name of each requirement."""
+    return ", ".join(f"{name} {HELD[passed]}" for name, passed in verdicts.items())
+
+
 def verified_table(found: Sequence[Submission]) -> str:
     """The table of the submissions, each name a link to its certificate; mean and standard deviation over the draws."""
     lines = []
     for name, known, repeated in found:
-        verdicts = " ".join(HELD[entry.passed] for entry in known.requirements.values())
+        verdicts = held({name: entry.passed for name, entry in known.requirements.items()})
         values = " | ".join(
             spread(known.criteria[key], SHOWN[known.criteria[key].unit].factor) for key in ("B5", "B6", "B7")
         )

@@ -32,7 +32,16 @@ from orchestrator.cli.options import benchmark
 from orchestrator.cli.study import folder_name
 from orchestrator.codec import from_json
 from orchestrator.documents import worst_page
-from orchestrator.documents.commands import recording_command, simulate_command
+from orchestrator.documents.commands import (
+    MORE_TRIALS,
+    ROBUST,
+    compare_command,
+    range_words,
+    recording_command,
+    simulate_command,
+    study_command,
+    tune_command,
+)
 from orchestrator.documents.evaluation import Evaluation
 from orchestrator.documents.head import SampleTimeRecord
 from orchestrator.documents.results import Results
@@ -198,6 +207,21 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
         "test": "noise",
     }
     assert {name: given[name] for name in expected} == expected
+
+
+def test_the_commands_that_a_report_advises_are_accepted_as_they_stand(tmp_path: Path) -> None:
+    head = head_of(controller={"path": ""}, plant={"parameters": {"m[1]": 60.0}})
+    ranges = [range_words("K_p[1]", 20.0, 80.0, log=True)]
+    advised = [study_command(head, name) for name in ("robustness", "reliability")]
+    advised.append(study_command(head, "evaluate", parameters={"K_p[1]": 41.5}))
+    advised += [tune_command(head, *more, ranges=ranges) for more in ((), ROBUST, MORE_TRIALS)]
+    for command in advised:
+        _, _, module, *words = shlex.split(command)
+        name = module.removeprefix("orchestrator.")
+        assert call(name, *words, "--dry-run", folder=tmp_path).code == 0, command
+    assert "NAME=LOW:HIGH" in tune_command(head), "a reader fills in what a report does not know"
+    words = shlex.split(compare_command(tmp_path / "a run"))
+    assert words[2:] == ["orchestrator.compare", str(tmp_path / "a run"), "FOLDER"]
 
 
 def test_simulation_writes_table_and_picture_and_overwrites_nothing(quick_pid_file: Path, tmp_path: Path) -> None:

@@ -114,7 +114,9 @@ def test_every_case_in_sight_comes_with_the_command_that_repeats_it():
     assert simulate_command(results.head, CYCLING.id).endswith("--case c04.slippery.delay_2 --protocol quick --seed 3")
     ids = set(re.findall(r"\bc\d\d\.\w+\.\w+", page.text))
     assert {simulate_command(results.head, id) for id in ids} <= set(page.copied) and len(ids) > 50
-    assert page.text.count(simulate_command(results.head, CYCLING.id)) == 2, "with the requirements, to be read"
+    assert page.text.count(simulate_command(results.head, CYCLING.id)) == 3, (
+        "with the conclusion and the requirements, to be read"
+    )
     for entry in run.recordings:
         assert simulate_command(results.head, entry.about.id) in page.copied
 

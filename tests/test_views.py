@@ -20,9 +20,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml.html import fromstring
+from msgspec.structs import replace
 from rich.cells import cell_len
 from rich.console import Console
-from support.reports import documents, results_of
+from support.reports import documents, results_of, searched
+from support.results import TABLE_2, everything
 from support.snapshots import snapshot
 
 import orchestrator
@@ -396,6 +398,58 @@ def test_csv_and_markdown_of_every_document_have_whole_rows(name):
             }
     for part in markdown(tables).split("\n\n| ")[1:]:
         assert len({len(row) for row in rows_of_markdown(f"| {part}")}) == 1
+
+
+CONCLUSIONS = {
+    "evaluation": "✗ A1 to A3 are not met: c00.sticky.gain_1 (-90° / -180°) ended with error; V 140.7 (target 100, "
+    "paper's PID 141), of which B7 (chirp error) costs most, 39 %, at -90° / 80°, system compliant.",
+    "spread": "✓ A1 to A3 are met with all of 3 seeds; V 142.1 ± 1.41 (target 100), of which B7 (chirp error) costs"
+    " most, 39 %.",
+    "search": "✗ A2 and A3 fail for an arm within the tolerances: limit cycle, 421.0 µm at 23.7 Hz, with 6 of 8 "
+    "seeds; V found, at least 170.0 (target 100, on the list 140.7), of which B7 (chirp error) costs "
+    "most, 39 %.",
+    "tuning": "✗ The best of 60 trials, number 20, holds A1 to A3 in paper; V 99 (start 162.5, target 100); on the "
+    "strict list A2 fails; overfitted to the draws it was tuned with.",
+    "sweep": "✓ 1 of 4 combinations hold A1 to A3; the best has V 90 (target 100), with K_0 = 1.",
+    "sample": "✗ A2 fails in 1 of 5 draws, so at most 58.4 % of all draws do (confidence 0.9); V is above 120.0 in "
+    "at most 50 % of all draws (target 100), and B6 costs most in the median, 40 %.",
+    "verification": "✗ A1 to A3 are not met, A1 in 1 of 2 draws; V 140.7 ± 0 (target 100), of which B7 (chirp error) "
+    "costs most, 39 %; not under the standard conditions: the protocol is not verification as it comes "
+    "with the benchmark.",
+    "comparison": "✓ PID [K=0.9] is first of 1 ranked, with V 126.7, and meets all requirements.",
+}
+"""What the pages of the documents of ``support.reports`` begin with."""
+
+
+@pytest.mark.parametrize("name", CONCLUSIONS)
+def test_a_page_begins_with_one_sentence_of_verdict_reason_and_cost_and_with_what_to_do_next(name):
+    document = documents()[name]
+    first = fromstring(page_html(document.page())).xpath("//main/section[1]/*[1]")[0]
+    sentence, (steps,) = first.xpath("p")[0], first.xpath("ul")
+    assert " ".join(sentence.text_content().split()) == CONCLUSIONS[name]
+    targets = [step.get("data-panel") for step in steps.iter("button") if step.get("data-panel")]
+    commands = [step.text_content() for step in steps.iter("code")]
+    assert {*targets} <= {panel.id for panel in document.page().panels} and len(targets) + len(commands) >= 2
+    assert all(command in [each.get("data-copy") for each in steps.iter("button")] for command in commands)
+
+
+def test_a_good_controller_is_told_what_costs_most_and_a_search_without_failure_how_long_it_was():
+    words = Evaluation(results_of()).page().conclusion
+    assert words.passed and words.sentence.startswith(
+        "A1 to A3 are met; V 140.7 (target 100, paper's PID 141), of which B7"
+    )
+    quiet = {name: replace(entry, passed=True) for name, entry in searched().requirements.items()}
+    found = replace(searched(), requirements=quiet).page().conclusion
+    assert found.sentence.startswith(
+        "No failure of A1 and A2 was found (in 1990 simulations, 1200 of a budget of 2000 whole cases); "
+        "V found, at least 200.0"
+    )
+    without = Evaluation(results_of(everything(TABLE_2)[:1])).page().conclusion
+    assert (
+        without.passed is None
+        and "not judged" in without.sentence
+        and "no V: of the protocol's 324" in without.sentence
+    )
 
 
 @each_document

@@ -31,7 +31,7 @@ from ..pairing.controller import Controller
 from ..pairing.pairing import simulate_case
 from ..pairing.testbed import Testbed
 from ..views.table import Cell, Column, Note, Page, Part, Quantity, Summary, Table, Value
-from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, SHOWN, Unit
+from ..views.units import HERTZ, MICROMETRE, MILLIMETRE, NONE, SECOND, SHOWN, Unit, number
 
 # Imports inside functions: Matplotlib, pandas, lxml and Numba are loaded by those who need them.
 
@@ -187,6 +187,23 @@ class Simulation(Displayable):
         return f"{end}, and the figures are those of this part alone."
 
     @property
+    def _outcome(self) -> str:
+        """What it came to: how it ended, the verdict if there is one, the largest error, and what is furthest from its
+        target."""
+        largest = int(np.argmax(self.tcp_error))
+        error, at = number(float(self.tcp_error[largest]), MILLIMETRE.factor), number(float(self.time[largest]))
+        words = [f"the TCP error is at most {error} mm, at {at} s"]
+        if self.result.status is not Status.DONE:
+            words.insert(0, self._ended)
+        elif self.case.test.requirements and not self.cut_short:
+            words.insert(0, f"the verdict is {self.kind}")
+        figures = ((name, spec, getattr(self.result.measurements, name)) for name, spec in self.rules.criteria.items())
+        if measured := [(value / spec.target, name) for name, spec, value in figures if value is not None]:
+            ratio, name = max(measured)
+            words.append(f"{name} is {number(ratio)} times its target, the most of all")
+        return "; ".join(words)
+
+    @property
     def _ended(self) -> str:
         message = f": {self.result.message}" if self.result.message else ""
         return f"{self.result.status.value} at {self.ending.time:g} s{message}"
@@ -208,7 +225,7 @@ def overlay(simulations: Mapping[str, Simulation], commands: Mapping[str, str] |
     repeat = commands or {}
     first, *others = simulations.values()
     shown = [
-        PlottedSimulation(name, simulation.case, simulation.trajectory, repeat.get(name, ""))
+        PlottedSimulation(name, simulation.case, simulation.trajectory, repeat.get(name, ""), simulation._outcome)
         for name, simulation in simulations.items()
     ]
     title = f"{len(simulations)} simulations" if others else first.title

@@ -1,4 +1,4 @@
-"""The command that repeats a case of a run: what stands beside every case that is shown.
+"""The command that repeats a case of a run: what stands beside every case that is shown; and those that come next.
 
 Option names stand in the commands' own room only, and here; a test holds the two against each other.
 """
@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
+from pathlib import Path
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from ..benchmark.tally import Tally
+from ..codec import Scalar
 from ..search.member import Member
 from ..text import spelled
 from .head import ControllerRecord, Head, PlantRecord
@@ -21,7 +23,8 @@ from .recording import About
 
 
 class Setting(NamedTuple):
-    """What a case is simulated with: ``protocol`` is a name or a file, ``sample_time`` [s] None for the benchmark's."""
+    """What a case is simulated with: ``protocol`` is a name or a file, empty for that of the command; ``sample_time``
+    [s] is None for the benchmark's."""
 
     controller: ControllerRecord
     plant: PlantRecord
@@ -56,6 +59,43 @@ def simulate_command(head: Head, id: str) -> str:
 def case_command(setting: Setting, id: str) -> str:
     """The whole command that simulates the case ``id`` in this setting."""
     return _command(setting, "--case", id)
+
+
+def study_command(head: Head, name: str, *words: str, parameters: Mapping[str, Scalar] | None = None) -> str:
+    """The whole command ``name`` on the controller of ``head`` with its plant, and with ``parameters`` in place of its
+    own ones; protocol and seed are those that the command has by itself."""
+    chosen = setting(head)._replace(protocol="", seed=0)
+    if parameters:
+        controller = replace(chosen.controller, parameters={**chosen.controller.parameters, **parameters})
+        chosen = chosen._replace(controller=controller)
+    return _command(chosen, *words, program=name)
+
+
+TO_VARY = ("NAME=LOW:HIGH",)
+"""What a reader fills in: a report of fixed parameters does not know those that there are."""
+
+
+ROBUST = ("--robust", "1000")
+"""Makes a tuning search for the worst case of its best candidates, with this budget; the list alone takes 936."""
+
+
+MORE_TRIALS = ("--trials", "500")
+"""More than the 200 that a tuning has by itself."""
+
+
+def tune_command(head: Head, *words: str, ranges: Iterable[str] = TO_VARY) -> str:
+    """The whole command that tunes the controller of ``head``: which parameters, and from where to where."""
+    return study_command(head, "tune", *(word for each in ranges for word in ("--vary", each)), *words)
+
+
+def range_words(name: str, low: float, high: float, log: bool = False) -> str:
+    """The range of a parameter as that command has it."""
+    return f"{name}={low!r}:{high!r}{':log' if log else ''}"
+
+
+def compare_command(folder: Path) -> str:
+    """The whole command that compares the results in ``folder`` with those in a folder that the reader fills in."""
+    return shlex.join(("flexible-manipulator", "compare", str(folder), "FOLDER"))
 
 
 def in_draw(id: str, seed: int) -> str:
@@ -107,12 +147,13 @@ def _exact(value: float) -> str:
     return format(Decimal(repr(value)), "f")
 
 
-def _command(setting: Setting, *case: str) -> str:
+def _command(setting: Setting, *own: str, program: str = "simulate") -> str:
+    """A ``program`` with its ``own`` words in a setting."""
     controller, plant = setting.controller, setting.plant
-    words = ["flexible-manipulator", "simulate", *filter(None, (controller.path,)), *case]
+    words = ["flexible-manipulator", program, *filter(None, (controller.path,)), *own]
     if controller.library == "wine":
         words += ["--library", controller.library]
-    if setting.protocol != "paper":
+    if setting.protocol not in ("", "paper"):
         words += ["--protocol", setting.protocol]
     if plant.path:
         words += ["--plant", plant.path]

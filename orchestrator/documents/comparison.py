@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, overload
@@ -12,9 +12,25 @@ from typing import Any, overload
 from ..codec import plain
 from ..entry import results
 from ..text import shortened
-from ..views.table import Cell, Column, Note, Page, Panel, Part, Summary, Table, Value, VerdictCell, shown
+from ..views.table import (
+    Cell,
+    Column,
+    Conclusion,
+    Link,
+    Note,
+    Page,
+    Panel,
+    Part,
+    Summary,
+    Table,
+    Value,
+    VerdictCell,
+    shown,
+)
 from ..views.table import plain as number_in
-from . import compare_page
+from ..views.units import number
+from . import compare_page, conclusions
+from .commands import study_command
 from .comparability import Conditions, Entry, conditions, same_fmu
 from .document import Comparable, Displayable, Row
 from .evaluation import Evaluation
@@ -79,6 +95,28 @@ class Group:
         return replace(table, caption="Bold: the best values of those that meet all requirements.") if marked else table
 
 
+TABS = {
+    "bars": "see the criteria",
+    "difference": "see where in the workspace they differ",
+    "overlay": "see the worst cases over each other",
+    "seeds": "see V over the seeds",
+}
+"""What to look at next, by the tab that has it."""
+
+
+def _ahead(first: Entry, second: Entry) -> str:
+    """By how much, and why the ``second`` is behind."""
+    one, other = first.document, second.document
+    if one.rank.holds and not other.rank.holds:
+        return f"the second, {second.name} with V {number(other.V)}, does not meet all requirements"
+    words = f"the second, {second.name}, has {number((other.V or 0.0) - (one.V or 0.0))} more"
+    if isinstance(one, Evaluation) and isinstance(other, Evaluation):
+        shares = {name: (score.share or 0.0, other.criteria[name].share or 0.0) for name, score in one.criteria.items()}
+        name = max(shares, key=lambda criterion: shares[criterion][1] - shares[criterion][0])
+        words += f", most of it by {name} ({number(shares[name][1])} against {number(shares[name][0])})"
+    return words
+
+
 @dataclass(frozen=True)
 class Comparison(Displayable, Sequence[Group]):
     """What :func:`compare` finds: a sequence of groups; shows itself in a notebook."""
@@ -115,7 +153,26 @@ class Comparison(Displayable, Sequence[Group]):
         listed = (entry.document for group in self.groups for entry in group.entries)
         everything = [(_controller(document.head.controller), document) for document in listed]
         panels = (Panel("leaderboard", "Leaderboard", summary.parts), *compare_page.panels(self.first, everything))
-        return Page(summary.title, summary.kicker, panels)
+        return Page(summary.title, summary.kicker, panels, self._conclusion({panel.id for panel in panels}))
+
+    def _conclusion(self, tabs: Set[str]) -> Conclusion | None:
+        """Who is first in the first group, by how much, and by which criterion; and the tabs that show it."""
+        if not self.groups:
+            return None
+        group = self.groups[0]
+        steps = [Link(words, panel=tab) for tab, words in TABS.items() if tab in tabs]
+        if not group.ranked:
+            reason = "; ".join(f"{entry.name}: {reason}" for entry, reason in group.unranked[:1])
+            return conclusions.conclusion(None, (f"None of {len(group.entries)} has a rank ({reason})",), steps)
+        first, *others = group.ranked
+        rank = first.document.rank
+        place = f"{first.name} is first of {len(group.ranked)} ranked, with V {number(rank.V)}"
+        met = "meets all requirements" if rank.holds else "no one meets all requirements"
+        words = [f"{place}, and {met}", *([_ahead(first, others[0])] if others else [])]
+        worst = study_command(first.document.head, "robustness")
+        if group.kind in (Evaluation.KIND, Spread.KIND):
+            steps.append(Link("search for the worst case of the first", worst))
+        return conclusions.conclusion(rank.holds, words, steps)
 
     def document(self) -> dict[str, Any]:
         """The comparison as plain values in SI units."""

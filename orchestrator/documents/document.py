@@ -17,7 +17,7 @@ from ..codec import Malformed, Struct, from_json, to_json
 from ..entry import entered
 from ..errors import InputError
 from ..loop.trajectory import Status
-from ..views.table import Cell, Column, Page, Panel, Summary
+from ..views.table import Cell, Column, Conclusion, Page, Panel, Summary
 from ..views.units import SHOWN
 from .files import check_report, prepare_folder, remove, write_text
 from .head import ControllerRecord, Head, PlantRecord, SampleTimeRecord, Timing
@@ -58,10 +58,15 @@ class Displayable:
         """What every renderer shows."""
         raise NotImplementedError
 
+    def conclusion(self) -> Conclusion | None:
+        """What its page begins with: what it comes to, and what to do next; None if it comes to nothing."""
+        return None
+
     def page(self) -> Page:
         """The page of a report; the summary alone unless there is more."""
         summary = self.summary()
-        return Page(summary.title, summary.kicker, (Panel("summary", "Summary", summary.parts),))
+        panels = (Panel("summary", "Summary", summary.parts),)
+        return Page(summary.title, summary.kicker, panels, self.conclusion())
 
     @entered
     def report(self, file: str | Path, folder: str | Path | None = None) -> Path:

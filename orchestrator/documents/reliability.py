@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from ..benchmark.reliability import Distribution, Failing, Probability, Quantile, failing, quantile
 from ..benchmark.tail import Tail
 from ..codec import Natural
 from ..views.plot import Axis, Level, Line, Plot, hue
-from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value
+from ..views.table import Cell, Column, Conclusion, Facts, Link, Note, Part, Quantity, Summary, Table, Value
 from ..views.units import NONE, SHOWN, number
+from . import conclusions
+from .commands import ROBUST, study_command, tune_command
+from .conclusions import costliest, decisive, listed, overall
 from .document import Comparable, Completeness, Document, Rank, Row
 from .files import RELIABILITY, REPORT
 from .wording import Reason, carry_over, head_facts, reason_notes
@@ -109,6 +112,46 @@ class Reliability(Document, Comparable, kw_only=True):
         facts = Facts("This sample", tuple(head_facts(self.head)))
         return Summary(self.controller.file, kicker, (*map(Note, carry_over(self.head)), *parts, facts))
 
+    def conclusion(self) -> Conclusion:
+        """How many draws break a requirement, the bounds that follow, and the criterion that costs most."""
+        passed = {name: self._passed(entry) for name, entry in self.requirements.items()}
+        medians = {name: sample.median for name, sample in self.criteria.items()}
+        total = ""
+        if self.cost.judged:
+            most = f"V is above {number(self.cost.bound)} in at most {_percent(self.probability)} of all draws"
+            target = f"target {self.rules.cost.target:g}"
+            total = f"no bound of V ({target})" if self.cost.bound is None else f"{most} ({target})"
+            if (costly := costliest(self.rules, medians)) is not None:
+                total += f", and {costly[0]} costs most in the median, {_percent(costly[1])}"
+        steps = [
+            Link("simulate the first failure", entry.failures[0].command)
+            for entry in self.requirements.values()
+            if entry.failures
+        ][:1]
+        steps.append(Link("search for the worst case", study_command(self.head, "robustness")))
+        if any(entry.failures for entry in self.requirements.values()):
+            steps.append(Link("tune against the worst case", tune_command(self.head, *ROBUST)))
+        return conclusions.conclusion(overall(passed), (self._broken(passed), total), steps)
+
+    def _passed(self, entry: Failing) -> bool | None:
+        """False if a draw fails, None if one is not judged."""
+        if entry.failures:
+            return False
+        return True if entry.judged == self.draws else None
+
+    def _broken(self, passed: Mapping[str, bool | None]) -> str:
+        """The requirement that most draws break, with the bound of its probability of failure."""
+        if not passed:
+            return ""
+        names = decisive(passed)
+        worst = max(names, key=lambda name: self.requirements[name].bound)
+        entry = self.requirements[worst]
+        bound = f"so at most {_percent(entry.bound)} of all draws do (confidence {self.confidence:g})"
+        failed = len({failure.draw for failure in entry.failures})
+        if failed:
+            return f"{worst} fails in {failed} of {entry.judged} draws, {bound}"
+        return f"None of {entry.judged} draws breaks {listed(names)}, {bound}"
+
     def _failing(self, level: str) -> Table:
         columns = (Column("requirement"), Column("draws"), Column("failed"), Column("share"), Column("at most"))
         rows = tuple(
@@ -180,6 +223,10 @@ class Reliability(Document, Comparable, kw_only=True):
             f"{name} fails < {number(requirement.bound)}" for name, requirement in self.requirements.items()
         )
         return f"Reliability({self.controller.file}, {self.draws} draws: {bounds})"
+
+
+def _percent(share: float) -> str:
+    return f"{number(100.0 * share)} %"
 
 
 def _fits(fitted: Tail, sample: Quantile) -> bool:

@@ -71,10 +71,11 @@ def page(run: Run) -> Page:
         Panel("spread", "Uncertainty", _spread(run)),
         Panel("stability", "Stability", _stability(results, shown)),
         Panel("motion", "Motion", motion),
-        Panel("failures", f"Ended early ({len(failures)})", _failures(results, shown)),
+        Panel("failures", f"Unstable or unfinished ({len(failures)})", _failures(results, shown)),
     )
     title = f"{results.controller.file}: V = {number(results.cost)}"
-    return Page(title, scorecard.conditions(results), panels)
+    conclusion = scorecard.conclusion(results, shown, run.folder)
+    return Page(title, scorecard.conditions(results), panels, conclusion)
 
 
 def headline(results: Results) -> Headline:
@@ -260,7 +261,7 @@ def _failures(results: Results, shown: Mapping[str, int]) -> tuple[Part, ...]:
         rows.append((link, VerdictCell(False if case.judged else None, case.status.value), case.time, case.message))
     columns = (Column("case"), Column("status"), Column("time", SECOND), Column("message"))
     note = f"{words}, of {len(results.cases)} cases. A case that was skipped or lost says nothing about the controller."
-    return (Note(note, warning=False), Table("Cases that did not end with done", columns, tuple(rows)))
+    return (Note(note, warning=False), Table("Unstable or unfinished cases", columns, tuple(rows)))
 
 
 HEAT, ARM = "heat", "arm"

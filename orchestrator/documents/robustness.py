@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -17,10 +17,27 @@ from ..search.findings import (
     RequirementSearched,
     Step,
 )
-from ..views.table import Beside, Cell, Choice, Column, Commands, Facts, Note, Page, Panel, Part, Summary, Value
+from ..views.table import (
+    Beside,
+    Cell,
+    Choice,
+    Column,
+    Commands,
+    Conclusion,
+    Facts,
+    Link,
+    Note,
+    Page,
+    Panel,
+    Part,
+    Summary,
+    Value,
+)
 from ..views.units import NONE, SHOWN, number
-from . import case_plots, worst_page, worst_plots
+from . import case_plots, conclusions, worst_page, worst_plots
+from .commands import ROBUST, study_command, tune_command
 from .comparability import same_controller
+from .conclusions import cost_words, costliest, decisive, listed, overall, share_words, verdict_words
 from .document import Comparable, Completeness, Document, Rank, Row, unit_problem
 from .evaluation import Evaluation
 from .files import REPORT, ROBUSTNESS, TRAJECTORIES, write_text
@@ -169,7 +186,48 @@ class Robustness(Document, Comparable, kw_only=True):
         listed = tuple(worst_page.commands(self.criteria, self.requirements, self.margins))
         panels = (Panel("summary", "Summary", summary), *self._panels(worst, listed))
         title = f"Worst case of {self.controller.file}: V = {number(self.cost)}"
-        return Page(title, self._kicker, panels)
+        return Page(title, self._kicker, panels, self._conclusion(shown))
+
+    def _conclusion(self, shown: Mapping[str, int]) -> Conclusion:
+        """What was found of the requirements and of V, the worst of which is ``shown`` as a recording."""
+        found = {name: entry.passed for name, entry in self.requirements.items()}
+        verdict, names = overall(found), decisive(found)
+        values = {name: entry.value for name, entry in self.criteria.items()}
+        worst = names[0] if verdict is False else (costliest(self.rules, values) or ("",))[0]
+        steps: list[Link] = []
+        if command := self._repeating(worst):
+            steps.append(Link(f"{'see' if worst in shown else 'simulate'} the worst case of {worst}", command,
+                              shown.get(worst)))  # fmt: skip
+        if self.margins or self.radius:
+            steps.append(Link("see margins and radius", panel="margins"))
+        if verdict is False:
+            steps.append(Link("tune against the worst case", tune_command(self.head, *ROBUST)))
+        else:
+            steps.append(Link("bound the probability of a failure", study_command(self.head, "reliability")))
+        return conclusions.conclusion(verdict, (self._found(found), self._cost_found(values)), steps)
+
+    def _found(self, found: Mapping[str, bool | None]) -> str:
+        """What was found of the requirements; how long it was searched stands with what was not found."""
+        verdict, names = overall(found), decisive(found)
+        if not names:
+            return ""
+        searched = f"in {self.simulations} simulations, {self.spent:.0f} of a budget of {self.budget} whole cases"
+        if verdict:
+            return f"No failure of {listed(names)} was found ({searched})"
+        if verdict is None:
+            return f"No failure was found ({searched}), and {verdict_words(found)}"
+        fail = "fails" if len(names) == 1 else "fail"
+        return (
+            f"{listed(names)} {fail} for an arm within the tolerances: {worst_page.ending(self.requirements[names[0]])}"
+        )
+
+    def _cost_found(self, values: Mapping[str, float | None]) -> str:
+        """V from what was found, a lower bound, and what costs most of it."""
+        if self.cost is None:
+            return "no V was found"
+        marks = {"target": self.rules.cost.target, "on the list": self.protocol_cost}
+        found = cost_words(f"V found, at least {number(self.cost)}", marks)
+        return ", ".join(filter(None, (found, share_words(self.rules, values))))
 
     def _panels(
         self, worst: Sequence[tuple[Recording, Recording | None]], listed: tuple[tuple[str, str], ...]
@@ -196,10 +254,13 @@ class Robustness(Document, Comparable, kw_only=True):
 
     def _command(self, entry: Recording) -> str:
         """The command that repeats the case that was recorded for a criterion or a requirement."""
-        name = entry.about.roles[0].split(" ")[0]
+        return self._repeating(entry.about.roles[0].split(" ")[0])
+
+    def _repeating(self, name: str) -> str:
+        """The command that repeats the worst case of a criterion or a requirement; empty if there is none."""
         if name in self.criteria:
             return self.criteria[name].worst_case.command
-        return self.requirements[name].command
+        return self.requirements[name].command if name in self.requirements else ""
 
     def _effects(self) -> Part:
         """By criterion, which parameters matter, and where they stand in the worst arm of each pose."""

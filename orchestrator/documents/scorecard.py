@@ -4,11 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
+from ..benchmark.scorecard import outcome
+from ..benchmark.tally import VERBS
 from ..loop.trajectory import Status
-from ..views.table import Cell, Column, Commands, Facts, Link, Note, Part, Quantity, Summary, Table, Value, VerdictCell
-from ..views.units import SHOWN
-from .commands import again, simulate_command
+from ..views.table import (
+    Cell,
+    Column,
+    Commands,
+    Conclusion,
+    Facts,
+    Link,
+    Note,
+    Part,
+    Quantity,
+    Summary,
+    Table,
+    Value,
+    VerdictCell,
+)
+from ..views.units import MICROMETRE, MILLIMETRE, SHOWN, number
+from . import conclusions
+from .commands import again, compare_command, simulate_command, study_command, tune_command
+from .conclusions import cost_words, costliest, decisive, overall, share_words, verdict_words
 from .document import Row
 from .files import CASES
 from .results import Results
@@ -18,11 +37,13 @@ from .wording import (
     computing_time,
     failure_notes,
     head_facts,
+    incomplete,
     loop_delay,
     reason_notes,
     reason_text,
     remarks,
     requirement_rows,
+    without_cost,
 )
 
 BRIEF = ("Seed", "Loop delay", "Computing time", "Connectors")
@@ -42,6 +63,55 @@ def summary(results: Results) -> Summary:
     parts += [*reason_notes(reasons(results)), Commands("to repeat the other cases above", tuple(_others(results)))]
     parts += [Note(remark) for remark in remarks(results)]
     return Summary(results.controller.file, conditions(results), tuple(parts))
+
+
+def conclusion(results: Results, shown: Mapping[str, int], folder: Path | None) -> Conclusion:
+    """The verdict, the worst case that decides it, V, and what costs most of it; cases that are ``shown`` have a
+    recording of that number, and ``folder`` is where the run is stored, if it is."""
+    passed = {name: entry.passed for name, entry in results.stability.items()}
+    verdict, cost = overall(passed), results.rules.cost
+    values = {name: score.value for name, score in results.criteria.items()}
+    costly = costliest(results.rules, values)
+    if results.cost is None:
+        total = f"no V: {without_cost(results) or incomplete(results)}"
+    else:
+        total = cost_words(f"V {number(results.cost)}", {"target": cost.target, "paper's PID": cost.paper})
+        total = ", ".join(filter(None, (total, share_words(results.rules, values))))
+    worst = results.criteria[costly[0]].worst_case if costly else None
+    if worst is not None:
+        total += f", at {poses(results)[worst.configuration]}, system {worst.system}"
+    steps = [*_worst_step(results, passed, worst.id if worst else None, shown)]
+    steps.append(Link("search for the worst case", study_command(results.head, "robustness")))
+    steps.append(Link("tune the parameters", tune_command(results.head)))
+    if folder is not None:
+        steps.append(Link("compare with another run", compare_command(folder)))
+    return conclusions.conclusion(verdict, (verdict_words(passed) + _why(results, passed), total), steps)
+
+
+def _why(results: Results, passed: Mapping[str, bool | None]) -> str:
+    """What the worst case of the first requirement did that is not met, or why it is not judged; empty if all are."""
+    verdict = overall(passed)
+    if verdict or not passed:
+        return ""
+    entry = results.stability[decisive(passed)[0]]
+    if verdict is None or entry.worst_case is None:
+        return f": {entry.reason}"
+    case = results.case(entry.worst_case)
+    figures, ended = case.measurements, outcome(case, results.rules.stability)
+    size = {
+        "limit cycle": f" of {number(figures.limit_cycle, MICROMETRE.factor)} µm",
+        "no rest": f", {number(figures.rest_error, MILLIMETRE.factor)} mm away",
+    }.get(ended, "")
+    return f": {case.id} ({poses(results)[case.configuration.index]}) {VERBS[ended].replace('`', '')}{size}"
+
+
+def _worst_step(
+    results: Results, passed: Mapping[str, bool | None], costly: str | None, shown: Mapping[str, int]
+) -> Iterator[Link]:
+    """The worst case: that of the first requirement that is not met, else that of the criterion that costs most."""
+    failing = results.stability[decisive(passed)[0]].worst_case if overall(passed) is False else None
+    if (id := failing or costly) is not None:
+        yield Link(f"{'see' if id in shown else 'simulate'} {id}", simulate_command(results.head, id), shown.get(id))
 
 
 def conditions(results: Results) -> str:

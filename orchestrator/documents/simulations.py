@@ -18,9 +18,9 @@ from ..loop.scenario import ChirpSignal, PulseSignal, Scenario
 from ..loop.trajectory import Trajectory
 from ..views.export import csv_text
 from ..views.plot import Axis, Line, Plot, Window, dash, hue
-from ..views.table import Page, Panel, Part
+from ..views.table import Link, Page, Panel, Part
 from ..views.units import MILLIMETRE, SECOND, TORQUE, number
-from . import case_plots
+from . import case_plots, conclusions
 from .case_plots import SIMULATION, Curve
 from .files import streamed, write_bytes, write_text
 from .recording import Recording, affordable, largest_error, record
@@ -118,12 +118,13 @@ def write_plot(figure: Figure, file: Path) -> None:
 
 
 class PlottedSimulation(NamedTuple):
-    """A simulation under its name on the page, and the command that repeats it, if there is one."""
+    """A simulation under its name on the page, the command that repeats it, if there is one, and what it came to."""
 
     name: str
     case: Case
     trajectory: Trajectory
     command: str
+    outcome: str
 
 
 def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulation], summary: tuple[Part, ...]) -> Page:
@@ -138,7 +139,10 @@ def page(title: str, kicker: str, rules: Rules, shown: Sequence[PlottedSimulatio
         Panel("motion", "Motion", case_plots.motion(recordings, rules, links, commands)),
         Panel("summary", "Summary", summary),
     )
-    return Page(title, kicker, panels)
+    several = len(shown) > 1
+    words = [f"{one.name}: {one.outcome}" if several else one.outcome[:1].upper() + one.outcome[1:] for one in shown]
+    steps = [Link("see what was measured", panel="summary"), Link("see the arm move", panel="motion")]
+    return Page(title, kicker, panels, conclusions.conclusion(None, words, steps))
 
 
 def _recorded(shown: PlottedSimulation) -> Recording:

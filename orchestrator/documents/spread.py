@@ -11,9 +11,24 @@ from ..benchmark.spread import Holding, SeedScore, Statistic, paired, seed_score
 from ..benchmark.tally import reason
 from ..codec import Natural
 from ..views.plot import Axis, Level, Line, Plot, Scatter
-from ..views.table import Cell, Column, Facts, Note, Part, Quantity, Summary, Table, Value, VerdictCell
+from ..views.table import (
+    Cell,
+    Column,
+    Conclusion,
+    Facts,
+    Link,
+    Note,
+    Part,
+    Quantity,
+    Summary,
+    Table,
+    Value,
+    VerdictCell,
+)
 from ..views.units import NONE, SHOWN, Unit, number
-from .commands import again, case_command, setting
+from . import conclusions
+from .commands import again, case_command, setting, study_command, tune_command
+from .conclusions import cost_words, decisive, overall, share_words, verdict_words
 from .document import Comparable, Completeness, Document, Rank, Row
 from .files import REPORT, SPREAD
 from .head import Head
@@ -104,6 +119,25 @@ class Spread(Document, Comparable, kw_only=True):
         parts.append(_over_seeds(self))
         parts += [*reason_notes(spread_reasons(self)), *(Note(remark) for remark in spread_remarks(self))]
         return Summary(self.controller.file, f"{self.benchmark}, protocol {self.protocol}, seeds {seeds}", tuple(parts))
+
+    def conclusion(self) -> Conclusion:
+        """With how many seeds the requirements are met, V over the seeds, and what costs most."""
+        passed = {name: self.passed(name) for name in self.requirements}
+        verdict, means = overall(passed), {name: each.mean for name, each in self.criteria.items()}
+        reasons = list(spread_reasons(self))
+        first = next((name for name in decisive(passed)), "")
+        why = ""
+        if verdict is True:
+            why = f" with all of {len(self.seeds)} seeds"
+        elif held := self.requirements.get(first):
+            why = f", {first} with {held.of - held.seeds} of {held.of} seeds" if verdict is False else ""
+        total = cost_words(f"V {mean_words(self.cost)}", {"target": self.rules.cost.target})
+        total = "no mean of V" if self.cost.mean is None else total
+        words = verdict_words(passed) + why, ", ".join(filter(None, (total, share_words(self.rules, means))))
+        steps = [Link("simulate the worst case", each.command) for each in reasons if each.command][:1]
+        steps.append(Link("search for the worst case", study_command(self.head, "robustness")))
+        steps.append(Link("tune the parameters", tune_command(self.head)))
+        return conclusions.conclusion(verdict, words, steps)
 
     def __repr__(self) -> str:
         return f"Spread({self.controller.file}, {self.protocol}, {len(self.seeds)} seeds: V = {mean_words(self.cost)})"

@@ -11,9 +11,11 @@ from ..errors import InputError
 from ..search.candidates import Trial
 from ..views.export import csv_text
 from ..views.plot import Axis, Heat, Layer, Level, Line, Plot, Scatter
-from ..views.table import Cell, Column, Facts, Note, Part, Summary, Table, Value, VerdictCell
+from ..views.table import Cell, Column, Conclusion, Facts, Link, Note, Part, Summary, Table, Value, VerdictCell
 from ..views.units import number
-from . import files
+from . import conclusions, files
+from .commands import range_words, study_command, tune_command
+from .conclusions import cost_words
 from .document import Comparable, Completeness, Document, Rank, Row
 from .wording import assignments, carry_over, head_facts
 
@@ -136,6 +138,27 @@ class Sweep(Document, Comparable, kw_only=True):
         columns = (*map(Column, self.values), Column("V", best="smallest"), Column("cycle"), Column("A1-A3"))
         failing = frozenset(place for place, trial in enumerate(self.trials) if not trial.holds)
         return Table("Every combination", columns, rows, outside=failing)
+
+    def conclusion(self) -> Conclusion:
+        """The best combination, and how many hold A1 to A3."""
+        best, holding = self.best, sum(trial.holds for trial in self.trials)
+        count = f"{holding} of {len(self.trials)} combinations hold A1 to A3"
+        if best is None:
+            steps = [Link("search between the values", self._tune)]
+            return conclusions.conclusion(False, (f"{count}, and none of these has a V",), steps)
+        total = cost_words(f"V {number(best.cost)}", {"target": self.rules.cost.target})
+        steps = [
+            Link("evaluate the best", study_command(self.head, "evaluate", parameters=best.values)),
+            Link("search for its worst case", study_command(self.head, "robustness", parameters=best.values)),
+            Link("search between the values", self._tune),
+        ]
+        return conclusions.conclusion(True, (f"{count}; the best has {total}, with {assignments(best.values)}",), steps)
+
+    @property
+    def _tune(self) -> str:
+        """The command that searches between the smallest and the largest value of each parameter that varies."""
+        ranges = (range_words(name, min(self.values[name]), max(self.values[name])) for name in self.varied)
+        return tune_command(self.head, ranges=ranges)
 
     def _line(self) -> Plot:
         """V over the values of one parameter; where one has no V, a line."""

@@ -14,8 +14,10 @@ from ..views.table import (
     Choice,
     Column,
     Commands,
+    Conclusion,
     Facts,
     Headline,
+    Link,
     Note,
     Page,
     Panel,
@@ -26,7 +28,9 @@ from ..views.table import (
     VerdictCell,
 )
 from ..views.units import number
-from . import tuning_plots
+from . import conclusions, tuning_plots
+from .commands import MORE_TRIALS, range_words, study_command, tune_command
+from .conclusions import cost_words, listed
 from .document import Comparable, Completeness, Document, Rank, Row
 from .files import REPORT, TUNING
 from .spread import mean_words
@@ -167,7 +171,30 @@ class Tuning(Document, Comparable, kw_only=True):
             Panel("trade", "V and stability", (self._trade,)),
             Panel("judged", "Judged candidates", (_judged(self), _added(self))),
         )
-        return Page(f"Tuning of {self.controller.file}", self._kicker, panels)
+        return Page(f"Tuning of {self.controller.file}", self._kicker, panels, self.conclusion())
+
+    def conclusion(self) -> Conclusion:
+        """Whether a candidate holds A1 to A3, its V beside that of the start, and what speaks against it."""
+        best, judged = self.best, Link("see the judged candidates", panel="judged")
+        if best is None:
+            ranges = (range_words(name, span.low, span.high, span.log) for name, span in self.vary.items())
+            steps = [judged, Link("tune again with more trials", tune_command(self.head, *MORE_TRIALS, ranges=ranges))]
+            return conclusions.conclusion(False, (_none_holds(self),), steps)
+        marks = {"start": self.trials[0].cost, "target": self.rules.cost.target}
+        words = (
+            f"The best of {len(self.trials)} trials, number {best.trial.number}, holds A1 to A3 in {self.protocol}",
+            cost_words(f"V {number(best.cost)}", marks),
+            f"on the strict list {listed(best.strict_broken)} fail{'s' * (len(best.strict_broken) == 1)}"
+            if best.strict_broken
+            else f"V {number(best.strict)} on the strict list",
+            "overfitted to the draws it was tuned with" if best.overfitted else "",
+        )
+        steps = [
+            Link("evaluate the best", study_command(self.head, "evaluate", parameters=best.trial.values)),
+            Link("search for its worst case", study_command(self.head, "robustness", parameters=best.trial.values)),
+            judged,
+        ]
+        return conclusions.conclusion(not best.strict_broken, words, steps)
 
     @property
     def _best_trial(self) -> Trial | None:
@@ -340,14 +367,18 @@ def _facts(tuning: Tuning) -> Iterator[tuple[str, str]]:
     yield "Sampler", f"{tuning.sampler}, seed {tuning.search_seed}"
 
 
+def _none_holds(tuning: Tuning) -> str:
+    """That none of the candidates is one that could be used."""
+    count = len(tuning.judged)
+    tried = f"None of the {count} candidates that were" if count > 1 else "The candidate that was"
+    return f"{tried} tried on the whole protocol {'holds' if count > 1 else 'does not hold'} A1-A3"
+
+
 def tuning_remarks(tuning: Tuning) -> list[str]:
     """What a reader must know of a tuning."""
     best, remarks = tuning.best, carry_over(tuning.head)
     if best is None:
-        count = len(tuning.judged)
-        tried = f"None of the {count} candidates that were" if count > 1 else "The candidate that was"
-        none = f"{tried} tried on the whole protocol {'holds' if count > 1 else 'does not hold'} A1-A3."
-        return [none, *filter(None, [_nearest_words(tuning)])]
+        return [f"{_none_holds(tuning)}.", *filter(None, [_nearest_words(tuning)])]
     if best.overfitted:
         tuned, others = number(best.trial.cost), mean_words(best.held_out)
         remarks.append(

@@ -26,6 +26,7 @@ from ..benchmark.certificate import (
 from ..benchmark.draws import Entropy
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import rules
+from ..benchmark.spread import Statistic
 from ..codec import Natural, plain
 from ..loop.trajectory import Status
 from ..views.plot import Axis, Level, Line, Plot, hue
@@ -33,7 +34,9 @@ from ..views.table import (
     VERDICTS,
     Cell,
     Column,
+    Conclusion,
     Facts,
+    Link,
     Part,
     Quantity,
     Summary,
@@ -42,11 +45,14 @@ from ..views.table import (
     VerdictCell,
 )
 from ..views.units import SHOWN
-from .commands import Setting, case_command, in_draw
+from . import conclusions
+from .commands import ROBUST, Setting, case_command, in_draw, study_command, tune_command
+from .conclusions import cost_words, decisive, overall, share_words, verdict_words
 from .document import Comparable, Completeness, Document, Rank, Row, completeness
 from .files import REPORT, VERIFICATION
 from .head import Head
 from .scorecard import criterion_column
+from .spread import mean_words
 from .wording import REQUIREMENTS, Reason, failure_notes, head_facts, reason_notes, reason_text
 
 PROTOCOL, STRICT, COUNT = "verification", "strict-verification", 3
@@ -186,6 +192,32 @@ class Verification(Document, Comparable, kw_only=True):
         parts += reason_notes(verification_reasons(self))
         return Summary(self.controller.file, kicker, tuple(parts))
 
+    def conclusion(self) -> Conclusion:
+        """The verdict over the draws and on the list of worst cases, V, what costs most, and whether it is standard."""
+        scores = [score for score in (self, self.strict) if score is not None]
+        passed = {name: overall(_of_each(scores, name)) for name in self.requirements}
+        verdict, reasons = overall(passed), list(verification_reasons(self))
+        why = ""
+        if verdict is False:
+            entry = self.requirements[decisive(passed)[0]]
+            failed = f"{decisive(passed)[0]} in {entry.failed_draws} of {len(self.draws)} draws"
+            why = f", {failed if entry.failed_draws else 'on the worst poses'}"
+        elif verdict:
+            why = f" in all {len(self.draws)} draws{' and on the worst poses' if self.strict else ''}"
+        means = {name: each.mean for name, each in self.criteria.items()}
+        spread = Statistic(self.cost.mean, self.cost.sd, None, None)
+        total = cost_words(f"V {mean_words(spread)}", {"target": self.rules.cost.target})
+        total = "no mean of V" if self.cost.mean is None else total
+        words = (
+            verdict_words(passed) + why,
+            ", ".join(filter(None, (total, share_words(self.rules, means)))),
+            f"not under the standard conditions: {self.deviations[0]}" if self.deviations else "",
+        )
+        steps = [Link("simulate the worst case", each.command) for each in reasons if each.command][:1]
+        steps.append(Link("search for the worst case", study_command(self.head, "robustness")))
+        steps.append(Link("tune against the worst case", tune_command(self.head, *ROBUST)))
+        return conclusions.conclusion(verdict, words, steps)
+
     def _problem(self) -> str:
         drawn = tuple(draw.seed for draw in self.draws)
         tried: tuple[Verification | Reference, ...] = (self, *self.references.values())
@@ -324,6 +356,11 @@ def _score_reasons(
             place = "" if "{" in where else where
             advice = VERIFY_AGAIN if entry.tally.interrupted else ""
             yield Reason(reason_text(name, entry.passed, place, entry.reason), advice=advice)
+
+
+def _of_each(scores: Sequence[Verification | Score], name: str) -> dict[str, bool | None]:
+    """The verdicts on a requirement in several scores."""
+    return {str(place): score.requirements[name].passed for place, score in enumerate(scores)}
 
 
 def _over_draws(name: str, draws: Sequence[Draw], order: int) -> Line:

@@ -10,6 +10,7 @@ import base64
 import functools
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from importlib import resources
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FileSystemBytecodeCache, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ..cache import cache_folder
 from ..text import printable
@@ -223,9 +224,31 @@ def environment(read: Callable[[str], str | None]) -> Environment:
         finalize=lambda value: printable(value) if type(value) is str else value,
     )
     made.filters["number"] = number
+    made.filters["unbroken"] = unbroken
     made.globals |= {"kind": lambda part: type(part).__name__, "shown": shown, "marked": _marked, "placed": _placed}
     made.globals["MOST"] = MOST
     return made
+
+
+PIECES = re.compile(r"(?<=[./=:])(?=[^\W\d])")
+"""Where a word of a path, a case or a command may be broken: behind these, and not within a number."""
+
+LONGEST = 40
+"""Characters of a piece that has a line to itself on a phone; longer ones, such as hashes, are broken anywhere."""
+
+
+def unbroken(text: str) -> Markup:
+    """Text whose identifiers are not broken inside: not at a hyphen either, where browsers break by themselves."""
+    return Markup("").join(
+        Markup("<wbr>").join(_piece(piece) for piece in PIECES.split(word))
+        for word in re.split(r"(\s+)", printable(text))
+    )
+
+
+def _piece(text: str) -> Markup:
+    if "-" not in text[1:] or len(text) > LONGEST:
+        return escape(text)
+    return Markup('<span class="word">{}</span>').format(text)
 
 
 def template_text(name: str) -> str:

@@ -34,11 +34,13 @@ class VerdictCell(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A text with the ``command`` that repeats what it names, and its number among the recordings of a page."""
+    """A text with the ``command`` that repeats what it names, and where a page shows it: its number among the
+    recordings, or the id of a ``panel``."""
 
     text: str
     command: str = ""
     recording: int | None = None
+    panel: str = ""
 
 
 class Quantity(NamedTuple):
@@ -249,12 +251,27 @@ class Panel:
 
 
 @dataclass(frozen=True)
+class Conclusion:
+    """What a page comes to, in one ``sentence``, and what to do ``next``; whether the requirements are met (``passed``;
+    None if they are not judged, or nothing is). Only pages show it, before all else."""
+
+    sentence: str
+    passed: bool | None = None
+    next: tuple[Link, ...] = ()
+
+
+@dataclass(frozen=True)
 class Page:
-    """A page of tabs."""
+    """A page of tabs, which begins with a ``conclusion`` if there is one."""
 
     title: str
     kicker: str
     panels: tuple[Panel, ...]
+    conclusion: Conclusion | None = None
+
+    def __post_init__(self) -> None:
+        steps = self.conclusion.next if self.conclusion else ()
+        assert {step.panel for step in steps} <= {"", *(panel.id for panel in self.panels)}, self.title
 
     @property
     def parts(self) -> tuple[Part, ...]:

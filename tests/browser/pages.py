@@ -133,7 +133,9 @@ def simulations() -> str:
     for name, size, end in ((EVIL, 8e-3, 26.0), ("other.fmu --gain 2 1", 3e-3, 12.0)):
         made = trajectory(lambda t, size=size: size * np.sin(3 * t), 1e-3, (lambda t: 3 * np.sin(t), 4.0), duration=end)
         angles = {f"q_a[{axis}]": 0.1 * np.sin(made.time) for axis in (1, 2)}
-        shown.append(PlottedSimulation(name, case, replace(made, extra=angles), f"simulate {EVIL}"))
+        shown.append(
+            PlottedSimulation(name, case, replace(made, extra=angles), f"simulate {EVIL}", f"at most {size} m")
+        )
     return page_html(simulation_page(EVIL, EVIL, RULES, shown, (Note("a remark"),)))
 
 

@@ -97,6 +97,14 @@ document.addEventListener("click", ({ target }) => {
   $(`select[data-choice="${choice}"]`).focus();
 });
 
+document.addEventListener("click", ({ target }) => {
+  const button = target.closest("[data-panel]");
+  if (!button) return;
+  show(button.dataset.panel);
+  window.scrollTo(0, 0);
+  $(`#${button.dataset.panel}`).focus({ preventScroll: true });
+});
+
 /** Show the panel `id`; its name becomes part of the address, so that a link can point at it. */
 function show(id) {
   openPanel(id);
@@ -119,7 +127,10 @@ addEventListener("beforeprint", () => {
   document.documentElement.classList.add("printed");
   draw();
 });
-addEventListener("afterprint", () => document.documentElement.classList.remove("printed"));
+addEventListener("afterprint", () => {
+  document.documentElement.classList.remove("printed");
+  draw();
+});
 
 function startPage() {
   const tabs = [...document.querySelectorAll('[role="tab"]')];
