@@ -181,7 +181,7 @@ def entry(bench: Benchmark, file: Path, place: Path, drawn: Sequence[int]) -> En
         return Entry(file.name, None, str(problem), isinstance(problem, Crash) and problem.what == "killed")
     # All others must have their places in the morning, whatever this one has made of the machine or found in us.
     except Exception as problem:
-        return Entry(file.name, None, f"not its fault, as far as is known: {problem!r}", again=True)
+        return Entry(file.name, None, f"tried again by the next call: {type(problem).__name__}: {problem}", again=True)
 
 
 def is_final(spread: Spread, drawn: Sequence[int]) -> bool:
