@@ -38,6 +38,7 @@ CONTENTS = {
         "tutorial-evaluate",
         "tutorial-tune",
         "tutorial-service",
+        "tutorial-windows",
         "tutorial-worst-case",
         "tutorial-compare",
         "design",
@@ -55,6 +56,7 @@ CONTENTS = {
         "python",
         "running",
         "service",
+        "teaching",
     ],
     "Write a controller": [
         "exporting",

@@ -33,6 +33,7 @@ PAGES = [
     "tutorial-evaluate.md",
     "tutorial-compare.md",
     "tutorial-worst-case.md",
+    "teaching.md",
     pytest.param("tutorial-tune.md", marks=pytest.mark.needs("optuna", "cmaes")),
 ]
 
