@@ -62,6 +62,7 @@ def playground_data(
         "poses": _poses(cases),
         "noiseWords": [*seed_words(0, -1, NOMINAL_SYSTEM, NOISE)],
         "links": [NOMINAL["l[1]"], NOMINAL["l[2]"]],
+        "ratios": [NOMINAL["n[1]"], NOMINAL["n[2]"]],
         "delay": float(main.loop.delay),
         "protocols": {name: _protocol(*given) for name, given in protocols.items()},
         "controllers": [{"name": name, "unit": unit, "values": _values(file)} for name, unit, file in CONTROLLERS],

@@ -65,8 +65,8 @@ def page_html(page: Page) -> str:
     )
 
 
-PLAYGROUND = ("page.js", "plot.js", "arm.js", "motion.js", "playground.js")
-"""The scripts of the playground, in their order: its own is the last one."""
+PLAYGROUND = ("page.js", "plot.js", "arm.js", "motion.js", "playground.js", "playground-lesson.js")
+"""The scripts of the playground, in their order: its own are the last ones."""
 
 WORKER = "playground-worker.js"
 """What its workers run."""
