@@ -65,7 +65,10 @@ def page_html(page: Page) -> str:
     )
 
 
-PLAYGROUND = ("page.js", "plot.js", "arm.js", "motion.js", "playground.js", "playground-lesson.js")
+PLAYGROUND = (
+    *("page.js", "plot.js", "arm.js", "motion.js"),
+    *("playground.js", "playground-lesson.js", "playground-pull.js"),
+)
 """The scripts of the playground, in their order: its own are the last ones."""
 
 WORKER = "playground-worker.js"

@@ -99,7 +99,9 @@ function showLesson() {
       verdict,
       element("p", { class: "bar" }, ...(step > 0 ? [turn("Back", step - 1)] : []), step + 1 < LESSON.length ? turn("Next step", step + 1) : "", turn("End the lesson", null)));
   }
-  place.querySelectorAll('[role="group"] button').forEach((button, number) => button.setAttribute("aria-pressed", String(number === view)));
+  // What somebody has changed since is no view any more.
+  const isView = JSON.stringify(state) === JSON.stringify(lessonState(step, view));
+  place.querySelectorAll('[role="group"] button').forEach((button, number) => button.setAttribute("aria-pressed", String(isView && number === view)));
 }
 
 /** The figures that the question is about, once they are simulated. */
@@ -108,5 +110,5 @@ function showSeen() {
   const { look } = LESSON[state.lesson[0]];
   const rows = [...document.querySelectorAll("#figures tbody tr")].map((row) => [...row.children].map((cell) => cell.textContent));
   const seen = rows.filter(([name]) => look.some((begin) => name.startsWith(begin)));
-  $("#lesson-seen").replaceChildren(...seen.map(([name, one, two]) => element("span", {}, `${name}: `, element("b", {}, one), ` ${label(state.chosen)}, ${two} ${label(state.beside)}`)));
+  $("#lesson-seen").replaceChildren(...seen.map(([name, one, two]) => element("span", {}, `${name}: `, element("b", {}, one), ` with ${label(state.chosen)}, ${two} with ${label(state.beside)}`)));
 }

@@ -5,6 +5,7 @@ const single = Object.values(data.protocols)[0]; // the protocol that single cas
 const unitNumber = (name) => units.findIndex((unit) => unit.name === name);
 const SHOWN = { m: [1e3, "mm"], s: [1, "s"], "N.m": [1, "Nm"] };
 const RADIAN = Math.PI / 180;
+const MOST_FORCE = 1000; // [N] twice that of Table 1
 const PLOTS = ["error", "torque-1", "torque-2"];
 
 // ---- The state: all that is chosen, which a link holds ----
@@ -294,6 +295,7 @@ let [busy, again] = [false, false];
 /** Simulate both laws; while they run, only the last change is kept. */
 async function update() {
   history.replaceState(null, "", `#${encoded(state)}`);
+  showLesson();
   showCommand();
   again = true;
   if (busy) return;
@@ -476,8 +478,8 @@ function showCase() {
   const { imperfections } = caseOf(state);
   const pushed = imperfections.force_stop > 0;
   $("#disturbance").replaceChildren(...(pushed ? [
-    slider("force", "Force", { low: 0, high: 1000, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
-    slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: (state.phi ?? one.phi) / RADIAN, unit: "°" }, (number) => (state.phi = number * RADIAN)),
+    slider("force", "Force", { low: 0, high: MOST_FORCE, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
+    slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: turned((state.phi ?? one.phi) / RADIAN), unit: "°" }, (number) => (state.phi = number * RADIAN)),
   ] : []));
   const tick = 1 / imperfections.rate;
   $("#loop").replaceChildren(
@@ -532,7 +534,6 @@ function showAll() {
   $("#controller").replaceChildren(...pick([...data.controllers.map(({ name }) => [name, name]), ["linear", "A linear controller of my own"]], state.chosen.matrices ? "linear" : state.chosen.name));
   showGains();
   showCase();
-  showLesson();
   update();
 }
 
