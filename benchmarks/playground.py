@@ -87,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         program = write_program(folder / "program")
         target = Target((*(build_fmus.find_compiler() or ("cc",)), "-O2"), ())
         built = compile_program(target, program.sources, program.folder, "program.exe")
-        module, _ = build_fmus.build_web(folder)
+        module, *_ = build_fmus.build_web(folder)
         print(f"module {module.stat().st_size / 1e3:.0f} kB, page {file.stat().st_size / 1e6:.2f} MB")
         print("controller          browser [s]  machine code [s]  ratio")
         for name in CONTROLLERS:

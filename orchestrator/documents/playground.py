@@ -48,10 +48,15 @@ LINEAR: Mapping[str, Any] = {
 
 
 def playground_data(
-    module: bytes, interface: Mapping[str, Any], protocols: Mapping[str, tuple[Protocol, Sequence[Case]]]
+    module: bytes,
+    interface: Mapping[str, Any],
+    files: Mapping[str, Mapping[str, str]],
+    protocols: Mapping[str, tuple[Protocol, Sequence[Case]]],
 ) -> dict[str, Any]:
-    """The page's data; ``protocols`` with their cases by name, the first of which single cases are taken from."""
+    """The page's data: ``files`` are those of the controllers' FMUs, by unit and path; ``protocols`` with their cases by
+    name, the first of which single cases are taken from."""
     main, cases = next(iter(protocols.values()))
+    texts = sorted({text for contents in files.values() for text in contents.values()})
     return {
         "module": base64.b64encode(module).decode("ascii"),
         "interface": dict(interface),
@@ -68,6 +73,10 @@ def playground_data(
         "controllers": [{"name": name, "unit": unit, "values": _values(file)} for name, unit, file in CONTROLLERS],
         "gains": [{"name": name, "values": values, "most": most} for name, values, most in PID],
         "linear": dict(LINEAR),
+        "files": {
+            unit: {path: texts.index(text) for path, text in contents.items()} for unit, contents in files.items()
+        },
+        "sources": texts,
         "columns": [],
         "texts": [],
     }

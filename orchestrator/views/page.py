@@ -67,7 +67,7 @@ def page_html(page: Page) -> str:
 
 PLAYGROUND = (
     *("page.js", "plot.js", "arm.js", "motion.js"),
-    *("playground.js", "playground-lesson.js", "playground-pull.js"),
+    *("playground.js", "playground-lesson.js", "playground-pull.js", "playground-fmu.js"),
 )
 """The scripts of the playground, in their order: its own are the last ones."""
 

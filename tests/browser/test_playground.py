@@ -2,9 +2,11 @@
 
 import json
 import shlex
+import zipfile
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from support.command_lines import call
 
 import build_fmus
@@ -112,22 +114,28 @@ def test_every_sample_is_that_of_the_master_loop(html, folder, open_page):
 
 
 LAWS = {
-    "DiagonalPID_C": {"name": "DiagonalPID_C", "values": {}},
-    "RobustLQG": {"name": "RobustLQG", "values": {}},
-    "MyLinear": {"name": "linear", "matrices": LEAD},
+    "MyTunedPID.fmu": {"name": "TunedPID", "values": {"K_p[1]": 31.5, "z_p[2]": 0.93}},
+    "MyRobustLQG.fmu": {"name": "RobustLQG", "values": {}},
+    "MyRobustLinearLQG.fmu": {"name": "RobustLinearLQG", "values": {}},
+    "MyLinear.fmu": {"name": "linear", "matrices": LEAD},
 }
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_all_cases_and_the_scorecard_are_those_of_an_evaluation(name, html, folder, open_page, protocol="quick"):
+def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(name, html, open_page, tmp_path, protocol="quick"):
     page = open_page(html, DESK)
     go_to(page, {"chosen": LAWS[name]})
+    with page.expect_download() as download:
+        page.locator("#fmu").click()
+    file = tmp_path / download.value.suggested_filename
+    assert file.name == name
+    download.value.save_as(file)
     page.evaluate("$('#scorecard').replaceChildren()")
     page.locator(f'[data-protocol="{protocol}"]').click()
     page.locator("#scorecard .hero").wait_for(timeout=600_000)
     found, ids = page.evaluate(f"[data.scorecard, data.protocols.{protocol}.cases.map(({{ id }}) => id)]")
     bench = Benchmark(protocol, plant="native")
-    wanted = bench.evaluate(Controller(folder / "build" / "fmus" / f"{name}.fmu")).results
+    wanted = bench.evaluate(Controller(file)).results
     assert found["cost"] == wanted.cost
     assert found["criteria"] == {key: criterion.value for key, criterion in wanted.criteria.items()}
     assert {key: not failed for key, failed in found["failed"].items()} == {
@@ -140,6 +148,24 @@ def test_all_cases_and_the_scorecard_are_those_of_an_evaluation(name, html, fold
         assert (outcome["time"], outcome["until"]) == (judgement.time, judgement.judged_until)
     cost = "-" if wanted.cost is None else f"{wanted.cost:.1f}"
     assert cost == page.locator("#scorecard .hero").inner_text()
+
+
+def test_a_downloaded_fmu_is_sound_and_its_identity_follows_from_its_contents(html, open_page, tmp_path):
+    page = open_page(html, DESK)
+    found = []
+    for gain in (40, 41, 41):
+        go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": gain}}})
+        with page.expect_download() as download:
+            page.locator("#fmu").click()
+        download.value.save_as(tmp_path / "My.fmu")
+        with zipfile.ZipFile(tmp_path / "My.fmu") as archive:
+            assert archive.testzip() is None
+        found.append(read_model_description(str(tmp_path / "My.fmu")))
+    starts = [{each.name: each.start for each in one.modelVariables}["K_p[1]"] for one in found]
+    guids = [one.guid for one in found]
+    assert starts == ["40", "41", "41"] and guids[0] != guids[1] == guids[2]
+    checked = call("check", "My.fmu", folder=tmp_path)
+    assert checked.code == 0, checked.out + checked.err
 
 
 def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open_page):
