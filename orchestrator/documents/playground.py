@@ -53,8 +53,8 @@ def playground_data(
     files: Mapping[str, Mapping[str, str]],
     protocols: Mapping[str, tuple[Protocol, Sequence[Case]]],
 ) -> dict[str, Any]:
-    """The page's data: ``files`` are those of the controllers' FMUs, by unit and path; ``protocols`` with their cases by
-    name, the first of which single cases are taken from."""
+    """The page's data: ``files`` are those of the controllers' FMUs, by unit and path; ``protocols`` have their cases
+    beside them, by name, and single cases are taken from the first one."""
     main, cases = next(iter(protocols.values()))
     texts = sorted({text for contents in files.values() for text in contents.values()})
     return {

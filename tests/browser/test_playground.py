@@ -122,7 +122,9 @@ LAWS = {
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(name, html, open_page, tmp_path, protocol="quick"):
+def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(
+    name, html, open_page, tmp_path, protocol="quick"
+):
     page = open_page(html, DESK)
     go_to(page, {"chosen": LAWS[name]})
     with page.expect_download() as download:
@@ -222,3 +224,126 @@ def test_it_fits_the_screen_and_is_accessible(size, scheme, html, open_page):
     found = Axe().run(page).response["violations"]
     assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
     page.locator("summary").click()
+
+
+SEEN = {
+    (0, 0): {"B6": "2.64 s ✓", "B7": "1.26 mm ✗"},
+    (0, 1): {"B6": "3.31 s ✗", "B7": "0.355 mm ✓"},
+    (1, 0): {"B5 Force": "2.02 mm ✓", "B5 as": "522.0 µm"},
+    (1, 1): {"B5 Force": "1.66 mm ✓", "B5 as": "140.3 µm"},
+    (2, 0): {"A2": "stands still ✓"},
+    (2, 1): {"A2": "no rest ✗", "Amplitude": "91 µm"},
+    (3, 0): {"B5 Force": "2.02 mm ✓", "B7": "0.746 mm ✗"},
+    (3, 1): {"B5 Force": "1.66 mm ✓", "B7": "0.332 mm ✓"},
+    (3, 2): {"A1": "limit cycle ✗", "Amplitude": "14.8 µm"},
+    (4, 0): {"A2": "stands still ✓"},
+    (4, 1): {"A2": "no rest ✗", "Amplitude": "32.6 mm", "Error": "226.8 mm"},
+}
+"""What the lesson says is seen, by step and view: the figures of the chosen controller."""
+
+
+def next_view(page, button):
+    """Press a button of the lesson by the keyboard, and wait for what is simulated."""
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    button.press("Enter")
+    finish(page)
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE])
+def test_each_step_of_the_lesson_shows_what_its_answer_says(size, html, open_page):
+    page = open_page(html, size)
+    go_to(page, {})
+    lesson = page.locator("#lesson")
+    next_view(page, lesson.get_by_role("button", name="Begin the lesson"))
+    found = {}
+    for step in range(5):
+        assert page.evaluate("document.activeElement.textContent").startswith(f"{step + 1} of 5")
+        views = lesson.get_by_role("group", name="Set the page").get_by_role("button")
+        for view in range(views.count()):
+            next_view(page, views.nth(view))
+            assert views.nth(view).get_attribute("aria-pressed") == "true"
+            lines = lesson.locator("#lesson-seen span").all_inner_texts()
+            found[step, view] = {
+                name: line.split(": ")[1].split(" with ")[0] for line in lines for name in [line.split(":")[0]]
+            }
+        right = page.evaluate(f"LESSON[{step}].right")
+        answers = lesson.get_by_role("radio")
+        answers.nth((right + 1) % 3).check()
+        assert lesson.get_by_role("status").inner_text().startswith("✗ No.")
+        answers.nth(right).check()
+        assert lesson.get_by_role("status").inner_text() == f"✓ Yes. {page.evaluate(f'LESSON[{step}].because')}"
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        if step < 4:
+            next_view(page, lesson.get_by_role("button", name="Next step"))
+    assert found.keys() == SEEN.keys()
+    for place, wanted in SEEN.items():
+        shown = found[place]
+        assert {begin: value for begin in wanted for name, value in shown.items() if name.startswith(begin)} == wanted
+
+
+def test_the_arm_of_the_lesson_is_within_the_tolerances_as_its_answer_says(html, open_page):
+    page = open_page(html, DESK)
+    arm, table, nominal = page.evaluate("[FOUND_ARM, data.table, data.nominal]")
+    tolerances = {row["symbol"]: row["tolerance"] for row in table}
+    shares = {name: (value / nominal[name] - 1) / tolerances[name[:-3]] for name, value in arm.items()}
+    assert len(arm) == 2 * len(table) and all(abs(share) <= 1 + 1e-9 for share in shares.values())
+    assert sum(abs(share) > 1 - 1e-9 for share in shares.values()) >= 8  # "many at an end"
+
+
+def test_a_view_of_the_lesson_that_was_changed_is_no_view_any_more_and_a_link_brings_the_step_back(html, open_page):
+    page = open_page(html, DESK)
+    page.evaluate("goToLesson(3, 1)")
+    finish(page)
+    pressed = page.locator('#lesson [aria-pressed="true"]')
+    assert pressed.all_inner_texts() == ["Four times"]
+    page.locator("#gain-K_p-1").press("ArrowRight")
+    finish(page)
+    assert pressed.count() == 0
+    link = page.locator("#link").get_attribute("href")
+    go_to(page, {})
+    assert page.locator("#lesson h2").inner_text() == "A lesson in five steps"
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(link)}")
+    finish(page)
+    assert page.locator("#lesson h2").inner_text().startswith("4 of 5")
+
+
+def test_the_force_is_pulled_by_the_mouse_and_by_keys(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {})
+    before = page.evaluate("data.answers")
+    grip = page.locator("#pull .grip")
+    grip.scroll_into_view_if_needed()
+    box = grip.bounding_box()
+    home = "joints(data.links, degreesOf(state).map((angle) => angle * RADIAN)).tcp"
+    matrix = "$('#stage svg > g').getScreenCTM()"
+    scale = page.evaluate(f"{matrix}.a")  # pixels of a metre
+    x, y = page.evaluate(f"(({{ x, y }}) => [x, y])(new DOMPoint(...{home}).matrixTransform({matrix}))")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(x - 0.3 * scale, y - 0.3 * scale, steps=3)
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    page.mouse.up()
+    finish(page)
+    size, direction = page.evaluate("pulled()")
+    assert size == 420 and abs(direction - 135) <= 1  # 0.3 m to the left and upwards, at 1000 N a metre
+    assert page.locator("#force").input_value() == "420"
+    assert page.evaluate("data.answers[0].figures.B5") != before[0]["figures"]["B5"]
+    handle = page.get_by_role("slider", name="Force at the tool")
+    for key in ("ArrowUp", "ArrowRight", "PageDown"):
+        page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+        handle.press(key)
+        finish(page)
+    assert page.evaluate("pulled()") == [340, pytest.approx(direction - 5)]
+    assert handle.get_attribute("aria-valuetext") == f"340.0 newtons at {direction - 5:.1f} degrees"
+    assert "--force 340" in page.locator("#command").inner_text()
+    assert page.evaluate("document.activeElement.id") == "pull"
+    for _ in range(8):
+        handle.press("PageUp")
+    assert handle.get_attribute("aria-valuenow") == "1000"
+
+
+def test_no_force_is_pulled_where_none_acts(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"protocolCase": "c05.compliant.noise"})
+    assert page.locator("#pull").count() == 0
+    assert page.locator("#pull-text").inner_text() == "In this test no force acts."

@@ -568,11 +568,9 @@ function startPlayground() {
   $("#keep").addEventListener("click", () => ((state.beside = structuredClone(state.chosen)), showAll()));
   $("#swap").addEventListener("click", () => (([state.chosen, state.beside] = [state.beside, state.chosen]), showAll()));
   $("#fmu").addEventListener("click", downloadFmu);
-  $("#which").addEventListener("change", ({ target }) => ((chosen.which = Number(target.value)), draw()));
   for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
   $("#controls").addEventListener("submit", (event) => event.preventDefault());
   window.addEventListener("hashchange", () => ((state = readLink()), showAll()));
-  chosen.which = 0;
   state = readLink();
   showAll();
 }
