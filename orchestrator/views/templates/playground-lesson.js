@@ -82,7 +82,7 @@ function showLesson() {
   const turn = (words, to) => element("button", { type: "button", onclick: () => { goToLesson(to); $("#lesson h2").focus(); } }, words);
   if (step === null) {
     place.dataset.step = "";
-    place.replaceChildren(element("h2", { tabindex: -1 }, "A lesson in five steps"), element("p", {}, "Each step sets the page and asks one question. What is seen answers it."), element("p", { class: "bar" }, turn("Begin the lesson", 0)));
+    place.replaceChildren(element("h2", { tabindex: -1 }, "A lesson in five steps"), element("p", { class: "bar" }, turn("Begin the lesson", 0), " Each step sets the page and asks one question. What is seen answers it."));
     return;
   }
   const { title, text, views, question, answers, right, because } = LESSON[step];
