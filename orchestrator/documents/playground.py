@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,6 @@ def playground_data(
     """The page's data: ``files`` are those of the controllers' FMUs, by unit and path; ``protocols`` have their cases
     beside them, by name, and single cases are taken from the first one."""
     main, cases = next(iter(protocols.values()))
-    texts = sorted({text for contents in files.values() for text in contents.values()})
     return {
         "module": base64.b64encode(module).decode("ascii"),
         "interface": dict(interface),
@@ -73,13 +73,18 @@ def playground_data(
         "controllers": [{"name": name, "unit": unit, "values": _values(file)} for name, unit, file in CONTROLLERS],
         "gains": [{"name": name, "values": values, "most": most} for name, values, most in PID],
         "linear": dict(LINEAR),
-        "files": {
-            unit: {path: texts.index(text) for path, text in contents.items()} for unit, contents in files.items()
-        },
-        "sources": texts,
+        "files": _compressed(files),
         "columns": [],
         "texts": [],
     }
+
+
+def _compressed(files: Mapping[str, Mapping[str, str]]) -> str:
+    """The files as JSON, compressed, in base64. Texts that several FMUs have are there once."""
+    texts = sorted({text for contents in files.values() for text in contents.values()})
+    units = {unit: {path: texts.index(text) for path, text in contents.items()} for unit, contents in files.items()}
+    packed = zlib.compress(json.dumps({"units": units, "texts": texts}).encode(), 9)
+    return base64.b64encode(packed).decode("ascii")
 
 
 def _values(file: str) -> dict[str, float]:

@@ -281,6 +281,15 @@ def test_each_step_of_the_lesson_shows_what_its_answer_says(size, html, open_pag
         assert {begin: value for begin in wanted for name, value in shown.items() if name.startswith(begin)} == wanted
 
 
+def test_the_answers_of_the_lesson_are_true_of_the_papers_gains_and_of_the_frequency_too(html, open_page):
+    page = open_page(html, DESK)
+    for case in ("c08.compliant.delay_2", "c08.slippery.gain_2"):
+        go_to(page, {"protocolCase": case})
+        assert page.evaluate("data.answers[0].verdict") == "quiet"
+    go_to(page, page.evaluate("lessonState(2, 1)"))
+    assert round(page.evaluate("data.answers[0].figures.limit_cycle_frequency")) == 43
+
+
 def test_the_arm_of_the_lesson_is_within_the_tolerances_as_its_answer_says(html, open_page):
     page = open_page(html, DESK)
     arm, table, nominal = page.evaluate("[FOUND_ARM, data.table, data.nominal]")

@@ -58,11 +58,18 @@ function withMatrices(files, { A, B, C, D }) {
   return { ...files, [GAINS]: gains };
 }
 
+/** The files of a built FMU, texts by path. */
+async function filesOf(unit) {
+  const stream = new Blob([base64Bytes(data.files)]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const { units: listed, texts } = await new Response(stream).json();
+  return Object.fromEntries(Object.entries(listed[unit]).map(([path, number]) => [path, texts[number]]));
+}
+
 /** The archive of a law; its GUID follows from its contents. */
-function fmuOf({ name, values, matrices }) {
+async function fmuOf({ name, values, matrices }) {
   const known = data.controllers.find((one) => one.name === name);
   const unit = matrices ? "Linear" : known.unit;
-  const files = Object.fromEntries(Object.entries(data.files[unit]).map(([path, number]) => [path, data.sources[number]]));
+  const files = await filesOf(unit);
   const made = matrices ? withMatrices(files, matrices) : withStarts(files, { ...known.values, ...values }, units[unitNumber(unit)].references);
   const [, before] = /guid="([^"]*)"/.exec(made[DESCRIPTION]);
   const contents = bytesOf(JSON.stringify(made));
@@ -74,8 +81,9 @@ function fmuOf({ name, values, matrices }) {
 const fmuName = ({ name, matrices }) => `My${matrices ? "Linear" : name}.fmu`;
 
 /** Hand the archive of the chosen law to whoever asks for it. */
-function downloadFmu() {
-  const address = URL.createObjectURL(fmuOf(state.chosen));
-  element("a", { href: address, download: fmuName(state.chosen) }).click();
+async function downloadFmu() {
+  const wanted = structuredClone(state.chosen);
+  const address = URL.createObjectURL(await fmuOf(wanted));
+  element("a", { href: address, download: fmuName(wanted) }).click();
   setTimeout(() => URL.revokeObjectURL(address), 60_000);
 }

@@ -171,7 +171,8 @@ const blockOf = (given, chosenLaw) => blockOfValues(caseOf(given), chosenLaw);
 
 // ---- Workers ----
 
-const module = new WebAssembly.Module(Uint8Array.from(atob(data.module), (character) => character.charCodeAt(0)));
+const base64Bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+const module = new WebAssembly.Module(base64Bytes(data.module));
 const workerAddress = URL.createObjectURL(new Blob([$("#worker").textContent], { type: "text/javascript" }));
 
 /** A worker that answers one task after the other. */
