@@ -216,7 +216,7 @@ def test_it_fits_the_screen_and_is_accessible(size, scheme, html, open_page):
     from axe_playwright_python.sync_playwright import Axe
 
     page = open_page(html, size, scheme)
-    go_to(page, {"protocolCase": "c08.compliant.delay_2"})
+    go_to(page, {"protocolCase": "c08.compliant.delay_2", "lesson": [2, 1]})
     page.locator("summary").click()
     for each in page.locator(".chart").all():
         assert each.locator("canvas").count() == 1 and "at most" in each.get_attribute("aria-label")
@@ -305,7 +305,7 @@ def test_a_view_of_the_lesson_that_was_changed_is_no_view_any_more_and_a_link_br
     finish(page)
     pressed = page.locator('#lesson [aria-pressed="true"]')
     assert pressed.all_inner_texts() == ["Four times"]
-    page.locator("#gain-K_p-1").press("ArrowRight")
+    page.locator("#gain-K_p-1").press("ArrowLeft")  # the other end is reached
     finish(page)
     assert pressed.count() == 0
     link = page.locator("#link").get_attribute("href")
