@@ -73,8 +73,8 @@ def opened(driver: Any, file: Path) -> Page:
     return page
 
 
-POSE, PULL = (45, -60), (0.1, 0.65)
-"""The link angles of the animation [degrees], and where the force is pulled to, from the tool [m]: 1 m is 1000 N."""
+POSE, PULL = (45, -60), (0.05, 0.33)
+"""The link angles of the animation [degrees], and where the force is pulled to, from the tool [m]."""
 
 FROM, UNTIL, SPEED, FRAMES_PER_SECOND = 9.9, 11.4, 0.5, 20
 """Part of the simulation that the animation shows [s], how fast, and its frames."""
@@ -85,7 +85,7 @@ WIDTH, COLOURS, PAUSE = 420, 48, 8
 PLACES = """(pull) => {
   const home = joints(data.links, degreesOf(state).map((angle) => angle * RADIAN)).tcp;
   const [size, direction] = pulled();
-  const from = [Math.cos, Math.sin].map((part) => part(direction * RADIAN) * size / 1000);
+  const from = [Math.cos, Math.sin].map((part) => part(direction * RADIAN) * size / PER_METRE);
   return Array.from({ length: 13 }, (_, step) => {
     const at = home.map((begin, axis) => begin + from[axis] + (pull[axis] - from[axis]) * step / 12);
     const { x, y } = new DOMPoint(...at).matrixTransform($("#stage svg > g").getScreenCTM());

@@ -190,7 +190,9 @@ def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open
     assert page.evaluate("data.answers") == after
 
 
-@pytest.mark.parametrize("broken", ["%", "e30", "bm8", '{"protocolCase": "none"}', '{"chosen": {"name": "none"}}'])
+@pytest.mark.parametrize(
+    "broken", ["%", "e30", "bm8", '{"lesson": [9, 0]}', '{"protocolCase": "none"}', '{"chosen": {"name": "none"}}']
+)
 def test_a_link_that_means_nothing_begins_anew(broken, html, open_page):
     page = open_page(html, DESK)
     go_to(page, {"protocolCase": "c01.sticky.gain_1"})
@@ -334,21 +336,40 @@ def test_the_force_is_pulled_by_the_mouse_and_by_keys(html, open_page):
     page.mouse.up()
     finish(page)
     size, direction = page.evaluate("pulled()")
-    assert size == 420 and abs(direction - 135) <= 1  # 0.3 m to the left and upwards, at 1000 N a metre
-    assert page.locator("#force").input_value() == "420"
+    assert size == 850 and abs(direction - 135) <= 1  # 0.3 m to the left and upwards, at 2000 N a metre
+    assert page.locator("#force").input_value() == "850"
     assert page.evaluate("data.answers[0].figures.B5") != before[0]["figures"]["B5"]
     handle = page.get_by_role("slider", name="Force at the tool")
     for key in ("ArrowUp", "ArrowRight", "PageDown"):
         page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
         handle.press(key)
         finish(page)
-    assert page.evaluate("pulled()") == [340, pytest.approx(direction - 5)]
-    assert handle.get_attribute("aria-valuetext") == f"340.0 newtons at {direction - 5:.1f} degrees"
-    assert "--force 340" in page.locator("#command").inner_text()
+    assert page.evaluate("pulled()") == [770, pytest.approx(direction - 5)]
+    assert handle.get_attribute("aria-valuetext") == f"770.0 newtons at {direction - 5:.1f} degrees"
+    assert "--force 770" in page.locator("#command").inner_text()
     assert page.evaluate("document.activeElement.id") == "pull"
     for _ in range(8):
         handle.press("PageUp")
     assert handle.get_attribute("aria-valuenow") == "1000"
+
+
+def test_a_finger_pulls_the_force_and_does_not_scroll_the_page(html, open_page):
+    page = open_page(html, PHONE)
+    go_to(page, {"pose": [45, -60], "force": 800, "phi": 0.0})
+    grip = page.locator("#pull .grip")
+    grip.evaluate("(ring) => ring.scrollIntoView({ block: 'center' })")
+    box, scrolled = grip.bounding_box(), page.evaluate("scrollY")
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+    points = [("touchStart", [{"x": x, "y": y}])]
+    points += [("touchMove", [{"x": x - 5 * step, "y": y - 5 * step}]) for step in range(1, 7)]
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    for kind, places in [*points, ("touchEnd", [])]:
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+    finish(page)
+    size, direction = page.evaluate("pulled()")
+    assert 0 < size <= 1000 and 45 < direction < 135
+    assert page.evaluate("scrollY") == scrolled
 
 
 def test_no_force_is_pulled_where_none_acts(html, open_page):

@@ -1,6 +1,6 @@
 // The force at the tool, pulled in the drawing of the arm with a mouse, a finger or the arrow keys.
 
-const PER_METRE = 1000; // newtons
+const PER_METRE = 2000; // [N] so that the ring stays in sight in nearly every pose
 const KEYS = { ArrowUp: [20, 0], ArrowDown: [-20, 0], ArrowLeft: [0, 5], ArrowRight: [0, -5], PageUp: [100, 0], PageDown: [-100, 0] }; // [N], [degrees]
 
 /** An angle [degrees] from 0 on, below 360. */
@@ -46,6 +46,8 @@ function drawPull(place) {
     const size = Math.min(MOST_FORCE, 10 * Math.round((PER_METRE * Math.hypot(x - home[0], y - home[1])) / 10));
     show([size, size ? turned(Math.round(Math.atan2(y - home[1], x - home[0]) / RADIAN)) : now[1]]);
   };
+  // A finger on the ring does not scroll the page; the style touch-action has no effect inside a drawing.
+  handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
   handle.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     handle.focus();
