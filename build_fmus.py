@@ -25,7 +25,7 @@ from controller_fmu.errors import BuildError, NoCompilerError, PlatformError, Ta
 from controller_fmu.export import PLATFORMS, Dialect, c_fmu, find_compiler, python_fmu, unpack
 from controller_fmu.export.archive import write_atomically
 from controller_fmu.export.description import parse, to_bytes
-from controller_fmu.export.one_program import PARTS, interface_of, web_module
+from controller_fmu.export.one_program import PARTS, controller_files, interface_of, web_module
 from controller_fmu.export.rows import description
 from controller_fmu.export.trajectories import reference
 from controller_fmu.export.twin import twin_description, twin_header
@@ -243,12 +243,12 @@ def build(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms
     return recipes[name](Path(output_dir) / f"{name}.fmu", platforms)
 
 
-WEB_FILES = ("closed_loop.wasm", "closed_loop.json")
+WEB_FILES = ("closed_loop.wasm", "closed_loop.json", "controllers.json")
 
 
-def build_web(output_dir: Path = DEFAULT_OUTPUT_DIR) -> tuple[Path, Path]:
-    """Compile the closed loop and its judging for WebAssembly; returns the module, and a JSON file of what its numbers
-    mean.
+def build_web(output_dir: Path = DEFAULT_OUTPUT_DIR) -> tuple[Path, Path, Path]:
+    """Compile the closed loop and its judging for WebAssembly; returns the module, a JSON file of what its numbers
+    mean, and one with description and sources of the controllers' FMUs, by unit and path.
 
     Raises as :func:`build`, also :class:`NoCompilerError` without the package ``ziglang``.
     """
@@ -256,15 +256,17 @@ def build_web(output_dir: Path = DEFAULT_OUTPUT_DIR) -> tuple[Path, Path]:
 
     if Path(output_dir) == DEFAULT_OUTPUT_DIR:
         DEFAULT_OUTPUT_DIR.mkdir(parents=True, exist_ok=True)
-    module, meaning = (Path(output_dir, name) for name in WEB_FILES)
+    module, meaning, controllers = (Path(output_dir, name) for name in WEB_FILES)
     with tempfile.TemporaryDirectory(prefix="build_fmus_") as name:
         folder = Path(name)
         files = {part: build(part, folder) for part in PARTS}
         zero = [[0.0, 0.0], [0.0, 0.0]]  # its matrices are given with a case
         linear = controller_from_state_space(zero, zero, zero, zero, SAMPLE_TIME, out=folder / "Linear.fmu")
         units = web_module(files, linear, module)
-    write_atomically((json.dumps(interface_of(units), indent=1) + "\n").encode(), meaning)
-    return module, meaning
+        sources = controller_files(files, linear)
+    for value, file in ((interface_of(units), meaning), (sources, controllers)):
+        write_atomically((json.dumps(value, indent=1) + "\n").encode(), file)
+    return module, meaning, controllers
 
 
 def references(name: str, output_dir: Path = DEFAULT_OUTPUT_DIR, platforms: Platforms = ()) -> tuple[Path, ...]:
@@ -392,7 +394,7 @@ examples:
   python build_fmus.py --output-dir /tmp/fmus     # build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
                                                   one FMU for Linux, Windows and macOS, and its trajectory
-  python build_fmus.py --web                      # build/fmus/closed_loop.wasm and closed_loop.json
+  python build_fmus.py --web                      # build/fmus/closed_loop.wasm, and JSON files
 
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -408,7 +410,8 @@ exit codes: 0 built, 1 a build failed, 2 bad input""",
     parser.add_argument(
         "--web",
         action="store_true",
-        help="in their place the closed loop as one module of WebAssembly, with what its numbers mean as JSON; "
+        help="in their place the closed loop as one module of WebAssembly, with what its numbers mean and the "
+        "controllers' sources as JSON; "
         "needs the package ziglang",
     )
     parser.add_argument(

@@ -6,11 +6,13 @@ need a network.
 """
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 from sphinx.application import Sphinx
 
 import orchestrator
+from orchestrator.cli.playground import built_page
 
 project = "Flexible-manipulator benchmark"
 author = "FlexibleManipulator benchmark contributors"
@@ -72,6 +74,12 @@ CONTENTS = {
 }
 """The site's navigation: pages by heading. The build fails if a page is missing here."""
 
+PLAYGROUND, LIVE = "docs/playground", "playground-page.html"
+"""The page that tells of the playground, and the playground itself beside it, which only the site has."""
+
+CAN_BUILD = find_spec("ziglang") is not None
+"""Whether the compiler for the playground is there; without it, the site leaves that out."""
+
 REDIRECT = """<!DOCTYPE html>
 <meta charset="utf-8">
 <title>{title}</title>
@@ -95,6 +103,19 @@ def add_index(app: Sphinx, error: Exception | None) -> None:
         (Path(app.outdir) / "index.html").write_text(text, encoding="utf-8")
 
 
+def add_playground_link(app: Sphinx, page: str, source: list[str]) -> None:
+    """Lead from its page to the playground, which a clone has to build."""
+    if page == PLAYGROUND:
+        heading, rest = source[0].split("\n", 1)
+        source[0] = f'{heading}\n\n<p><a href="{LIVE}"><b>Open the playground</b></a></p>\n{rest}'
+
+
+def add_playground(app: Sphinx, error: Exception | None) -> None:
+    """Build the playground itself; it takes the package ``ziglang``."""
+    if error is None and app.builder.format == "html":
+        (Path(app.outdir) / PLAYGROUND).with_name(LIVE).write_text(built_page(), encoding="utf-8")
+
+
 def shorten(app: Sphinx, what: str, name: str, of: object, options: object, signature: str, returns: str) -> tuple:
     """Leave out of signatures what a value is checked against, and defaults that cannot be written down."""
     if signature is not None:
@@ -104,7 +125,10 @@ def shorten(app: Sphinx, what: str, name: str, of: object, options: object, sign
 
 
 def setup(app: Sphinx) -> None:
-    """Connect the three functions above."""
+    """Connect the functions above."""
     app.connect("autodoc-process-signature", shorten)
     app.connect("source-read", add_contents)
     app.connect("build-finished", add_index)
+    if CAN_BUILD:
+        app.connect("source-read", add_playground_link)
+        app.connect("build-finished", add_playground)

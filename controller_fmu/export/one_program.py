@@ -159,6 +159,19 @@ def interface_of(units: Sequence[Unit]) -> dict[str, Any]:
     }
 
 
+def controller_files(files: Mapping[str, Path], linear: Path) -> dict[str, dict[str, str]]:
+    """Description and C sources of the controllers' FMUs, and of the ``linear`` one as ``Linear``: texts by path."""
+    chosen = {**{name: files[name] for name in CONTROLLERS}, "Linear": linear}
+    return {
+        name: {
+            path: text.decode()
+            for path, text in sorted(unpack(file).items())
+            if path == "modelDescription.xml" or path.startswith("sources/")
+        }
+        for name, file in chosen.items()
+    }
+
+
 def web_module(files: Mapping[str, Path], linear: Path, target: Path) -> list[Unit]:
     """Compile the program for WebAssembly to ``target``; returns the program's units.
 

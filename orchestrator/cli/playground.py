@@ -54,15 +54,18 @@ def built_page() -> str:
     """
     with tempfile.TemporaryDirectory() as folder:
         try:
-            module, meaning = build_fmus.build_web(Path(folder))
+            module, meaning, controllers = build_fmus.build_web(Path(folder))
         except NoCompilerError as problem:
             raise EnvironmentFault(str(problem), "no-compiler") from problem
         except BuildError as problem:
             raise EnvironmentFault(str(problem), "no-build") from problem
-        program, interface = module.read_bytes(), json.loads(meaning.read_text(encoding="utf-8"))
+        program = module.read_bytes()
+        interface, files = (json.loads(file.read_text(encoding="utf-8")) for file in (meaning, controllers))
     benches = {name: Benchmark(name) for name in PROTOCOLS}
     main_rules = benches[PROTOCOLS[0]].rules
-    data = playground_data(program, interface, {name: (bench.rules, bench.cases) for name, bench in benches.items()})
+    data = playground_data(
+        program, interface, files, {name: (bench.rules, bench.cases) for name, bench in benches.items()}
+    )
     return playground_html(data, playground_plots(main_rules))
 
 

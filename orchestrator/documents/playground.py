@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,13 @@ LINEAR: Mapping[str, Any] = {
 
 
 def playground_data(
-    module: bytes, interface: Mapping[str, Any], protocols: Mapping[str, tuple[Protocol, Sequence[Case]]]
+    module: bytes,
+    interface: Mapping[str, Any],
+    files: Mapping[str, Mapping[str, str]],
+    protocols: Mapping[str, tuple[Protocol, Sequence[Case]]],
 ) -> dict[str, Any]:
-    """The page's data; ``protocols`` with their cases by name, the first of which single cases are taken from."""
+    """The page's data: ``files`` are those of the controllers' FMUs, by unit and path; ``protocols`` have their cases
+    beside them, by name, and single cases are taken from the first one."""
     main, cases = next(iter(protocols.values()))
     return {
         "module": base64.b64encode(module).decode("ascii"),
@@ -62,14 +67,24 @@ def playground_data(
         "poses": _poses(cases),
         "noiseWords": [*seed_words(0, -1, NOMINAL_SYSTEM, NOISE)],
         "links": [NOMINAL["l[1]"], NOMINAL["l[2]"]],
+        "ratios": [NOMINAL["n[1]"], NOMINAL["n[2]"]],
         "delay": float(main.loop.delay),
         "protocols": {name: _protocol(*given) for name, given in protocols.items()},
         "controllers": [{"name": name, "unit": unit, "values": _values(file)} for name, unit, file in CONTROLLERS],
         "gains": [{"name": name, "values": values, "most": most} for name, values, most in PID],
         "linear": dict(LINEAR),
+        "files": _compressed(files),
         "columns": [],
         "texts": [],
     }
+
+
+def _compressed(files: Mapping[str, Mapping[str, str]]) -> str:
+    """The files as JSON, compressed, in base64. Texts that several FMUs have are there once."""
+    texts = sorted({text for contents in files.values() for text in contents.values()})
+    units = {unit: {path: texts.index(text) for path, text in contents.items()} for unit, contents in files.items()}
+    packed = zlib.compress(json.dumps({"units": units, "texts": texts}).encode(), 9)
+    return base64.b64encode(packed).decode("ascii")
 
 
 def _values(file: str) -> dict[str, float]:

@@ -58,6 +58,8 @@ def page_html(page: Page) -> str:
     return _filled(
         "page.html",
         page=page,
+        title=page.title,
+        kicker=page.kicker,
         style=Markup(template_text("style.css")),
         library=Markup(library),
         program=Markup(program),
@@ -66,8 +68,11 @@ def page_html(page: Page) -> str:
     )
 
 
-PLAYGROUND = ("page.js", "plot.js", "arm.js", "motion.js", "playground.js")
-"""The scripts of the playground, in their order: its own is the last one."""
+PLAYGROUND = (
+    *("page.js", "plot.js", "arm.js", "motion.js"),
+    *("playground.js", "playground-lesson.js", "playground-pull.js", "playground-fmu.js"),
+)
+"""The scripts of the playground, in their order: its own are the last ones."""
 
 WORKER = "playground-worker.js"
 """What its workers run."""
@@ -75,13 +80,13 @@ WORKER = "playground-worker.js"
 
 def playground_html(data: Mapping[str, Any], plots: Sequence[Plot]) -> str:
     """The page that simulates, as one HTML file, which needs no network: a program in WebAssembly is in its ``data``.
-    The ``plots`` are those that its script fills, the first of which has windows."""
+    The ``plots`` are those that its script fills."""
     program, library = "\n".join(map(template_text, PLAYGROUND)), template_text(LIBRARY)
     return _filled(
         "playground.html",
-        plots=[(plot.id, plot.title) for plot in plots],
-        heights={plot.id: plot.height for plot in plots},
-        windows=[window.name for window in plots[0].windows],
+        title="Playground of the flexible manipulator",
+        kicker="The benchmark in the browser, with the same bits",
+        plots=plots,
         protocols=list(data["protocols"]),
         style=Markup(template_text("style.css")),
         library=Markup(library),

@@ -2,9 +2,11 @@
 
 import json
 import shlex
+import zipfile
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from support.command_lines import call
 
 import build_fmus
@@ -112,22 +114,30 @@ def test_every_sample_is_that_of_the_master_loop(html, folder, open_page):
 
 
 LAWS = {
-    "DiagonalPID_C": {"name": "DiagonalPID_C", "values": {}},
-    "RobustLQG": {"name": "RobustLQG", "values": {}},
-    "MyLinear": {"name": "linear", "matrices": LEAD},
+    "MyTunedPID.fmu": {"name": "TunedPID", "values": {"K_p[1]": 31.5, "z_p[2]": 0.93}},
+    "MyRobustLQG.fmu": {"name": "RobustLQG", "values": {}},
+    "MyRobustLinearLQG.fmu": {"name": "RobustLinearLQG", "values": {}},
+    "MyLinear.fmu": {"name": "linear", "matrices": LEAD},
 }
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_all_cases_and_the_scorecard_are_those_of_an_evaluation(name, html, folder, open_page, protocol="quick"):
+def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(
+    name, html, open_page, tmp_path, protocol="quick"
+):
     page = open_page(html, DESK)
     go_to(page, {"chosen": LAWS[name]})
+    with page.expect_download() as download:
+        page.locator("#fmu").click()
+    file = tmp_path / download.value.suggested_filename
+    assert file.name == name
+    download.value.save_as(file)
     page.evaluate("$('#scorecard').replaceChildren()")
     page.locator(f'[data-protocol="{protocol}"]').click()
     page.locator("#scorecard .hero").wait_for(timeout=600_000)
     found, ids = page.evaluate(f"[data.scorecard, data.protocols.{protocol}.cases.map(({{ id }}) => id)]")
     bench = Benchmark(protocol, plant="native")
-    wanted = bench.evaluate(Controller(folder / "build" / "fmus" / f"{name}.fmu")).results
+    wanted = bench.evaluate(Controller(file)).results
     assert found["cost"] == wanted.cost
     assert found["criteria"] == {key: criterion.value for key, criterion in wanted.criteria.items()}
     assert {key: not failed for key, failed in found["failed"].items()} == {
@@ -140,6 +150,24 @@ def test_all_cases_and_the_scorecard_are_those_of_an_evaluation(name, html, fold
         assert (outcome["time"], outcome["until"]) == (judgement.time, judgement.judged_until)
     cost = "-" if wanted.cost is None else f"{wanted.cost:.1f}"
     assert cost == page.locator("#scorecard .hero").inner_text()
+
+
+def test_a_downloaded_fmu_is_sound_and_its_identity_follows_from_its_contents(html, open_page, tmp_path):
+    page = open_page(html, DESK)
+    found = []
+    for gain in (40, 41, 41):
+        go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": gain}}})
+        with page.expect_download() as download:
+            page.locator("#fmu").click()
+        download.value.save_as(tmp_path / "My.fmu")
+        with zipfile.ZipFile(tmp_path / "My.fmu") as archive:
+            assert archive.testzip() is None
+        found.append(read_model_description(str(tmp_path / "My.fmu")))
+    starts = [{each.name: each.start for each in one.modelVariables}["K_p[1]"] for one in found]
+    guids = [one.guid for one in found]
+    assert starts == ["40", "41", "41"] and guids[0] != guids[1] == guids[2]
+    checked = call("check", "My.fmu", folder=tmp_path)
+    assert checked.code == 0, checked.out + checked.err
 
 
 def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open_page):
@@ -162,7 +190,9 @@ def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open
     assert page.evaluate("data.answers") == after
 
 
-@pytest.mark.parametrize("broken", ["%", "e30", "bm8", '{"protocolCase": "none"}', '{"chosen": {"name": "none"}}'])
+@pytest.mark.parametrize(
+    "broken", ["%", "e30", "bm8", '{"lesson": [9, 0]}', '{"protocolCase": "none"}', '{"chosen": {"name": "none"}}']
+)
 def test_a_link_that_means_nothing_begins_anew(broken, html, open_page):
     page = open_page(html, DESK)
     go_to(page, {"protocolCase": "c01.sticky.gain_1"})
@@ -188,7 +218,7 @@ def test_it_fits_the_screen_and_is_accessible(size, scheme, html, open_page):
     from axe_playwright_python.sync_playwright import Axe
 
     page = open_page(html, size, scheme)
-    go_to(page, {"protocolCase": "c08.compliant.delay_2"})
+    go_to(page, {"protocolCase": "c08.compliant.delay_2", "lesson": [2, 1]})
     page.locator("summary").click()
     for each in page.locator(".chart").all():
         assert each.locator("canvas").count() == 1 and "at most" in each.get_attribute("aria-label")
@@ -196,3 +226,154 @@ def test_it_fits_the_screen_and_is_accessible(size, scheme, html, open_page):
     found = Axe().run(page).response["violations"]
     assert [(entry["id"], [node["html"][:200] for node in entry["nodes"]]) for entry in found] == []
     page.locator("summary").click()
+
+
+SEEN = {
+    (0, 0): {"B6": "2.64 s ✓", "B7": "1.26 mm ✗"},
+    (0, 1): {"B6": "3.31 s ✗", "B7": "0.355 mm ✓"},
+    (1, 0): {"B5 Force": "2.02 mm ✓", "B5 as": "522.0 µm"},
+    (1, 1): {"B5 Force": "1.66 mm ✓", "B5 as": "140.3 µm"},
+    (2, 0): {"A2": "stands still ✓"},
+    (2, 1): {"A2": "no rest ✗", "Amplitude": "91 µm"},
+    (3, 0): {"B5 Force": "2.02 mm ✓", "B7": "0.746 mm ✗"},
+    (3, 1): {"B5 Force": "1.66 mm ✓", "B7": "0.332 mm ✓"},
+    (3, 2): {"A1": "limit cycle ✗", "Amplitude": "14.8 µm"},
+    (4, 0): {"A2": "stands still ✓"},
+    (4, 1): {"A2": "no rest ✗", "Amplitude": "32.6 mm", "Error": "226.8 mm"},
+}
+"""What the lesson says is seen, by step and view: the figures of the chosen controller."""
+
+
+def next_view(page, button):
+    """Press a button of the lesson by the keyboard, and wait for what is simulated."""
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    button.press("Enter")
+    finish(page)
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE])
+def test_each_step_of_the_lesson_shows_what_its_answer_says(size, html, open_page):
+    page = open_page(html, size)
+    go_to(page, {})
+    lesson = page.locator("#lesson")
+    next_view(page, lesson.get_by_role("button", name="Begin the lesson"))
+    found = {}
+    for step in range(5):
+        assert page.evaluate("document.activeElement.textContent").startswith(f"{step + 1} of 5")
+        views = lesson.get_by_role("group", name="Set the page").get_by_role("button")
+        for view in range(views.count()):
+            next_view(page, views.nth(view))
+            assert views.nth(view).get_attribute("aria-pressed") == "true"
+            lines = lesson.locator("#lesson-seen span").all_inner_texts()
+            found[step, view] = {
+                name: line.split(": ")[1].split(" with ")[0] for line in lines for name in [line.split(":")[0]]
+            }
+        right = page.evaluate(f"LESSON[{step}].right")
+        answers = lesson.get_by_role("radio")
+        answers.nth((right + 1) % 3).check()
+        assert lesson.get_by_role("status").inner_text().startswith("✗ No.")
+        answers.nth(right).check()
+        assert lesson.get_by_role("status").inner_text() == f"✓ Yes. {page.evaluate(f'LESSON[{step}].because')}"
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        if step < 4:
+            next_view(page, lesson.get_by_role("button", name="Next step"))
+    assert found.keys() == SEEN.keys()
+    for place, wanted in SEEN.items():
+        shown = found[place]
+        assert {begin: value for begin in wanted for name, value in shown.items() if name.startswith(begin)} == wanted
+
+
+def test_the_answers_of_the_lesson_are_true_of_the_papers_gains_and_of_the_frequency_too(html, open_page):
+    page = open_page(html, DESK)
+    for case in ("c08.compliant.delay_2", "c08.slippery.gain_2"):
+        go_to(page, {"protocolCase": case})
+        assert page.evaluate("data.answers[0].verdict") == "quiet"
+    go_to(page, page.evaluate("lessonState(2, 1)"))
+    assert round(page.evaluate("data.answers[0].figures.limit_cycle_frequency")) == 43
+
+
+def test_the_arm_of_the_lesson_is_within_the_tolerances_as_its_answer_says(html, open_page):
+    page = open_page(html, DESK)
+    arm, table, nominal = page.evaluate("[FOUND_ARM, data.table, data.nominal]")
+    tolerances = {row["symbol"]: row["tolerance"] for row in table}
+    shares = {name: (value / nominal[name] - 1) / tolerances[name[:-3]] for name, value in arm.items()}
+    assert len(arm) == 2 * len(table) and all(abs(share) <= 1 + 1e-9 for share in shares.values())
+    assert sum(abs(share) > 1 - 1e-9 for share in shares.values()) >= 8  # "many at an end"
+
+
+def test_a_view_of_the_lesson_that_was_changed_is_no_view_any_more_and_a_link_brings_the_step_back(html, open_page):
+    page = open_page(html, DESK)
+    page.evaluate("goToLesson(3, 1)")
+    finish(page)
+    pressed = page.locator('#lesson [aria-pressed="true"]')
+    assert pressed.all_inner_texts() == ["Four times"]
+    page.locator("#gain-K_p-1").press("ArrowLeft")  # the other end is reached
+    finish(page)
+    assert pressed.count() == 0
+    link = page.locator("#link").get_attribute("href")
+    go_to(page, {})
+    assert page.locator("#lesson h2").inner_text() == "A lesson in five steps"
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(link)}")
+    finish(page)
+    assert page.locator("#lesson h2").inner_text().startswith("4 of 5")
+
+
+def test_the_force_is_pulled_by_the_mouse_and_by_keys(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {})
+    before = page.evaluate("data.answers")
+    grip = page.locator("#pull .grip")
+    grip.scroll_into_view_if_needed()
+    box = grip.bounding_box()
+    home = "joints(data.links, degreesOf(state).map((angle) => angle * RADIAN)).tcp"
+    matrix = "$('#stage svg > g').getScreenCTM()"
+    scale = page.evaluate(f"{matrix}.a")  # pixels of a metre
+    x, y = page.evaluate(f"(({{ x, y }}) => [x, y])(new DOMPoint(...{home}).matrixTransform({matrix}))")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(x - 0.3 * scale, y - 0.3 * scale, steps=3)
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    page.mouse.up()
+    finish(page)
+    size, direction = page.evaluate("pulled()")
+    assert size == 850 and abs(direction - 135) <= 1  # 0.3 m to the left and upwards, at 2000 N a metre
+    assert page.locator("#force").input_value() == "850"
+    assert page.evaluate("data.answers[0].figures.B5") != before[0]["figures"]["B5"]
+    handle = page.get_by_role("slider", name="Force at the tool")
+    for key in ("ArrowUp", "ArrowRight", "PageDown"):
+        page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+        handle.press(key)
+        finish(page)
+    assert page.evaluate("pulled()") == [770, pytest.approx(direction - 5)]
+    assert handle.get_attribute("aria-valuetext") == f"770.0 newtons at {direction - 5:.1f} degrees"
+    assert "--force 770" in page.locator("#command").inner_text()
+    assert page.evaluate("document.activeElement.id") == "pull"
+    for _ in range(8):
+        handle.press("PageUp")
+    assert handle.get_attribute("aria-valuenow") == "1000"
+
+
+def test_a_finger_pulls_the_force_and_does_not_scroll_the_page(html, open_page):
+    page = open_page(html, PHONE)
+    go_to(page, {"pose": [45, -60], "force": 800, "phi": 0.0})
+    grip = page.locator("#pull .grip")
+    grip.evaluate("(ring) => ring.scrollIntoView({ block: 'center' })")
+    box, scrolled = grip.bounding_box(), page.evaluate("scrollY")
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = page.context.new_cdp_session(page)
+    points = [("touchStart", [{"x": x, "y": y}])]
+    points += [("touchMove", [{"x": x - 5 * step, "y": y - 5 * step}]) for step in range(1, 7)]
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true')")
+    for kind, places in [*points, ("touchEnd", [])]:
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+    finish(page)
+    size, direction = page.evaluate("pulled()")
+    assert 0 < size <= 1000 and 45 < direction < 135
+    assert page.evaluate("scrollY") == scrolled
+
+
+def test_no_force_is_pulled_where_none_acts(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"protocolCase": "c05.compliant.noise"})
+    assert page.locator("#pull").count() == 0
+    assert page.locator("#pull-text").inner_text() == "In this test no force acts."

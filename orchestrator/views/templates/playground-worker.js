@@ -37,20 +37,22 @@ function thinned(count, time, value) {
 }
 
 function curves(sample, states) {
-  const { X, q_a, torque } = record(states);
+  const { q_m, X, q_a, torque } = record(states);
   const time = (k) => k * sample;
   const error = (k) => 1e3 * Math.hypot(X[2 * k] - X[0], X[2 * k + 1] - X[1]);
   const motion = Array.from({ length: 5 }, () => new Float32Array(Math.ceil(states / EVERY)));
+  const motors = Array.from({ length: 3 }, () => new Float32Array(motion[0].length)); // how far they have turned
   const torques = Array.from({ length: 3 }, () => new Float32Array(Math.ceil(Math.max(states - 1, 1) / EVERY)));
   for (let row = 0; row < motion[0].length; row += 1) {
     const k = row * EVERY;
     [time(k), 1e3 * (X[2 * k] - X[0]), 1e3 * (X[2 * k + 1] - X[1]), q_a[2 * k] - q_a[0], q_a[2 * k + 1] - q_a[1]].forEach(
       (value, column) => (motion[column][row] = value));
+    [time(k), q_m[2 * k] - q_m[0], q_m[2 * k + 1] - q_m[1]].forEach((value, column) => (motors[column][row] = value));
     if (row < torques[0].length) [time(k), torque[2 * k], torque[2 * k + 1]].forEach((value, column) => (torques[column][row] = value));
   }
   const plots = { error: thinned(states, time, error) };
   for (const axis of [0, 1]) plots[`torque-${axis + 1}`] = thinned(states - 1, time, (k) => torque[2 * k + axis]);
-  return { plots, motion, torques };
+  return { plots, motion, motors, torques };
 }
 
 function simulated({ block, force, forceAt, detail }) {

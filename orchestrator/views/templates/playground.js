@@ -5,6 +5,7 @@ const single = Object.values(data.protocols)[0]; // the protocol that single cas
 const unitNumber = (name) => units.findIndex((unit) => unit.name === name);
 const SHOWN = { m: [1e3, "mm"], s: [1, "s"], "N.m": [1, "Nm"] };
 const RADIAN = Math.PI / 180;
+const MOST_FORCE = 1000; // [N] twice that of Table 1
 const PLOTS = ["error", "torque-1", "torque-2"];
 
 // ---- The state: all that is chosen, which a link holds ----
@@ -25,23 +26,8 @@ const BEGIN = {
   seed: 0, // of the noise
   chosen: law("DiagonalPID_C"),
   beside: law("RobustLQG"),
+  lesson: null, // step and view of the lesson, if it is shown
 };
-
-const EXAMPLES = [
-  ["The force of 500 N: what a controller is judged by", {}],
-  ["What friction does: the sticky arm with a higher gain", { protocolCase: "c07.sticky.gain_1" }],
-  ["What A2 means: 1.5 ms more delay", { protocolCase: "c08.compliant.delay_2" }],
-  ["An arm that RobustLQG does not hold with 1.5 ms more delay", {
-    protocolCase: "c07.compliant.delay_1", pose: [-28.9, 13.1], phi: 1.9242670095264438, chosen: law("RobustLQG"), beside: law("DiagonalPID_C"),
-    arm: {
-      "m[1]": 55.00000000000001, "m[2]": 160.455, "k_low[1]": 600000, "k_low[2]": 207560, "k_high[1]": 1357800, "k_high[2]": 240000,
-      "psi[1]": 0.0006980153455142655, "psi[2]": 0.0010471975511965976, "d[1]": 480, "d[2]": 160, "f_d[1]": 0.0011999999999999997,
-      "f_d[2]": 0.0011063999999999998, "f_c[1]": 0.5819999999999999, "f_c[2]": 0.24639999999999995, "mu_k[1]": 0.3385, "mu_k[2]": 0.75,
-      "beta[1]": 0.6000000000000001, "beta[2]": 0.5624000000000001, "alpha[1]": 2.71, "alpha[2]": 6.477500000000001, "gamma[1]": 1.0676,
-      "gamma[2]": 0.9509,
-    },
-  }],
-];
 
 let state = structuredClone(BEGIN);
 
@@ -54,6 +40,7 @@ function readLink() {
     caseOf(found); // a state of another version is refused as a whole
     blockOf(found, found.chosen);
     blockOf(found, found.beside);
+    if (found.lesson) lessonState(...found.lesson);
     return found;
   } catch {
     return structuredClone(BEGIN);
@@ -184,7 +171,8 @@ const blockOf = (given, chosenLaw) => blockOfValues(caseOf(given), chosenLaw);
 
 // ---- Workers ----
 
-const module = new WebAssembly.Module(Uint8Array.from(atob(data.module), (character) => character.charCodeAt(0)));
+const base64Bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+const module = new WebAssembly.Module(base64Bytes(data.module));
 const workerAddress = URL.createObjectURL(new Blob([$("#worker").textContent], { type: "text/javascript" }));
 
 /** A worker that answers one task after the other. */
@@ -218,6 +206,20 @@ const REQUIREMENT = {
 /** A length [m] in words. */
 const lengthWords = (value) => (value === undefined ? "-" : value < 1e-3 ? `${figures(1e6 * value)} µm` : `${figures(1e3 * value)} mm`);
 
+/** The largest TCP error [m] from the begin of the force on, if the gears did not bend: as far as the motors turn. */
+function shownByMotors([t, ...turned]) {
+  const { imperfections } = caseOf(state);
+  const rest = degreesOf(state).map((angle) => angle * RADIAN);
+  const home = joints(data.links, rest).tcp;
+  let most = 0;
+  t.forEach((time, row) => {
+    if (time < imperfections.force_start) return;
+    const { tcp } = joints(data.links, rest.map((angle, axis) => angle + turned[axis][row] / data.ratios[axis]));
+    most = Math.max(most, Math.hypot(tcp[0] - home[0], tcp[1] - home[1]));
+  });
+  return most;
+}
+
 const label = ({ name, matrices }) => (matrices ? "linear controller" : name);
 
 function showFigures(answers) {
@@ -233,6 +235,8 @@ function showFigures(answers) {
     const values = outcomes.map(({ figures: { [name]: value } }) => (value === undefined ? cell("-") : cell(`${figures(factor * value)} ${unit}`, value <= spec.target ? "good" : "bad")));
     return element("tr", {}, element("th", { scope: "row" }, `${name} ${spec.title}`), ...values, cell(`${figures(factor * spec.target)} ${unit}`));
   });
+  const shown = answers.map(({ motors }) => cell(motors ? lengthWords(shownByMotors(motors)) : "-"));
+  if (outcomes.some(({ figures: values }) => "B5" in values)) rows.splice(rows.findIndex((row) => row.textContent.startsWith("B5")) + 1, 0, element("tr", {}, element("th", { scope: "row" }, "B5 as the motor angles show it"), ...shown, cell("-")));
   const test = single.tests[protocolCase(single, state.protocolCase).test];
   if (test.requirements.length) {
     const verdicts = outcomes.map(({ reason, verdict, time }) => {
@@ -292,6 +296,7 @@ let [busy, again] = [false, false];
 /** Simulate both laws; while they run, only the last change is kept. */
 async function update() {
   history.replaceState(null, "", `#${encoded(state)}`);
+  showLesson();
   showCommand();
   again = true;
   if (busy) return;
@@ -306,6 +311,7 @@ async function update() {
       if (again) continue;
       data.answers = answers.map(({ outcome }) => named(outcome));
       showFigures(answers);
+      showSeen();
       showCurves(answers);
       const refused = answers.map(({ message }) => message).filter(Boolean);
       $("#state").textContent = refused.length ? refused.join(" ") : `Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
@@ -473,8 +479,8 @@ function showCase() {
   const { imperfections } = caseOf(state);
   const pushed = imperfections.force_stop > 0;
   $("#disturbance").replaceChildren(...(pushed ? [
-    slider("force", "Force", { low: 0, high: 1000, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
-    slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: (state.phi ?? one.phi) / RADIAN, unit: "°" }, (number) => (state.phi = number * RADIAN)),
+    slider("force", "Force", { low: 0, high: MOST_FORCE, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
+    slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: turned((state.phi ?? one.phi) / RADIAN), unit: "°" }, (number) => (state.phi = number * RADIAN)),
   ] : []));
   const tick = 1 / imperfections.rate;
   $("#loop").replaceChildren(
@@ -539,16 +545,11 @@ function chooseCase() {
   const possible = single.cases.filter((one) => (pose === OWN ? one.pose === before.pose : String(one.pose) === pose) && one.test === test);
   const one = possible.find(({ systemName }) => systemName === (system === OWN ? before.systemName : system)) ?? possible[0];
   const kept = pose === OWN && system === OWN ? { pose: state.pose, arm: state.arm, seed: state.seed } : {};
-  Object.assign(state, { ...structuredClone(BEGIN), chosen: state.chosen, beside: state.beside, protocolCase: one.id, ...kept });
+  Object.assign(state, { ...structuredClone(BEGIN), chosen: state.chosen, beside: state.beside, lesson: state.lesson, protocolCase: one.id, ...kept });
   showAll();
 }
 
 function startPlayground() {
-  $("#example").replaceChildren(...EXAMPLES.map(([words], number) => element("option", { value: number }, words)));
-  $("#example").addEventListener("change", ({ target }) => {
-    state = { ...structuredClone(BEGIN), ...structuredClone(EXAMPLES[Number(target.value)][1]) };
-    showAll();
-  });
   for (const selector of ["#pose", "#system", "#test"]) $(selector).addEventListener("change", chooseCase);
   $("#controller").addEventListener("change", ({ target }) => {
     state.chosen = target.value === "linear" ? { name: "linear", matrices: data.linear } : law(target.value);
@@ -567,11 +568,10 @@ function startPlayground() {
   });
   $("#keep").addEventListener("click", () => ((state.beside = structuredClone(state.chosen)), showAll()));
   $("#swap").addEventListener("click", () => (([state.chosen, state.beside] = [state.beside, state.chosen]), showAll()));
-  $("#which").addEventListener("change", ({ target }) => ((chosen.which = Number(target.value)), draw()));
+  $("#fmu").addEventListener("click", downloadFmu);
   for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
   $("#controls").addEventListener("submit", (event) => event.preventDefault());
   window.addEventListener("hashchange", () => ((state = readLink()), showAll()));
-  chosen.which = 0;
   state = readLink();
   showAll();
 }
