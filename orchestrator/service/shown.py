@@ -56,7 +56,8 @@ class FindingView(Struct):
 class RunView(Struct):
     """A run as its owner sees it. ``state`` and ``waiting`` say where it is; ``ahead`` counts the stages that begin
     before its own; ``done`` of ``total`` cases are simulated, and ``cost_so_far`` is V of the complete ones. ``cost``
-    is V on the protocol, ``quick_cost`` on the short one; ``remark`` says why a result has no rank."""
+    is V on the protocol, ``quick_cost`` on the short one; ``remark`` says why a result has no rank. ``round`` is the id
+    of the closed round in which it counts."""
 
     id: str
     name: str
@@ -80,6 +81,7 @@ class RunView(Struct):
     holds: bool | None = None
     remark: str = ""
     binding: str = ""
+    round: str = ""
     command: str = ""
     history: tuple[EventView, ...] = ()
 
@@ -165,6 +167,7 @@ def run_view(service: Service, run: Submission, whole: bool = True) -> RunView:
         holds=run.holds,
         remark=run.remark,
         binding=run.binding if whole else "",
+        round=run.round,
         command=service.command(run) if whole else "",
         history=tuple(EventView(moment(at), text) for at, text in service.database.history(run.id)) if whole else (),
     )
