@@ -170,6 +170,7 @@ def test_only_an_organizer_opens_and_closes_and_one_round_at_a_time(course):
     assert "Close the round now" not in ada.get(f"/rounds/{round}").text
     assert "Close the round now" in course.teacher.get(f"/rounds/{round}").text
     assert "Open a round" not in ada.get("/rounds").text
+    assert "Open a round" in course.teacher.get("/rounds").text and "Spring" in ada.get("/rounds").text
     assert course.teacher.post("/api/rounds", wish).status_code == 409
     for path in ("", "/table.csv", "/certificates.zip"):
         assert stranger.get(f"/api/rounds/{round}{path}").status_code == 401, path
