@@ -175,7 +175,7 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     from msgspec.structs import replace
 
     # Extracted, an FMU may be a thousand times as large as the file that was uploaded.
-    disk = _size(folder) + (_size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0)
+    disk = _size(folder) - _size(folder / SCRATCH) + (_size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0)
     return replace(outcome, disk=disk, reason=outcome.reason[:2000])
 
 
@@ -256,14 +256,14 @@ def _verified(task: Task, folder: Path, tell: Tell) -> Outcome:
     one that was interrupted begins from its first case, and with the same draws."""
     from ..api.benchmark import Benchmark
     from ..benchmark.draws import Entropy
-    from ..documents.verification import PROTOCOL, USUAL
+    from ..documents.verification import OF_ROUND, PROTOCOL, USUAL
     from ..loop.trajectory import Status
 
     usual = task.protocol == PROTOCOL
     certificate = Benchmark(workers=task.processes, sandbox=task.sandbox).verify(
         _controller(task),
         on_result=lambda result, done, total: tell(Progress(done, total), done == total),
-        draws=Entropy(task.bits),
+        draws=Entropy(task.bits, "round"),
         protocol=task.protocol,
         # What the standard conditions ask for costs most of the time, and with another protocol it gives no standard.
         strict=usual,
@@ -278,7 +278,7 @@ def _verified(task: Task, folder: Path, tell: Tell) -> Outcome:
         cost=certificate.rank.V,
         holds=certificate.rank.holds,
         remark=certificate.rank.reason,
-        deviations="; ".join(certificate.deviations)[:2000],
+        deviations="; ".join(words for words in certificate.deviations if words != OF_ROUND)[:2000],
     )
 
 

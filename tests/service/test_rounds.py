@@ -379,12 +379,13 @@ def test_a_killed_service_verifies_a_round_whose_certificates_repeat_to_the_last
         process.send_signal(signal.SIGTERM)
         process.wait(30)
         database.close()
-    # The two are one law. Their draws follow from their own bytes as well, and so they have other V.
-    assert [(row["place"], row["state"]) for row in view["entries"]] == [(1, "verified"), (2, "verified")]
+    # The two are one law, and met the same draws.
+    assert [(row["place"], row["state"]) for row in view["entries"]] == [(1, "verified"), (1, "verified")]
     assert view["bits"] == bits
     for run in (adas, bound):
         told = json.loads((files.run(run["id"]) / "verification" / "verification.json").read_text(encoding="utf-8"))
         assert told["entropy"]["value"] == bits and told["repetitions"] == 0 and told["clean"]
+        assert told["entropy"]["source"] == "round"
     certificate = files.run(bound["id"]) / "verification" / "verification.json"
     repeated = call("verify", "--repeat", certificate, bens, folder=tmp_path)
     assert repeated.code == 4 and "equal to the certificate, but not" in repeated.err, repeated
