@@ -175,7 +175,8 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     from msgspec.structs import replace
 
     # Extracted, an FMU may be a thousand times as large as the file that was uploaded.
-    disk = _size(folder) - _size(folder / SCRATCH) + (_size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0)
+    extracted = _size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0
+    disk = _size(folder) - _size(folder / SCRATCH) + extracted
     return replace(outcome, disk=disk, reason=outcome.reason[:2000])
 
 
