@@ -349,11 +349,11 @@ def test_a_killed_service_verifies_a_round_whose_certificates_repeat_to_the_last
         return process, Client(url, keys["Ada"]), Client(url, keys["Ben"])
 
     def until(condition) -> dict:
-        for _ in range(6000):
+        for _ in range(2400):  # a clean interpreter compiles everything, on a machine that computes other things, too
             view = ada.ask("GET", f"/api/rounds/{round}")
             if condition(view):
                 return view
-            time.sleep(0.05)
+            time.sleep(0.5)
         raise AssertionError(view)
 
     bens = unusual(quick_pid_file, tmp_path / "bens.fmu")
