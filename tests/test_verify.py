@@ -41,7 +41,7 @@ from orchestrator.cli import verify as command
 from orchestrator.cli.finished import report
 from orchestrator.cli.guard import EXIT_INCOMPLETE, EXIT_NOT_STANDARD, EXIT_OK
 from orchestrator.codec import from_json, to_json
-from orchestrator.documents.verification import USUAL, Verification, deviations, differences
+from orchestrator.documents.verification import OF_ROUND, USUAL, Verification, deviations, differences
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import worker
 from orchestrator.loop import master
@@ -311,9 +311,17 @@ def test_a_repetition_takes_everything_from_its_certificate(further):
 
 
 def test_draws_follow_from_the_fmu_and_what_was_published():
-    drawn = {seeds(text, sha256, 2, repetition) for text in "ab" for sha256 in "cd" for repetition in (0, 1)}
+    bits = Entropy("a" * 64), Entropy("b" * 64)
+    drawn = {seeds(one, sha256, 2, repetition) for one in bits for sha256 in "cd" for repetition in (0, 1)}
     assert len(drawn) == 8 and all(0 <= seed < 2**48 for pair in drawn for seed in pair)
     assert len({seed for pair in drawn for seed in pair}) == 16
+
+
+def test_the_fmus_of_a_round_have_the_same_draws_and_a_certificate_says_so(certificate):
+    bits = Entropy("a" * 64, "round")
+    assert seeds(bits, "c", 2) == seeds(bits, "d", 2) != seeds(Entropy("a" * 64), "c", 2)
+    told = structs.replace(certificate, entropy=bits)
+    assert OF_ROUND in told.deviations and OF_ROUND not in certificate.deviations
 
 
 SAME = {"K_p[1]": 45.0}, {"K_p[1]": 45, "K_p[2]": 15.0}, {"K_p[2]": 15.0, "K_p[1]": 45.0}

@@ -13,6 +13,7 @@ from msgspec import structs
 
 from ..codec import Natural, NonNegative, Struct, to_json
 from ..loop.trajectory import Status
+from .draws import Entropy
 from .results import CaseResult, Kind, Requirement, Rules, Scorecard
 from .scorecard import score
 from .spread import statistic
@@ -131,15 +132,17 @@ class Reference(DrawnResults, kw_only=True):
     file: str
 
 
-def seeds(entropy: str, sha256: str, count: int, repetition: int = 0) -> tuple[int, ...]:
+def seeds(entropy: Entropy, sha256: str, count: int, repetition: int = 0) -> tuple[int, ...]:
     """The seeds of ``count`` draws of the FMU with this ``sha256``; a ``repetition`` has others.
 
     They follow from nothing else: with one FMU and one round of the beacon, nobody can choose among draws. Without the
-    FMU, one could be made for the draws of a round that is known already.
+    FMU, one could be made for the draws of a round of the beacon that is known already. Only those of a round of people
+    follow from its entropy alone, which is drawn later than all its FMUs: places by V compare what met the same draws.
     """
+    whose = "" if entropy.source == "round" else sha256
     # Neither parameters nor mapping: 60 spellings of one PID gave 60 sets of
     # draws, with V from 115.1 to 138.5 (the plain one had 130.8).
-    words = (f"{entropy}\n{sha256}\n{repetition * count + number}" for number in range(count))
+    words = (f"{entropy.value}\n{whose}\n{repetition * count + number}" for number in range(count))
     # 48 bits: a seed is a number in JSON, which is exact up to 2**53.
     return tuple(int(hashlib.sha256(word.encode()).hexdigest()[:12], 16) for word in words)
 

@@ -78,10 +78,11 @@ class Beacon(Struct):
 
 
 class Entropy(Struct):
-    """256 bits as hexadecimal digits, and where they come from."""
+    """256 bits as hexadecimal digits, and where they come from. Those of a ``"round"`` were drawn when all its FMUs
+    were there: all of them have the same draws."""
 
     value: str
-    source: Literal["fresh", "beacon"] = "fresh"
+    source: Literal["fresh", "beacon", "round"] = "fresh"
     beacon: Beacon | None = None
 
     @property

@@ -27,6 +27,8 @@ EXAMPLES = """examples:
                                                       # a link for Ada, who may then come in
   flexible-manipulator serve --data /srv/benchmark --accounts --host 0.0.0.0
                                                       # for a group, on all addresses of this machine
+  flexible-manipulator serve --data /srv/benchmark --organizer "Ada"
+                                                      # Ada may open and close rounds
   flexible-manipulator serve --data /srv/benchmark --people
   flexible-manipulator serve --data /srv/benchmark --remove "Ada"
 
@@ -41,7 +43,7 @@ PACKAGES = ("starlette", "uvicorn", "python_multipart")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
-    if given.invite is not None or given.remove is not None or given.people:
+    if given.invite is not None or given.organizer is not None or given.remove is not None or given.people:
         return _manage(given)
     missing = [name for name in PACKAGES if find_spec(name) is None]
     if missing:
@@ -51,9 +53,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message = f"{given.host} can be reached by others, who could evaluate, read and delete what they like."
         raise InputError(message, "no-accounts", given.host)
     protocol.load(given.protocol)
+    protocol.load(given.draws_protocol)
     protected, warning = fenced(given.trust, given.accounts)
     conduct = Conduct(
         protocol=_place(given.protocol),
+        drawn_protocol=_place(given.draws_protocol),
         processes=given.jobs,
         sandbox=protected,
         scheduler=given.scheduler or "",
@@ -78,6 +82,7 @@ def _parser() -> Parser:
     people = parser.add_argument_group("people, while the service runs or not")
     chosen = people.add_mutually_exclusive_group()
     chosen.add_argument("--invite", metavar="NAME", help="print a link by which somebody comes in; an older one ends")
+    chosen.add_argument("--organizer", metavar="NAME", help="let somebody who was invited open and close rounds")
     chosen.add_argument("--remove", metavar="NAME", help="remove somebody with all runs")
     chosen.add_argument("--people", action="store_true", help="list who was invited")
     people.add_argument("--url", metavar="URL", help="the service's address in links (default: of --host and --port)")
@@ -87,6 +92,13 @@ def _parser() -> Parser:
         default="paper",
         metavar="NAME",
         help=f"what is evaluated: one of {', '.join(protocol.names())}; or a protocol file (.toml) (default: paper)",
+    )
+    work.add_argument(
+        "--draws-protocol",
+        default="verification",
+        metavar="NAME",
+        help="what is run once for each draw of a round; with another one than the default, verifications leave out "
+        "the worst poses and the references, and are none of the standard conditions (default: verification)",
     )
     work.add_argument("--evaluations", type=natural(1, 64), default=1, metavar="N", help="at a time (default: 1)")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -177,10 +189,16 @@ def _manage(given: argparse.Namespace) -> int:
             key = accounts.invited(database, given.invite)
             # Behind the #, which browsers do not send: no log of a server on the way has it.
             print(f"{(given.url or _address(given.host, given.port)).rstrip('/')}/join#{key}")
+        elif given.organizer is not None:
+            accounts.made_organizer(database, given.organizer)
         elif given.remove is not None:
             accounts.removed(database, given.remove)
         else:
-            names = [person.name for person in database.people() if person != accounts.LOCAL]
+            names = [
+                f"{person.name} (organizer)" if person.organizer else person.name
+                for person in database.people()
+                if person.id != accounts.LOCAL.id
+            ]
             print("\n".join(names) or "nobody was invited")
     finally:
         database.close()

@@ -69,6 +69,9 @@ RESULTS = ("complete", "cost", "criteria", "requirements", "cases", "draws", "st
 CHECKED = 3
 """Cases that the second checker has to have computed anew."""
 
+OF_ROUND = "the draws are those of a round, which this certificate does not show its FMU to be older than"
+"""A deviation of a certificate by itself; in the table of the round, all have it and it says nothing."""
+
 WORDS = "message"
 """Field that may differ in a result: it says what was measured, such as memory, and what FMUs have printed."""
 
@@ -141,6 +144,8 @@ class Verification(Document, Comparable, kw_only=True):
             unusual.append("the interpreter was not clean")
         if self.entropy.beacon is not None and not self.entropy.beacon.confirmed:
             unusual.append("the signature of the beacon was not checked")
+        if self.entropy.source == "round":
+            unusual.append(OF_ROUND)
         if self.repetitions:
             unusual.append(f"{self.repetitions} verifications were begun before, with other draws")
         return tuple(unusual)
@@ -226,7 +231,7 @@ class Verification(Document, Comparable, kw_only=True):
         if self.entropy.problem:
             return self.entropy.problem
         # Who could choose the draws could try many and keep the best ones.
-        if seeds(self.entropy.value, self.controller.sha256, len(drawn), self.repetitions) != drawn:
+        if seeds(self.entropy, self.controller.sha256, len(drawn), self.repetitions) != drawn:
             return "its draws do not follow from its entropy and its FMU"
         if any(score.cost != figure((draw.seed, draw.cost) for draw in score.draws) for score in tried):
             return "a V is not that of its draws"

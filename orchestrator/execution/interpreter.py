@@ -52,9 +52,11 @@ def program(code: str) -> list[str]:
     return [sys.executable, *flags(), "-c", f"import sys; sys.path[:] = {paths!a}; {code}"]
 
 
-def run_clean(code: str, arguments: Sequence[str]) -> int:
-    """The exit code of ``code`` with the command line ``arguments`` in a clean interpreter with a new, empty cache."""
-    with tempfile.TemporaryDirectory(prefix="flexible-manipulator-", ignore_cleanup_errors=True) as folder, _deaf():
+def run_clean(code: str, arguments: Sequence[str], within: Path | None = None) -> int:
+    """The exit code of ``code`` with the command line ``arguments`` in a clean interpreter with a new, empty cache,
+    which is in the folder ``within``, or in that for temporary files."""
+    cache = tempfile.TemporaryDirectory(prefix="flexible-manipulator-", dir=within, ignore_cleanup_errors=True)
+    with cache as folder, _deaf():
         prefix = os.path.join(os.path.realpath(folder), BYTE_CODE)
         executable, *rest = program(code)
         # -I leaves out PYTHON* variables, the user's site-packages and the

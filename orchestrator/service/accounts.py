@@ -18,7 +18,7 @@ from .database import Database
 from .files import ID, new_id
 from .records import Person
 
-LOCAL = Person("0" * 24, "me")
+LOCAL = Person("0" * 24, "me", organizer=True)
 """Who uses a service without accounts."""
 
 NAME = re.compile(r"\w[\w .'-]{0,59}")
@@ -48,10 +48,18 @@ def invited(database: Database, name: str) -> str:
 
 def removed(database: Database, name: str) -> None:
     """Remove somebody with all that is theirs; raises :class:`InputError` if there is nobody called ``name``."""
+    database.remove_person(_called(database, name).id)
+
+
+def made_organizer(database: Database, name: str) -> None:
+    """Let somebody open and close rounds; raises :class:`InputError` if there is nobody called ``name``."""
+    database.make_organizer(_called(database, name).id)
+
+
+def _called(database: Database, name: str) -> Person:
     for person in database.people():
         if person.name == name:
-            database.remove_person(person.id)
-            return
+            return person
     raise InputError(f"There is nobody called {name}.", "no-person", "", name)
 
 

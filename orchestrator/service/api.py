@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 from starlette.requests import Request
@@ -16,9 +16,11 @@ from ..version import __version__
 from . import binding
 from .borders import Refusal, body, whole_body
 from .files import SHOWN
-from .people import asking
+from .people import asking, service_of
 from .records import Interface
-from .shown import RowView, RunView, run_view, table
+from .shown import RoundView, RowView, RunView, round_csv, round_view, run_view, table
+
+T = TypeVar("T")
 
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -34,6 +36,19 @@ class Bind(msgspec.Struct, forbid_unknown_fields=True):
 
     map: dict[str, str] = {}
     parameters: dict[str, bool | int | float | str | list[bool | int | float | str]] = {}
+
+
+class Opening(msgspec.Struct, forbid_unknown_fields=True):
+    """A round that is to be opened: its name, and when it closes (ISO 8601, UTC if it names no zone)."""
+
+    name: str
+    closes: str
+
+
+class Choice(msgspec.Struct, forbid_unknown_fields=True):
+    """The id of the run that is to count for you."""
+
+    run: str
 
 
 class Created(msgspec.Struct):
@@ -112,13 +127,19 @@ async def _interface(request: Request) -> Response:
     return _json(found)
 
 
+async def _asked(request: Request, kind: type[T], what: str) -> T:
+    """What the body of a request says; ``what`` it has to be."""
+    try:
+        patience = service_of(request).settings.limits.patience
+        return from_json(await whole_body(request, patience), kind)
+    except Malformed as problem:
+        raise Refusal(400, f"This is no {what}: {problem}.") from None
+
+
 async def _bind(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    try:
-        asked = from_json(await whole_body(request, service.settings.limits.patience), Bind)
-    except Malformed as problem:
-        raise Refusal(400, f"This is no binding: {problem}.") from None
+    asked = await _asked(request, Bind, "binding")
     return _json(run_view(service, service.bind(run, binding.written(asked.map, asked.parameters))))
 
 
@@ -136,18 +157,68 @@ async def _table(request: Request) -> Response:
 
 async def _compare(request: Request) -> Response:
     service, person = asking(request)
-    try:
-        ids = from_json(await whole_body(request, service.settings.limits.patience), list[str])
-    except Malformed as problem:
-        raise Refusal(400, f"This is no list of runs: {problem}.") from None
+    ids = await _asked(request, list[str], "list of runs")
     return _json(Created(await service.compare(person, ids)), 201)
+
+
+async def _rounds(request: Request) -> Response:
+    service, person = asking(request)
+    return _json([round_view(service, round, person.id) for round in service.database.rounds()])
+
+
+async def _open(request: Request) -> Response:
+    service, person = asking(request)
+    asked = await _asked(request, Opening, "round")
+    return _json(round_view(service, service.open_round(person, asked.name, asked.closes), person.id), 201)
+
+
+async def _round(request: Request) -> Response:
+    service, person = asking(request)
+    return _json(round_view(service, service.round(request.path_params["id"]), person.id))
+
+
+async def _choose(request: Request) -> Response:
+    service, person = asking(request)
+    round = service.round(request.path_params["id"])
+    asked = await _asked(request, Choice, "choice")
+    service.choose(person, round, service.own(person, asked.run))
+    return _json(round_view(service, round, person.id))
+
+
+async def _close(request: Request) -> Response:
+    service, person = asking(request)
+    closed = service.close_round(person, service.round(request.path_params["id"]))
+    return _json(round_view(service, closed, person.id))
+
+
+async def _verify_again(request: Request) -> Response:
+    service, person = asking(request)
+    round = service.round(request.path_params["id"])
+    service.verify_again(person, round)
+    return _json(round_view(service, round, person.id))
+
+
+async def _round_csv(request: Request) -> Response:
+    service, person = asking(request)
+    view = round_view(service, service.round(request.path_params["id"]), person.id)
+    return _attachment(round_csv(view).encode(), "text/csv; charset=utf-8", "round.csv")
+
+
+async def _certificates(request: Request) -> Response:
+    service, _ = asking(request)
+    archive = await service.certificates(service.round(request.path_params["id"]))
+    return _attachment(archive, "application/zip", "certificates.zip")
+
+
+def _attachment(content: bytes, kind: str, name: str) -> Response:
+    return Response(content, media_type=kind, headers={"content-disposition": f"attachment; filename={name}"})
 
 
 async def _description(request: Request) -> Response:
     return _json(description())
 
 
-RUN = "/api/runs/{id}"
+RUN, ROUND = "/api/runs/{id}", "/api/rounds/{id}"
 
 ENDPOINTS = (
     Endpoint("GET", "/api/runs", "Your runs, the newest first", _runs, list[RunView]),
@@ -178,6 +249,17 @@ ENDPOINTS = (
     ),
     Endpoint("GET", "/api/table", "Finished runs of everybody, best first", _table, list[RowView]),
     Endpoint("POST", "/api/comparisons", "Compare finished runs by their ids", _compare, Created, list[str], 201),
+    Endpoint("GET", "/api/rounds", "All rounds, the newest first", _rounds, list[RoundView]),
+    Endpoint("POST", "/api/rounds", "Open a round, as an organizer", _open, RoundView, Opening, 201),
+    Endpoint("GET", ROUND, "A round: its phase, and its table", _round, RoundView),
+    Endpoint("PUT", f"{ROUND}/choice", "Choose the run that counts for you", _choose, RoundView, Choice),
+    Endpoint("POST", f"{ROUND}/close", "Close a round before its date, as an organizer", _close, RoundView),
+    Endpoint(
+        *("POST", f"{ROUND}/verify", "Verify again what failed by faults of the machine, as an organizer"),
+        *(_verify_again, RoundView),
+    ),
+    Endpoint("GET", f"{ROUND}/table.csv", "The table of a round as CSV", _round_csv, bytes),
+    Endpoint("GET", f"{ROUND}/certificates.zip", "All certificates of a round that is final", _certificates, bytes),
     Endpoint("GET", "/api/openapi.json", "This description", _description, dict[str, Any]),
 )
 

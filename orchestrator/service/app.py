@@ -46,11 +46,12 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
                 if not settings.accounts:
                     accounts.local_person(database)
                 app.state.service = service = Service(settings, database, files, runner)
-                work = asyncio.create_task(runner.work())
+                work, dates = asyncio.create_task(runner.work()), asyncio.create_task(service.keep_dates())
                 try:
                     yield
                 finally:
                     service.closing = True
+                    dates.cancel()
                     await runner.close()
                     await work
             finally:

@@ -1,4 +1,5 @@
-"""The one file of state: people, sessions, runs with their history, and comparisons. Each method is one transaction.
+"""The one file of state: people, sessions, runs with their history, comparisons and rounds. Each method is one
+transaction.
 
 It is used by one thread. Other processes may read and write beside it, such as a command that invites somebody.
 """
@@ -6,15 +7,15 @@ It is used by one thread. Other processes may read and write beside it, such as 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .records import FINAL, Person, State, Submission
+from .records import FINAL, Entry, Person, Round, State, Submission
 
-FORM = 1
+FORM = 2
 """Of the tables. A later version that changes them reads this number."""
 
 LEAST = 100_000
@@ -35,7 +36,8 @@ BUSY = 5.0
 
 TABLES = """
 CREATE TABLE people (
-    id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL
+    id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL,
+    organizer INTEGER NOT NULL
 ) STRICT;
 CREATE TABLE sessions (
     key TEXT PRIMARY KEY, person TEXT NOT NULL REFERENCES people ON DELETE CASCADE, until REAL NOT NULL
@@ -45,7 +47,8 @@ CREATE TABLE runs (
     file_name TEXT NOT NULL, sha256 TEXT NOT NULL, size INTEGER NOT NULL, created REAL NOT NULL, state TEXT NOT NULL,
     running INTEGER NOT NULL, attempts INTEGER NOT NULL, interruptions INTEGER NOT NULL, not_before REAL NOT NULL,
     started REAL NOT NULL, reason TEXT NOT NULL, binding TEXT NOT NULL, verdict TEXT NOT NULL, quick_cost REAL,
-    cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL
+    cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL,
+    round TEXT NOT NULL, drawn_cost REAL, drawn_holds INTEGER, drawn_remark TEXT NOT NULL, deviations TEXT NOT NULL
 ) STRICT;
 CREATE INDEX runs_by_owner ON runs (owner, created);
 CREATE INDEX runs_by_state ON runs (state);
@@ -58,6 +61,15 @@ CREATE TABLE comparisons (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL REFERENCES people ON DELETE CASCADE, runs TEXT NOT NULL,
     created REAL NOT NULL
 ) STRICT;
+CREATE TABLE rounds (
+    id TEXT PRIMARY KEY, name TEXT NOT NULL, opened REAL NOT NULL, closes REAL NOT NULL, closed REAL,
+    bits TEXT NOT NULL
+) STRICT;
+CREATE TRIGGER bits_stay BEFORE UPDATE ON rounds WHEN OLD.bits <> '' BEGIN SELECT RAISE(ABORT, 'drawn already'); END;
+CREATE TABLE entries (
+    round TEXT NOT NULL REFERENCES rounds ON DELETE CASCADE, owner TEXT NOT NULL, run TEXT NOT NULL,
+    person TEXT NOT NULL, name TEXT NOT NULL, PRIMARY KEY (round, owner)
+) STRICT;
 CREATE TABLE form (number INTEGER NOT NULL) STRICT;
 """
 
@@ -67,7 +79,7 @@ FINALS = ", ".join(f"'{state.value}'" for state in FINAL)
 
 
 class Changed(Exception):
-    """The run is not what it was when the change was decided, or is no more."""
+    """The run or round is not what it was when the change was decided, or is no more."""
 
 
 class Database:
@@ -89,7 +101,7 @@ class Database:
             self._connection.execute("PRAGMA secure_delete = ON")
             with self._transaction() as connection:
                 if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'form'").fetchone():
-                    for statement in filter(str.strip, TABLES.split(";")):
+                    for statement in filter(str.strip, TABLES.split(";\n")):
                         connection.execute(statement)
                     connection.execute("INSERT INTO form VALUES (?)", (FORM,))
                 (form,) = connection.execute("SELECT number FROM form").fetchone()
@@ -130,7 +142,13 @@ class Database:
     def add_person(self, person: Person, key: str, now: float) -> None:
         """Add somebody, who comes in by what has the hash ``key``."""
         with self._transaction() as connection:
-            connection.execute("INSERT INTO people VALUES (?, ?, ?, ?)", (person.id, person.name, key, now))
+            values = (person.id, person.name, key, now, person.organizer)
+            connection.execute("INSERT INTO people VALUES (?, ?, ?, ?, ?)", values)
+
+    def make_organizer(self, person: str) -> None:
+        """Let somebody open and close rounds."""
+        with self._transaction() as connection:
+            connection.execute("UPDATE people SET organizer = 1 WHERE id = ?", (person,))
 
     def change_key(self, person: str, key: str) -> None:
         """Give somebody another key; who came in by the old one is out."""
@@ -140,16 +158,17 @@ class Database:
 
     def person(self, id: str) -> tuple[Person, str] | None:
         """Somebody with the hash of the key."""
-        rows = self._rows("SELECT id, name, key FROM people WHERE id = ?", id)
-        return (Person(rows[0][0], rows[0][1]), str(rows[0][2])) if rows else None
+        rows = self._rows("SELECT id, name, organizer, key FROM people WHERE id = ?", id)
+        return (_person(rows[0]), str(rows[0][3])) if rows else None
 
     def people(self) -> list[Person]:
         """Everybody, by name."""
-        return [Person(*row) for row in self._rows("SELECT id, name FROM people ORDER BY name")]
+        return [_person(row) for row in self._rows("SELECT id, name, organizer FROM people ORDER BY name")]
 
     def remove_person(self, id: str) -> None:
-        """Remove somebody with all sessions, runs and comparisons."""
+        """Remove somebody with all sessions, runs and comparisons; in rounds that are closed, the name."""
         with self._transaction() as connection:
+            connection.execute("UPDATE entries SET person = '', name = '' WHERE owner = ?", (id,))
             connection.execute("DELETE FROM people WHERE id = ?", (id,))
 
     def add_session(self, key: str, person: str, until: float, now: float) -> None:
@@ -160,9 +179,12 @@ class Database:
 
     def session(self, key: str, now: float) -> Person | None:
         """Who came in with this session."""
-        query = "SELECT p.id, p.name FROM sessions s JOIN people p ON p.id = s.person WHERE s.key = ? AND s.until > ?"
+        query = (
+            "SELECT p.id, p.name, p.organizer FROM sessions s JOIN people p ON p.id = s.person "
+            "WHERE s.key = ? AND s.until > ?"
+        )
         rows = self._rows(query, key, now)
-        return Person(*rows[0]) if rows else None
+        return _person(rows[0]) if rows else None
 
     def end_session(self, key: str) -> None:
         """Somebody leaves."""
@@ -182,22 +204,8 @@ class Database:
 
         Raises :class:`Changed` if it is not ``before`` any more: two things happened at a time, and the first counts.
         """
-        columns = ", ".join(f"{field.name} = ?" for field in fields(Submission) if field.name != "revision")
-        values = [
-            value for field, value in zip(fields(Submission), _values(after), strict=True) if field.name != "revision"
-        ]
         with self._transaction() as connection:
-            changed = connection.execute(
-                f"UPDATE runs SET {columns}, revision = revision + 1 WHERE id = ? AND revision = ?",
-                (*values, before.id, before.revision),
-            )
-            if changed.rowcount != 1:
-                raise Changed(before.id)
-            connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
-            last = "SELECT rowid FROM history WHERE run = ? ORDER BY rowid DESC LIMIT 1 OFFSET ?"
-            connection.execute(
-                f"DELETE FROM history WHERE run = ? AND rowid <= ({last})", (before.id, before.id, MAX_HISTORY)
-            )
+            _change(connection, before, after, text, now)
         stored = self.run(before.id)
         assert stored is not None
         return stored
@@ -222,9 +230,10 @@ class Database:
         """Finished runs, of each person's controllers of one name the latest alone: those that meet all requirements
         first, then by V."""
         # Before the limit: who evaluates one controller 500 times would else push all others out of the table.
+        # Not by the state: a run that is verified for a round stays in the table meanwhile.
         latest = (
             "SELECT id FROM (SELECT id, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY created DESC) AS place "
-            "FROM runs WHERE state = 'finished' AND cost IS NOT NULL) WHERE place = 1"
+            "FROM runs WHERE cost IS NOT NULL) WHERE place = 1"
         )
         return self._runs(f"WHERE id IN ({latest}) ORDER BY remark <> '', holds = 0, cost LIMIT {MAX_ROWS}")
 
@@ -295,6 +304,83 @@ class Database:
         with self._transaction() as connection:
             connection.execute("DELETE FROM comparisons WHERE id = ?", (id,))
 
+    # Rounds
+
+    def add_round(self, round: Round) -> None:
+        """Open a round; raises :class:`Changed` if another one is open."""
+        with self._transaction() as connection:
+            if connection.execute("SELECT 1 FROM rounds WHERE closed IS NULL").fetchone():
+                raise Changed(round.id)
+            connection.execute("INSERT INTO rounds VALUES (?, ?, ?, ?, ?, ?)", astuple(round))
+
+    def round(self, id: str) -> Round | None:
+        """The round with this id."""
+        return next((Round(*row) for row in self._rows("SELECT * FROM rounds WHERE id = ?", id)), None)
+
+    def rounds(self) -> list[Round]:
+        """All rounds, the newest first."""
+        return [Round(*row) for row in self._rows("SELECT * FROM rounds ORDER BY opened DESC, rowid DESC")]
+
+    def choose(self, round: str, entry: Entry) -> None:
+        """Have a run count for its owner in a ``round`` that is open; raises :class:`Changed` if it is not."""
+        with self._transaction() as connection:
+            if not connection.execute("SELECT 1 FROM rounds WHERE id = ? AND closed IS NULL", (round,)).fetchone():
+                raise Changed(round)
+            connection.execute("INSERT OR REPLACE INTO entries VALUES (?, ?, ?, ?, ?)", (round, *astuple(entry)))
+
+    def entries(self, round: str) -> list[Entry]:
+        """What was chosen in a ``round``; from its close on, all that counts."""
+        rows = self._rows("SELECT owner, run, person, name FROM entries WHERE round = ? ORDER BY owner", round)
+        return [Entry(*row) for row in rows]
+
+    def handed_in(self, round: Round, now: float) -> list[Submission]:
+        """Finished runs that were handed in while a round was open, the oldest first."""
+        condition = "WHERE state = 'finished' AND cost IS NOT NULL AND created >= ? AND created < ? ORDER BY created"
+        return self._runs(condition, round.opened, min(round.closes, now))
+
+    def in_round(self, round: str) -> list[Submission]:
+        """The runs that count in a ``round`` that is closed."""
+        return self._runs("WHERE round = ?", round)
+
+    def close_round(
+        self, round: Round, entries: Sequence[Entry], runs: Iterable[tuple[Submission, Submission, str]]
+    ) -> None:
+        """Close a round: keep its bits and what counts, and change these ``runs``, all of it or nothing.
+
+        Raises :class:`Changed` if it is closed already, or one of the runs is another by now.
+        """
+        assert round.closed is not None and round.bits
+        query = "UPDATE rounds SET closed = ?, bits = ? WHERE id = ? AND closed IS NULL"
+        with self._transaction() as connection:
+            if connection.execute(query, (round.closed, round.bits, round.id)).rowcount != 1:
+                raise Changed(round.id)
+            connection.execute("DELETE FROM entries WHERE round = ?", (round.id,))
+            rows = [(round.id, *astuple(entry)) for entry in entries]
+            connection.executemany("INSERT INTO entries VALUES (?, ?, ?, ?, ?)", rows)
+            for before, after, text in runs:
+                _change(connection, before, after, text, round.closed)
+
+
+def _change(connection: sqlite3.Connection, before: Submission, after: Submission, text: str, now: float) -> None:
+    """See :meth:`Database.change`, within a transaction."""
+    columns = ", ".join(f"{field.name} = ?" for field in fields(Submission) if field.name != "revision")
+    values = [
+        value for field, value in zip(fields(Submission), _values(after), strict=True) if field.name != "revision"
+    ]
+    changed = connection.execute(
+        f"UPDATE runs SET {columns}, revision = revision + 1 WHERE id = ? AND revision = ?",
+        (*values, before.id, before.revision),
+    )
+    if changed.rowcount != 1:
+        raise Changed(before.id)
+    connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
+    last = "SELECT rowid FROM history WHERE run = ? ORDER BY rowid DESC LIMIT 1 OFFSET ?"
+    connection.execute(f"DELETE FROM history WHERE run = ? AND rowid <= ({last})", (before.id, before.id, MAX_HISTORY))
+
+
+def _person(row: sqlite3.Row | tuple[object, ...]) -> Person:
+    return Person(str(row[0]), str(row[1]), bool(row[2]))
+
 
 def _values(run: Submission) -> tuple[object, ...]:
     return tuple(value.value if isinstance(value, State) else value for value in astuple(run))
@@ -302,6 +388,5 @@ def _values(run: Submission) -> tuple[object, ...]:
 
 def _run(row: tuple[object, ...] | sqlite3.Row) -> Submission:
     named = dict(zip((field.name for field in fields(Submission)), row, strict=True))
-    holds = named["holds"]
-    named |= {"state": State(named["state"]), "running": bool(named["running"])}
-    return Submission(**{**named, "holds": None if holds is None else bool(holds)})
+    verdicts = {name: None if named[name] is None else bool(named[name]) for name in ("holds", "drawn_holds")}
+    return Submission(**{**named, **verdicts, "state": State(named["state"]), "running": bool(named["running"])})

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable
+import zipfile
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -34,8 +36,8 @@ SHOWN = {
 }
 """Files of an evaluation that are given out, with their types."""
 
-QUICK, EVALUATION = "quick", "evaluation"
-"""Folders of the two evaluations in that of a run."""
+QUICK, EVALUATION, DRAWN = "quick", "evaluation", "verification"
+"""Folders of the two evaluations and of the certificate in that of a run."""
 
 SCORECARD, FINDINGS, INTERFACE, BINDING, LOG = (
     "scorecard.html",
@@ -184,6 +186,16 @@ class Files:
             if file.stem not in fmus:
                 file.unlink(missing_ok=True)
                 shutil.rmtree(self.cache / "fmus" / file.stem, ignore_errors=True)
+
+
+def packed(files: Mapping[str, Path]) -> bytes:
+    """A zip archive of ``files`` by their names in it; what is deleted meanwhile is left out."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as entries:
+        for name, file in files.items():
+            with contextlib.suppress(FileNotFoundError):
+                entries.writestr(name, file.read_bytes())
+    return archive.getvalue()
 
 
 class Incoming:

@@ -1,4 +1,4 @@
-"""One stage of a run, in a process of its own: the ordinary check or evaluation, through the public face.
+"""One stage of a run, in a process of its own: the ordinary check, evaluation or verification, by the public face.
 
 It is started in the run's folder, and reads its task from standard input. That stays open as long as the service lives:
 when it ends, so does the job, and nothing of it is left over. Progress goes to standard output, one line each; the
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from shutil import rmtree
 from typing import IO, TYPE_CHECKING
 
 from filelock import FileLock
@@ -21,7 +23,7 @@ from filelock import FileLock
 from ..cache import cache_folder
 from ..codec import from_json, to_json
 from ..errors import BenchmarkError, Crash, EnvironmentFault, InputError
-from .files import EVALUATION, FINDINGS, INTERFACE, QUICK, SCORECARD
+from .files import DRAWN, EVALUATION, FINDINGS, INTERFACE, QUICK, SCORECARD
 from .records import Outcome, Progress, Stage, Task
 
 # Imports inside functions: what computes takes seconds to load, and a process that is to end must hear of it before.
@@ -37,6 +39,9 @@ OUTCOME = "{}.json"
 
 LOCK = "job.lock"
 """Held by a job: one whose service was killed may last a little longer than the next service needs to start another."""
+
+SCRATCH = "scratch"
+"""The folder of a clean interpreter's cache, in that of a run: it goes with the run if its job is killed."""
 
 LOCK_TIME = 120.0
 """Seconds to wait for it."""
@@ -75,12 +80,38 @@ def outcome_of(folder: Path, stage: Stage) -> Outcome | None:
 
 def main() -> int:
     """Do the task that comes in; returns the exit code, 0 if there is an outcome."""
+    task = from_json(_line(0), Task)
+    if task.stage != "verifying":
+        return work(task)
+    from ..execution.interpreter import run_clean
+
+    # A certificate counts only if the interpreter took no code but this package's.
+    rmtree(SCRATCH, ignore_errors=True)
+    Path(SCRATCH).mkdir()
+    code = f"from {__package__}.job import run, task_given, work; raise SystemExit(run(lambda: work(task_given())))"
+    return run_clean(code, [to_json(task, indent=None)], Path(SCRATCH))
+
+
+def task_given() -> Task:
+    """The task on the command line."""
+    return from_json(sys.argv[1], Task)
+
+
+def run(act: Callable[[], int]) -> int:
+    """The exit code of ``act``, which may be told to end."""
+    try:
+        return act()
+    except KeyboardInterrupt:
+        return EXIT_ORPHANED
+
+
+def work(task: Task) -> int:
+    """Do a task; returns the exit code, 0 if there is an outcome."""
     told = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
     # What a library prints is no message.
     os.dup2(2, 1)
     # A service that was started in the background by a script ignores Ctrl-C, and so would its jobs their end.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    task = from_json(_line(0), Task)
     threading.Thread(target=_end_with_service, daemon=True).start()
     with FileLock(LOCK, timeout=LOCK_TIME):
         outcome = done(task, Path.cwd(), _Teller(told))
@@ -128,8 +159,9 @@ Tell = Callable[[Progress, bool], None]
 
 def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     """The outcome of ``task``, whose files are in ``folder``."""
+    act = {"checking": _checked, "verifying": _verified}.get(task.stage, _evaluated)
     try:
-        outcome = _checked(task, folder, tell) if task.stage == "checking" else _evaluated(task, folder, tell)
+        outcome = act(task, folder, tell)
     except EnvironmentFault as fault:
         outcome = Outcome(task.stage, "fault", str(fault))
     except Crash as crash:
@@ -143,7 +175,8 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     from msgspec.structs import replace
 
     # Extracted, an FMU may be a thousand times as large as the file that was uploaded.
-    disk = _size(folder) + (_size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0)
+    extracted = _size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0
+    disk = _size(folder) - _size(folder / SCRATCH) + extracted
     return replace(outcome, disk=disk, reason=outcome.reason[:2000])
 
 
@@ -219,14 +252,41 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
     return _outcome(task, evaluation, any(case.status is Status.LOST for case in evaluation.cases))
 
 
+def _verified(task: Task, folder: Path, tell: Tell) -> Outcome:
+    """Verify the controller by the draws that follow from the round's bits. Nothing of it is stored before its end:
+    one that was interrupted begins from its first case, and with the same draws."""
+    from ..api.benchmark import Benchmark
+    from ..benchmark.draws import Entropy
+    from ..documents.verification import OF_ROUND, PROTOCOL, USUAL
+    from ..loop.trajectory import Status
+
+    usual = task.protocol == PROTOCOL
+    certificate = Benchmark(workers=task.processes, sandbox=task.sandbox).verify(
+        _controller(task),
+        on_result=lambda result, done, total: tell(Progress(done, total), done == total),
+        draws=Entropy(task.bits, "round"),
+        protocol=task.protocol,
+        # What the standard conditions ask for costs most of the time, and with another protocol it gives no standard.
+        strict=usual,
+        beside=USUAL if usual else (),
+    )
+    certificate.save(folder / DRAWN)
+    cases = (*certificate.cases, *(certificate.strict.cases if certificate.strict else ()))
+    return Outcome(
+        task.stage,
+        "done",
+        lost=any(case.status is Status.LOST for case in cases),
+        cost=certificate.rank.V,
+        holds=certificate.rank.holds,
+        remark=certificate.rank.reason,
+        deviations="; ".join(words for words in certificate.deviations if words != OF_ROUND)[:2000],
+    )
+
+
 def _outcome(task: Task, evaluation: Evaluation, lost: bool) -> Outcome:
     rank = evaluation.rank
     return Outcome(task.stage, "done", lost=lost, cost=rank.V, holds=rank.holds, remark=rank.reason)
 
 
 if __name__ == "__main__":
-    try:
-        code = main()
-    except KeyboardInterrupt:
-        code = EXIT_ORPHANED
-    raise SystemExit(code)
+    raise SystemExit(run(main))

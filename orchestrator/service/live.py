@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from zlib import crc32
 
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -48,8 +49,11 @@ async def all_events(request: Request) -> Response:
     def news() -> News:
         runs = service.database.runs_of(person.id)
         # Runs that are deleted count as well, and those of others change the table.
-        ended = service.database.count(State.FINISHED)
-        return News(sum(run.revision + 1 for run in runs) * 1000 + ended, False)
+        ended = service.database.count(State.FINISHED) + service.database.count(State.FAILED)
+        # A round that opens or closes, and each verification that ends, change its page.
+        told = [(round.id, round.closed) for round in service.database.rounds()]
+        changed = crc32(repr((ended, service.database.count(State.VERIFYING), told)).encode())
+        return News((sum(run.revision + 1 for run in runs) << 32) + changed, False)
 
     return _stream(service, person.id, news)
 

@@ -25,7 +25,7 @@ from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
-from .shown import moment, run_view, shown_cost, state_words, table
+from .shown import moment, round_view, run_view, shown_cost, state_words, table
 
 FILES = resources.files(__package__) / "templates"
 
@@ -74,6 +74,8 @@ async def start(request: Request) -> Response:
         *(request, "start.html"),
         runs=runs,
         rows=table(service, person.id),
+        rounds=service.database.rounds()[:1],
+        organizer=person.organizer,
         accounts=service.settings.accounts,
         most=limits.upload,
         protocol=service.settings.conduct.protocol_name,
@@ -180,11 +182,7 @@ async def bind(request: Request) -> Response:
     """Bind by the form."""
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
-    try:
-        typed = dict(parse_qsl(text, max_num_fields=MAX_FIELDS, keep_blank_values=True))
-    except ValueError:
-        raise Refusal(400, "This form has too many fields.") from None
+    typed = await _typed(request)
     chosen, given = (
         {name.removeprefix(kind): value for name, value in typed.items() if name.startswith(kind)}
         for kind in ("map:", "set:")
@@ -194,6 +192,15 @@ async def bind(request: Request) -> Response:
     except InputError as problem:  # what was typed is not lost
         return _run_page(request, service, run, str(problem), typed, 400)
     return RedirectResponse(f"/runs/{bound.id}", 303)
+
+
+async def _typed(request: Request) -> dict[str, str]:
+    """The fields of a form."""
+    text = (await whole_body(request, service_of(request).settings.limits.patience)).decode("utf-8", "replace")
+    try:
+        return dict(parse_qsl(text, max_num_fields=MAX_FIELDS, keep_blank_values=True))
+    except ValueError:
+        raise Refusal(400, "This form has too many fields.") from None
 
 
 async def cancel(request: Request) -> Response:
@@ -266,6 +273,72 @@ async def comparison_page(request: Request) -> Response:
     )
 
 
+async def rounds(request: Request) -> Response:
+    """All rounds; for an organizer, with the form that opens one."""
+    return _rounds_page(request)
+
+
+def _rounds_page(
+    request: Request, problem: str = "", typed: dict[str, str] | None = None, status: int = 200
+) -> Response:
+    service, person = asking(request)
+    return page(
+        *(request, "rounds.html", status),
+        rounds=service.database.rounds(),
+        organizer=person.organizer,
+        problem=problem,
+        typed=typed or {},
+    )
+
+
+async def open_round(request: Request) -> Response:
+    """Open a round by the form."""
+    service, person = asking(request)
+    typed = await _typed(request)
+    try:
+        round = service.open_round(person, typed.get("name", ""), typed.get("closes", ""))
+    except (InputError, Refusal) as problem:  # what was typed is not lost
+        return _rounds_page(request, str(problem), typed, getattr(problem, "status", 400))
+    return RedirectResponse(f"/rounds/{round.id}", 303)
+
+
+async def round_page(request: Request) -> Response:
+    """A round: its table, what counts for who asks, and the organizer's buttons."""
+    service, person = asking(request)
+    view = round_view(service, service.round(request.path_params["id"]), person.id)
+    return page(
+        *(request, "round.html"),
+        view=view,
+        own=[run for run in map(service.database.run, view.own) if run is not None],
+        organizer=person.organizer,
+        accounts=service.settings.accounts,
+        protocol=service.settings.conduct.protocol_name,
+    )
+
+
+async def choose(request: Request) -> Response:
+    """Choose what counts."""
+    service, person = asking(request)
+    round = service.round(request.path_params["id"])
+    service.choose(person, round, service.own(person, (await _typed(request)).get("run", "")))
+    return RedirectResponse(f"/rounds/{round.id}", 303)
+
+
+async def close_round(request: Request) -> Response:
+    """Close a round."""
+    service, person = asking(request)
+    round = service.close_round(person, service.round(request.path_params["id"]))
+    return RedirectResponse(f"/rounds/{round.id}", 303)
+
+
+async def verify_again(request: Request) -> Response:
+    """Verify again what failed by faults of the machine."""
+    service, person = asking(request)
+    round = service.round(request.path_params["id"])
+    service.verify_again(person, round)
+    return RedirectResponse(f"/rounds/{round.id}", 303)
+
+
 async def join(request: Request) -> Response:
     """Where an invitation leads."""
     return page(request, "join.html", problem="")
@@ -330,5 +403,11 @@ def routes() -> list[Route]:
         Route("/comparisons", compare, methods=post),
         Route("/comparisons/{id}", comparison, methods=get),
         Route("/comparisons/{id}/page", comparison_page, methods=get),
+        Route("/rounds", rounds, methods=get),
+        Route("/rounds", open_round, methods=post),
+        Route("/rounds/{id}", round_page, methods=get),
+        Route("/rounds/{id}/choice", choose, methods=post),
+        Route("/rounds/{id}/close", close_round, methods=post),
+        Route("/rounds/{id}/verify", verify_again, methods=post),
         Route("/static/{name}", static, methods=get),
     ]

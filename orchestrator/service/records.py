@@ -19,6 +19,7 @@ class State(str, Enum):
     CHECKING = "checking"
     QUICK = "quick"
     EVALUATING = "evaluating"
+    VERIFYING = "verifying"
     FINISHED = "finished"
     REFUSED = "refused"
     FAILED = "failed"
@@ -32,10 +33,11 @@ class State(str, Enum):
 
 FINAL = (State.FINISHED, State.REFUSED, State.FAILED, State.CANCELLED)
 
-Stage = Literal["checking", "quick", "evaluating"]
+Stage = Literal["checking", "quick", "evaluating", "verifying"]
 
-STAGES: tuple[Stage, ...] = ("checking", "quick", "evaluating")
-"""What is done with a run, one after the other, each in a process of its own."""
+STAGES: tuple[Stage, ...] = ("checking", "quick", "evaluating", "verifying")
+"""What is done with a run, one after the other, each in a process of its own. The last one is for the run that counts
+for somebody in a round, and begins when that is closed."""
 
 SHORT: frozenset[Stage] = frozenset({"checking", "quick"})
 """The stages that take seconds."""
@@ -43,10 +45,11 @@ SHORT: frozenset[Stage] = frozenset({"checking", "quick"})
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody who may use the service, under a ``name`` that others see."""
+    """Somebody who may use the service, under a ``name`` that others see. An ``organizer`` opens and closes rounds."""
 
     id: str
     name: str
+    organizer: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,10 @@ class Submission:
     ``started`` is when a stage of it was last started. ``quick_cost`` and ``cost`` are V of the two evaluations,
     ``holds`` tells whether all requirements are met, ``remark`` what keeps the result from being ranked. ``disk`` is
     what its folder and the extracted FMU take [bytes], ``revision`` counts its changes.
+
+    ``round`` is the id of the round in which it counts for its owner, from its close on. ``drawn_cost`` is then the
+    mean of V over the draws, ``drawn_holds`` whether all requirements are met in them, ``drawn_remark`` what keeps it
+    from a place, and ``deviations`` by what its certificate is not of the standard conditions.
     """
 
     id: str
@@ -85,6 +92,11 @@ class Submission:
     remark: str = ""
     disk: int = 0
     revision: int = 0
+    round: str = ""
+    drawn_cost: float | None = None
+    drawn_holds: bool | None = None
+    drawn_remark: str = ""
+    deviations: str = ""
 
     @property
     def stage(self) -> Stage | None:
@@ -92,6 +104,33 @@ class Submission:
         if self.state is State.RECEIVED:
             return STAGES[0]
         return next((stage for stage in STAGES if stage == self.state.value), None)
+
+
+@dataclass(frozen=True)
+class Round:
+    """What people hand in between ``opened`` and ``closes``, or before an organizer has ``closed`` it.
+
+    ``bits`` are what the draws of all verifications follow from, 64 hexadecimal digits; empty until the close, at which
+    they are drawn.
+    """
+
+    id: str
+    name: str
+    opened: float
+    closes: float
+    closed: float | None = None
+    bits: str = ""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Which ``run`` counts for its ``owner`` in a round. From the close on, the names of the ``person`` and of the run
+    stay, also if the run is deleted."""
+
+    owner: str
+    run: str
+    person: str = ""
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -111,12 +150,13 @@ class Allowance:
 
 @dataclass(frozen=True)
 class Conduct:
-    """How jobs are done: the names or files of both protocols, ``processes`` of one job, ``sandbox``, the address of a
-    Dask ``scheduler`` for evaluations (empty: this machine), how many ``evaluations`` run at a time, and the time [s]
-    that a stage may take."""
+    """How jobs are done: the names or files of both protocols and of that of a round's draws, ``processes`` of one job,
+    ``sandbox``, the address of a Dask ``scheduler`` for evaluations (empty: this machine), how many ``evaluations`` run
+    at a time, and the time [s] that a stage may take."""
 
     protocol: str = "paper"
     quick_protocol: str = "quick"
+    drawn_protocol: str = "verification"
     processes: int = 1
     sandbox: bool = True
     scheduler: str = ""
@@ -141,7 +181,8 @@ class Settings:
 
 class Task(Struct):
     """What a job is told: the ``stage``, the FMU and its mapping file (empty: none) in the folder that it is started
-    in, and how to do it, as in :class:`Conduct`. By the FMU's ``sha256`` the job finds what it has extracted."""
+    in, and how to do it, as in :class:`Conduct`. By the FMU's ``sha256`` the job finds what it has extracted. ``bits``
+    are those of a :class:`Round`."""
 
     stage: Stage
     file: str
@@ -151,6 +192,7 @@ class Task(Struct):
     sandbox: bool
     scheduler: str = ""
     sha256: str = ""
+    bits: str = ""
 
 
 class Progress(Struct):
@@ -166,8 +208,8 @@ class Outcome(Struct):
     """How a stage ended. A controller that cannot be used was ``"refused"``, one that failed has ``"failed"``, and what
     the machine could not do is a ``"fault"``; each with the ``reason``. ``lost`` tells of cases that the machine lost.
 
-    ``verdict`` is the worst finding of a check; ``cost``, ``holds`` and ``remark`` are those of a run; ``disk`` is what
-    the run's folder takes [bytes].
+    ``verdict`` is the worst finding of a check; ``cost``, ``holds`` and ``remark`` are those of a run, or with
+    ``deviations`` those over the draws; ``disk`` is what the run's folder takes [bytes].
     """
 
     stage: Stage
@@ -178,6 +220,7 @@ class Outcome(Struct):
     cost: Finite | None = None
     holds: bool | None = None
     remark: str = ""
+    deviations: str = ""
     disk: Natural = 0
 
 

@@ -271,16 +271,19 @@ class Runner:
                 self.wake()
 
     def _task(self, run: Submission, stage: Stage) -> Task:
-        conduct = self._conduct
+        conduct, round = self._conduct, self._database.round(run.round)
         return Task(
             stage=stage,
             file=run.file_name,
             binding=BINDING if run.binding else "",
-            protocol=conduct.quick_protocol if stage == "quick" else conduct.protocol,
+            protocol={"quick": conduct.quick_protocol, "verifying": conduct.drawn_protocol}.get(
+                stage, conduct.protocol
+            ),
             processes=conduct.processes,
             sandbox=conduct.sandbox,
             scheduler=conduct.scheduler if stage == "evaluating" else "",
             sha256=run.sha256,
+            bits=round.bits if round is not None else "",
         )
 
 

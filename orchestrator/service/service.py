@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import logging
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import anyio
 
+from ..benchmark import draws
 from ..codec import from_json
 from ..documents.commands import evaluate_command
+from ..documents.files import VERIFICATION
+from ..errors import BenchmarkError
 from ..text import printable
-from . import binding
+from . import binding, rounds
 from .borders import Refusal
 from .comparing import compared
 from .database import Changed, Database
-from .files import BINDING, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, new_id, plain_name
-from .records import Interface, Person, Settings, State, Submission
+from .files import BINDING, DRAWN, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, new_id, packed, plain_name
+from .records import Entry, Interface, Person, Round, Settings, State, Submission
 from .runner import Runner
 
 MAX_NAME = 120
@@ -33,8 +38,19 @@ MAX_COMPARED = 12
 MAX_COMPARING = 2
 """Comparisons of one person at a time."""
 
+LONGEST_ROUND = 10 * 366 * 86400.0
+"""How far the close of a round may be [s]."""
+
+LOOK_EVERY = 1.0
+"""Seconds between two looks whether a round has reached its date."""
+
 MOVED = "This run has changed in the meantime. Look at it again."
 ABSENT = "There is no such run."
+CLOSED = "This round is closed: what counts in it stays as it is."
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -134,20 +150,24 @@ class Service:
         """End a run that has not ended."""
         if run.state.is_final:
             raise Refusal(409, "This run has ended already.")
+        if run.state is State.VERIFYING:
+            raise Refusal(409, "This run counts in a round that is closed. Delete it to take it out of the table.")
         return self._moved(lambda: self.runner.cancel(run))
 
     def retry(self, run: Submission) -> Submission:
         """Begin again with a run that failed or was cancelled."""
         if run.state not in (State.FAILED, State.CANCELLED):
             raise Refusal(409, "Only a run that failed or was cancelled can begin again.")
+        if run.round:
+            raise Refusal(409, "This run counts in a round that is closed: an organizer can have it verified again.")
         self.check_quota(Person(run.owner, ""))
         return self._moved(lambda: self.runner.retry(run))
 
-    def _moved(self, change: Callable[[], Submission]) -> Submission:
+    def _moved(self, change: Callable[[], T], sentence: str = MOVED) -> T:
         try:
             return change()
         except Changed:
-            raise Refusal(409, MOVED) from None
+            raise Refusal(409, sentence) from None
 
     def remove(self, run: Submission) -> None:
         """Delete a run, and its FMU if it is in no other one."""
@@ -208,3 +228,98 @@ class Service:
         if found is None or found[0] != person.id:
             raise Refusal(404, "There is no such comparison.")
         return tuple(run for run in map(self.database.run, found[1]) if run is not None)
+
+    # Rounds
+
+    def round(self, id: str) -> Round:
+        """The round with this id."""
+        found = self.database.round(id) if ID.fullmatch(id) else None
+        if found is None:
+            raise Refusal(404, "There is no such round.")
+        return found
+
+    def open_round(self, person: Person, name: str, closes: str) -> Round:
+        """Open a round until ``closes`` (ISO 8601, UTC if it names no zone)."""
+        _check_organizer(person)
+        shown, now = printable(name).strip()[:MAX_NAME], time.time()
+        if not shown:
+            raise Refusal(400, "A round needs a name.")
+        end = draws.moment(closes).timestamp()
+        if not now < end < now + LONGEST_ROUND:
+            raise Refusal(400, "A round closes in the future, within ten years. Times are in UTC.")
+        round = Round(new_id(), shown, now, end)
+        try:
+            self.database.add_round(round)
+        except Changed:
+            raise Refusal(409, "Another round is open. Close it first.") from None
+        self.runner.wake()
+        return round
+
+    def choose(self, person: Person, round: Round, run: Submission) -> None:
+        """Have a run count for its owner in a round that is open."""
+        now = time.time()
+        if round.closed is not None or now >= round.closes:
+            raise Refusal(409, CLOSED)
+        if run not in self.database.handed_in(round, now):
+            raise Refusal(409, "What counts is a finished run with a V that was handed in since the round was opened.")
+        try:
+            self.database.choose(round.id, Entry(person.id, run.id))
+        except Changed:
+            raise Refusal(409, CLOSED) from None
+
+    def counted(self, round: Round) -> dict[str, Submission]:
+        """What counts in a round that is open, by its owner, if it were closed now."""
+        return rounds.counted(self.database.entries(round.id), self.database.handed_in(round, time.time()))
+
+    def close_round(self, person: Person, round: Round) -> Round:
+        """Close a round before its date."""
+        _check_organizer(person)
+        return self._moved(lambda: self._close(round), CLOSED)
+
+    def _close(self, round: Round) -> Round:
+        """Close a round; raises :class:`.Changed` if it is closed already, or a run is another by now."""
+        # The bits are of this moment, and stored with all that they are for: killed before that, nobody has seen them,
+        # and killed after that, they stay.
+        names = {person.id: person.name for person in self.database.people()}
+        bits = draws.fresh().value
+        closed, entries, changes = rounds.closed(round, self.counted(round), names, bits, time.time())
+        self.database.close_round(closed, entries, changes)
+        self.runner.wake()
+        return closed
+
+    async def keep_dates(self) -> None:
+        """Close rounds at their dates, also those that passed while no service ran, until it is cancelled."""
+        while True:
+            try:
+                for round in self.database.rounds():
+                    if round.closed is None and round.closes <= time.time():
+                        self._close(round)
+            except (Changed, BenchmarkError) as problem:
+                # A run was deleted in between, or the disk is full: it is tried again.
+                logger.warning("A round cannot be closed yet: %s", problem)
+            await asyncio.sleep(LOOK_EVERY)
+
+    def verify_again(self, person: Person, round: Round) -> None:
+        """Begin again with the verifications of a round that failed by faults of this machine, with the same draws."""
+        _check_organizer(person)
+        failed = [run for run in self.database.in_round(round.id) if run.state is State.FAILED]
+        if not failed:
+            raise Refusal(409, "No verification of this round has failed by a fault of this machine.")
+        for run in failed:
+            self._moved(lambda run=run: self.runner.retry(run))  # type: ignore[misc]
+
+    async def certificates(self, round: Round) -> bytes:
+        """All certificates of a round that is final as a zip archive, each called by the id of its run."""
+        runs = self.database.in_round(round.id)
+        if rounds.phase(round, runs) != "final":
+            raise Refusal(409, "There are certificates when all runs of a round that is closed are verified.")
+        verified = [run for run in runs if run.drawn_cost is not None]
+        files = {f"{run.id}.json": self.files.run(run.id) / DRAWN / VERIFICATION for run in verified}
+        # One at a time, beside this thread: many large ones take a while.
+        async with self.comparing:
+            return await anyio.to_thread.run_sync(packed, files)
+
+
+def _check_organizer(person: Person) -> None:
+    if not person.organizer:
+        raise Refusal(403, "Only an organizer may do this.")

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from datetime import datetime, timezone
 from typing import Literal
 
+from msgspec.structs import astuple, replace
+
 from ..codec import Finite, Natural, Struct
-from .records import Stage, State, Submission
+from ..views.export import csv_text
+from . import rounds
+from .records import Entry, Round, Stage, State, Submission
 from .service import Service
 from .states import steps
 
@@ -18,6 +23,7 @@ STATE_WORDS = {
     State.CHECKING: "is checked",
     State.QUICK: "quick evaluation",
     State.EVALUATING: "evaluation",
+    State.VERIFYING: "verification",
     State.FINISHED: "finished",
     State.REFUSED: "refused",
     State.FAILED: "failed",
@@ -50,7 +56,8 @@ class FindingView(Struct):
 class RunView(Struct):
     """A run as its owner sees it. ``state`` and ``waiting`` say where it is; ``ahead`` counts the stages that begin
     before its own; ``done`` of ``total`` cases are simulated, and ``cost_so_far`` is V of the complete ones. ``cost``
-    is V on the protocol, ``quick_cost`` on the short one; ``remark`` says why a result has no rank."""
+    is V on the protocol, ``quick_cost`` on the short one; ``remark`` says why a result has no rank. ``round`` is the id
+    of the closed round in which it counts."""
 
     id: str
     name: str
@@ -74,6 +81,7 @@ class RunView(Struct):
     holds: bool | None = None
     remark: str = ""
     binding: str = ""
+    round: str = ""
     command: str = ""
     history: tuple[EventView, ...] = ()
 
@@ -88,6 +96,47 @@ class RowView(Struct):
     remark: str
     finished: str
     own: str = ""
+
+
+EntryState = Literal["provisional", "verifying", "verified", "not verified", "deleted"]
+
+
+class EntryView(Struct):
+    """What counts for a person in a round. ``cost`` and ``holds`` are of the published list, and provisional;
+    ``drawn_cost`` is the mean of V over the draws, and ``drawn_holds`` whether all requirements are met in all of them,
+    both of a round that is final, as ``place``. ``remark`` says why there is no place, ``deviations`` by what the
+    certificate is not of the standard conditions; ``certificate`` is its name in the archive of all of them."""
+
+    place: Natural | None
+    name: str
+    person: str
+    state: EntryState
+    cost: Finite | None
+    holds: bool | None
+    drawn_cost: Finite | None = None
+    drawn_holds: bool | None = None
+    remark: str = ""
+    deviations: str = ""
+    certificate: str = ""
+    run: str = ""
+
+
+class RoundView(Struct):
+    """A round. It takes what is handed in from ``opened`` until ``closes``, or until it is ``closed``, all in UTC.
+    ``bits``, of which the draws follow, are told when it is final. ``own`` are your runs that may count, the newest
+    first, and ``chosen`` is the one that does. Of the ``entries``, ``run`` is the id of your own."""
+
+    id: str
+    name: str
+    phase: rounds.Phase
+    opened: str
+    closes: str
+    closed: str
+    bits: str
+    chosen: str
+    own: tuple[str, ...]
+    failed: Natural
+    entries: tuple[EntryView, ...]
 
 
 def run_view(service: Service, run: Submission, whole: bool = True) -> RunView:
@@ -118,6 +167,7 @@ def run_view(service: Service, run: Submission, whole: bool = True) -> RunView:
         holds=run.holds,
         remark=run.remark,
         binding=run.binding if whole else "",
+        round=run.round,
         command=service.command(run) if whole else "",
         history=tuple(EventView(moment(at), text) for at, text in service.database.history(run.id)) if whole else (),
     )
@@ -140,6 +190,78 @@ def table(service: Service, person_id: str) -> list[RowView]:
     ]
 
 
+def round_view(service: Service, round: Round, person_id: str) -> RoundView:
+    """A round for one of those who take part in it."""
+    runs = {run.id: run for run in service.database.in_round(round.id)}
+    phase = rounds.phase(round, runs.values())
+    if phase == "open":
+        handed_in = service.database.handed_in(round, time.time())
+        counting = rounds.counted(service.database.entries(round.id), handed_in)
+        names = {person.id: person.name for person in service.database.people()}
+        entries = [Entry(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items()]
+        runs = {run.id: run for run in counting.values()}
+        own = tuple(run.id for run in reversed(handed_in) if run.owner == person_id)
+    else:
+        entries, own = service.database.entries(round.id), ()
+    places = rounds.places(runs.values()) if phase == "final" else {}
+    rows = [_entry(entry, runs.get(entry.run), phase, places.get(entry.run), person_id) for entry in entries]
+    return RoundView(
+        id=round.id,
+        name=round.name,
+        phase=phase,
+        opened=moment(round.opened),
+        closes=moment(round.closes),
+        closed="" if round.closed is None else moment(round.closed),
+        bits=round.bits if phase == "final" else "",
+        chosen=next((entry.run for entry in entries if entry.owner == person_id), ""),
+        own=own,
+        failed=sum(run.state is State.FAILED for run in runs.values()),
+        entries=tuple(sorted(rows, key=_rank)),
+    )
+
+
+def _entry(entry: Entry, run: Submission | None, phase: rounds.Phase, place: int | None, person_id: str) -> EntryView:
+    own = entry.run if entry.owner == person_id else ""
+    if run is None:
+        return EntryView(None, entry.name, entry.person, "deleted", None, None)
+    if phase == "open":
+        return EntryView(None, entry.name, entry.person, "provisional", run.cost, run.holds, remark=run.remark, run=own)
+    if run.state is State.VERIFYING:
+        return EntryView(None, entry.name, entry.person, "verifying", run.cost, run.holds, run=own)
+    failed = run.state is State.FAILED
+    told = EntryView(
+        place=place,
+        name=entry.name,
+        person=entry.person,
+        state="not verified" if failed or run.drawn_cost is None else "verified",
+        cost=run.cost,
+        holds=run.holds,
+        run=own,
+    )
+    # Who is verified first learns no more than the others: the whole table comes at a time.
+    if phase != "final":
+        return told
+    return replace(
+        told,
+        drawn_cost=run.drawn_cost,
+        drawn_holds=run.drawn_holds,
+        remark=f"not verified: {run.reason}" if failed else run.drawn_remark,
+        deviations=run.deviations,
+        certificate="" if run.drawn_cost is None else f"{run.id}.json",
+    )
+
+
+def _rank(row: EntryView) -> tuple[bool, int, bool, bool, bool, float]:
+    """Places first, then by V on the published list; what is deleted last."""
+    place = (row.place is None, row.place or 0)
+    return *place, row.state == "deleted", bool(row.remark), row.holds is not True, row.cost or 0.0
+
+
+def round_csv(view: RoundView) -> str:
+    """The table of a round as CSV."""
+    return csv_text(EntryView.__struct_fields__, map(astuple, view.entries))
+
+
 def moment(seconds: float) -> str:
     """A time as text, in UTC."""
     return datetime.fromtimestamp(seconds, timezone.utc).strftime("%Y-%m-%d %H:%M:%S")
@@ -152,5 +274,5 @@ def shown_cost(value: float | None) -> str:
 
 def state_words(run: Submission) -> str:
     """Where a run is, in words."""
-    waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING) and not run.running
+    waits = run.state in (State.CHECKING, State.QUICK, State.EVALUATING, State.VERIFYING) and not run.running
     return ("waits for its " if waits else "") + STATE_WORDS[run.state]

@@ -17,7 +17,12 @@ else do so after every start; the bound is large, since an operator may restart 
 DELAYS = (2.0, 30.0)
 """Seconds before the second and the third attempt: a full disk or memory needs time to be freed."""
 
-WORDS: Mapping[Stage, str] = {"checking": "the check", "quick": "the quick evaluation", "evaluating": "the evaluation"}
+WORDS: Mapping[Stage, str] = {
+    "checking": "the check",
+    "quick": "the quick evaluation",
+    "evaluating": "the evaluation",
+    "verifying": "the verification",
+}
 
 Change = tuple[Submission, str]
 """The next form of a run, and what is told of the change."""
@@ -38,6 +43,8 @@ def ended(run: Submission, outcome: Outcome, now: float) -> Change:
     if outcome.kind == "fault" or (outcome.lost and run.attempts + 1 < MAX_ATTEMPTS):
         return _again(replace(run, disk=disk), outcome.reason or "cases were lost to this machine", now)
     at_rest = replace(run, running=False, attempts=0, interruptions=0, not_before=0.0, disk=disk, reason="")
+    if outcome.stage == "verifying":
+        return _verified(at_rest, outcome)
     if outcome.kind == "refused":
         refused = replace(at_rest, state=State.REFUSED, reason=outcome.reason, verdict=outcome.verdict)
         return refused, f"refused: {outcome.reason}"
@@ -50,6 +57,22 @@ def ended(run: Submission, outcome: Outcome, now: float) -> Change:
         return replace(at_rest, state=State.EVALUATING, quick_cost=outcome.cost), "the quick evaluation has ended"
     finished = replace(at_rest, state=State.FINISHED, cost=outcome.cost, holds=outcome.holds, remark=outcome.remark)
     return finished, "finished"
+
+
+def _verified(run: Submission, outcome: Outcome) -> Change:
+    """A controller that cannot be verified has no place, but its evaluation stays what it was."""
+    if outcome.kind != "done":
+        remark = f"not verified: {outcome.reason}"
+        return replace(run, state=State.FINISHED, drawn_remark=remark), remark
+    finished = replace(
+        run,
+        state=State.FINISHED,
+        drawn_cost=outcome.cost,
+        drawn_holds=outcome.holds,
+        drawn_remark=outcome.remark,
+        deviations=outcome.deviations,
+    )
+    return finished, "verified"
 
 
 def _again(run: Submission, reason: str, now: float) -> Change:
@@ -78,7 +101,13 @@ def cancelled(run: Submission) -> Change:
 
 def retried(run: Submission) -> Change:
     """A run that failed or was cancelled begins again where it was; what is finished is found in its store."""
-    return replace(run, state=State.RECEIVED, attempts=0, interruptions=0, not_before=0.0, reason=""), "begun again"
+    state = State.VERIFYING if run.round else State.RECEIVED
+    return replace(run, state=state, attempts=0, interruptions=0, not_before=0.0, reason=""), "begun again"
+
+
+def chosen(run: Submission, round: str) -> Change:
+    """A finished run counts in the ``round`` (its id), which is closed: it is to be verified."""
+    return replace(run, state=State.VERIFYING, round=round), "the round is closed, in which this run counts"
 
 
 def bound(run: Submission, binding: str) -> Change:
@@ -89,16 +118,19 @@ def bound(run: Submission, binding: str) -> Change:
 
 def steps(run: Submission) -> tuple[tuple[str, str], ...]:
     """The stages, and where each is: ``"done"``, ``"now"``, ``"next"`` or ``"left out"``."""
+    stages = STAGES if run.round else STAGES[:-1]
     if run.state is State.FINISHED:
-        return tuple((stage, "done") for stage in STAGES)
+        return tuple((stage, "done") for stage in stages)
     here = STAGES.index(run.stage) if run.stage is not None else _reached(run)
     words = "left out" if run.state.is_final else "next"
     now = "ended" if run.state.is_final else "now"
     return tuple(
-        (stage, "done" if place < here else now if place == here else words) for place, stage in enumerate(STAGES)
+        (stage, "done" if place < here else now if place == here else words) for place, stage in enumerate(stages)
     )
 
 
 def _reached(run: Submission) -> int:
     """The stage that a run ended in before its time."""
+    if run.round:
+        return 3
     return 2 if run.quick_cost is not None else 1 if run.verdict and run.state is not State.REFUSED else 0

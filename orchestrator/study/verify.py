@@ -149,7 +149,7 @@ def _verified(
     others = {name: replace(testbed.pairing(reference(name)), sandbox=False) for name in beside}
     protocol = testbed.rules
     T_s = controller_sample_time(isolated.controller, protocol.sample_time, controller.given_sample_time).value
-    drawn = seeds(entropy.value, isolated.controller.sha256, count, repetition)
+    drawn = seeds(entropy, isolated.controller.sha256, count, repetition)
     begin = yield Now()
     # Of another seed than the draws, of which it would show something.
     rehearsal = yield Rehearse(isolated, cases(protocol, testbed.nominal, 0, T_s)[0], probe=False)

@@ -114,7 +114,35 @@ def test_the_places_that_are_told_are_those_in_which_the_stages_begin(places):
         assert [run.owner for run in by_place] == order(alike)
 
 
+VERIFYING, _ = states.chosen(replace(RUN, state=State.FINISHED, cost=99.0, holds=True), "c" * 24)
+
+
+def test_what_counts_in_a_closed_round_is_verified_and_its_evaluation_stays():
+    run = done(VERIFYING, cost=101.0, holds=False, deviations="no sandbox")
+    assert (run.state, run.cost, run.holds) == (State.FINISHED, 99.0, True)
+    assert (run.drawn_cost, run.drawn_holds, run.drawn_remark, run.deviations) == (101.0, False, "", "no sandbox")
+    assert [state for _, state in states.steps(run)] == ["done"] * 4
+
+
+@pytest.mark.parametrize("kind", ["refused", "failed"])
+def test_a_controller_that_cannot_be_verified_is_finished_without_a_place(kind):
+    run = done(VERIFYING, kind=kind, reason="it hangs")
+    assert (run.state, run.cost, run.drawn_cost, run.drawn_remark) == (
+        *(State.FINISHED, 99.0, None, "not verified: it hangs"),
+    )
+
+
+def test_a_verification_that_the_machine_failed_begins_again_as_one():
+    run = VERIFYING
+    for _ in range(states.MAX_ATTEMPTS):
+        run = done(run, kind="fault", reason="disk full")
+    assert run.state is State.FAILED and [state for _, state in states.steps(run)] == ["done"] * 3 + ["ended"]
+    assert states.retried(run)[0].state is State.VERIFYING
+    run, _ = states.interrupted(states.started(VERIFYING, 5.0)[0])
+    assert (run.state, run.running, run.round) == (State.VERIFYING, False, VERIFYING.round)
+
+
 def test_every_state_is_final_or_has_a_stage():
     for state in State:
         assert state.is_final == (replace(RUN, state=state).stage is None)
-    assert len(STAGES) == 3
+    assert len(STAGES) == 4

@@ -331,7 +331,7 @@ def verified(
         controller=controller,
     )
     entropy = Entropy("5" * 64)
-    drawn = seeds(entropy.value, head.controller.sha256, len(draws))
+    drawn = seeds(entropy, head.controller.sha256, len(draws))
 
     def scored(each: Sequence[Sequence[CaseResult]]) -> dict[str, Any]:
         found = overall(rules, list(zip(drawn, each, strict=True)))
