@@ -1,5 +1,6 @@
 """Names that a library shares with this process: read from files of any contents."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,20 +9,22 @@ from hypothesis import strategies as st
 
 from orchestrator.fmi.symbols import HEAD, shadowed
 
+pytestmark = pytest.mark.needs("linux")
+
 
 @pytest.fixture(scope="module")
 def library() -> bytes:
-    """A library that defines what this process has: the mathematical one."""
-    place = next(Path("/lib").rglob("libm.so.6"), None) or next(Path("/usr/lib").rglob("libm.so.6"), None)
-    if place is None or not place.read_bytes().startswith(HEAD):
-        pytest.skip("needs an ELF library of 64 bits (libm.so.6)")
-    return place.read_bytes()
+    """A library that defines what this process has: its mathematical one."""
+    maps = Path("/proc/self/maps").read_text(encoding="utf-8")
+    return Path(re.findall(r"(/\S+/lib(?:m|c)\.so\S*)$", maps, re.MULTILINE)[0]).read_bytes()
 
 
 def test_names_that_this_process_has(library, tmp_path):
     file = tmp_path / "library.so"
     file.write_bytes(library)
-    assert {"y0", "sin", "gamma"} <= set(shadowed(file))
+    assert len(shadowed(file)) > 100
+    file.write_bytes(b"no library")
+    assert not shadowed(file)
 
 
 @given(st.binary(max_size=200), st.lists(st.tuples(st.integers(0, 0x40), st.integers(0, 255)), max_size=8))
