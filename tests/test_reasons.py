@@ -6,7 +6,6 @@ After a change of words, look at the difference that ``REFRESH=1 python -m pytes
 
 import io
 import json
-import re
 from collections import Counter
 from itertools import groupby
 from typing import get_args
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from markupsafe import escape
 from msgspec.structs import replace
 from rich.console import Console
-from support.reports import head_of, results_of, scaled, searched, stored, verified
+from support.reports import head_of, results_of, scaled, searched, stored, unbroken, verified
 from support.results import RULES, TABLE_2, everything, result
 from support.snapshots import snapshot
 
@@ -191,7 +190,7 @@ def test_every_output_has_the_line(name, tmp_path):
     assert [line.text[:2] for line in lines] == sorted(failing)
     run = Evaluation(results)
     text, fragment = printed(run), run._repr_html_()
-    page = re.sub(r"<wbr>|</?span[^>]*>", "", page_html(run.page()))  # where a line may be broken, and where not
+    page = unbroken(page_html(run.page()))
     for line in map(str, lines):
         assert line in text.splitlines()
     for line in lines:

@@ -1,6 +1,7 @@
 """Documents of all kinds for tests, made by hand: no simulation, and no FMU."""
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,11 @@ HEAD = Head(
         computing_time=ComputingTime(2000, 0.3e-6, 0.4e-6, 12e-6),
     ),
 )
+
+
+def unbroken(page: str) -> str:
+    """A page without the marks that say where a line may be broken, and where not."""
+    return re.sub(r'<wbr>|<span class="word">(.*?)</span>', r"\1", page)
 
 
 def head_of(**changes: Any) -> Head:
