@@ -107,9 +107,9 @@ LEAST_WIDTH, MOST_WIDTH = 2.0, 20.0
 
 def widths(text: str) -> tuple[float, float]:
     """Two lengths as ``3.5in,7.16in``, in inches: the widths of one column of text and of two."""
-    found = [re.fullmatch(r"\s*(\d+\.?\d*)\s*(in|mm|cm|pt)\s*", part) for part in text.split(",")]
-    values = [float(match[1]) * LENGTHS[match[2]] for match in found if match]
-    if len(values) != 2 or len(found) != 2:
+    matches = [re.fullmatch(r"\s*(\d+\.?\d*)\s*(in|mm|cm|pt)\s*", part) for part in text.split(",")]
+    values = [float(match[1]) * LENGTHS[match[2]] for match in matches if match]
+    if len(values) != 2 or len(matches) != 2:
         raise argparse.ArgumentTypeError(f"{text!r} is not two widths, such as 3.5in,7.16in or 88mm,180mm")
     one, two = values
     if not LEAST_WIDTH <= one <= two <= MOST_WIDTH:

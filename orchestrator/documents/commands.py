@@ -85,7 +85,7 @@ MORE_TRIALS = ("--trials", "500")
 
 def tune_command(head: Head, *words: str, ranges: Iterable[str] = TO_VARY) -> str:
     """The whole command that tunes the controller of ``head``: which parameters, and from where to where."""
-    return study_command(head, "tune", *(word for each in ranges for word in ("--vary", each)), *words)
+    return study_command(head, "tune", *(word for name in ranges for word in ("--vary", name)), *words)
 
 
 def range_words(name: str, low: float, high: float, log: bool = False) -> str:

@@ -117,20 +117,20 @@ def stack(runs: Sequence[Shown[Evaluation]], others: Sequence[Comparable]) -> Pl
     rules = runs[0].document.results.rules
     searches = [_search(run.document, others) for run in runs]
     card = [{name: run.document.criteria[name].share for name in rules.criteria} for run in runs]
-    found = [{} if search is None else _shares(search, rules) for search in searches]
+    searched = [{} if search is None else _shares(search, rules) for search in searches]
     told = (
         f"{run.label}: V {number(run.document.cost)}{f', found {number(search.cost)}' if search else ''}"
         for run, search in zip(runs, searches, strict=True)
     )
     costs = [run.document.cost for run in runs], [None if search is None else search.cost for search in searches]
-    stacked = [_stacked("V", card, costs[0]), *([_stacked("found", found, costs[1])] if any(found) else [])]
-    beside = " Hatched: V found by a search, which the true worst case may exceed." if any(found) else ""
+    stacked = [_stacked("V", card, costs[0]), *([_stacked("found", searched, costs[1])] if any(searched) else [])]
+    beside = " Hatched: V found by a search, which the true worst case may exceed." if any(searched) else ""
     return Plot(
         "stack-chart",
         "What V consists of",
-        Axis("V", high=_reaching(rules.cost.target, (cost for each in costs for cost in each))),
+        Axis("V", high=_reaching(rules.cost.target, (cost for row in costs for cost in row))),
         Axis(names=tuple(run.label for run in runs), inverse=True),
-        tuple(bars for each in stacked for bars in each),
+        tuple(bars for row in stacked for bars in row),
         (Level(rules.cost.target, "target", upright=True),),
         text=f"V of every run, made up of the shares of {', '.join(rules.criteria)}.{beside} {'. '.join(told)}.",
         height=36 * len(stacked),
@@ -154,9 +154,9 @@ def _shares(search: Robustness, rules: Rules) -> Mapping[str, float | None]:
 
 def _stacked(name: str, shares: Sequence[Mapping[str, float | None]], costs: Sequence[float | None]) -> list[Bars]:
     """A stack of the shares of each run, with its V at the end."""
-    names = list(dict.fromkeys(criterion for each in shares for criterion in each))
+    names = list(dict.fromkeys(criterion for share in shares for criterion in share))
     bars = [
-        Bars(criterion, tuple(each.get(criterion) for each in shares), COLOURS[place % 7], name, hatched=name != "V")
+        Bars(criterion, tuple(share.get(criterion) for share in shares), COLOURS[place % 7], name, hatched=name != "V")
         for place, criterion in enumerate(names)
     ]
     ends = tuple("" if cost is None else number(cost) for cost in costs)

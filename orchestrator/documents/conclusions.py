@@ -66,8 +66,8 @@ def costliest(rules: Rules, values: Mapping[str, float | None]) -> tuple[str, fl
 
 def share_words(rules: Rules, values: Mapping[str, float | None]) -> str:
     """What costs most, such as ``of which B7 (chirp error) costs most, 47 %``; empty if that is not known."""
-    found = costliest(rules, values)
-    if found is None:
+    largest = costliest(rules, values)
+    if largest is None:
         return ""
-    name, share = found
+    name, share = largest
     return f"of which {name} ({rules.criteria[name].title.lower()}) costs most, {100.0 * share:.0f} %"

@@ -241,8 +241,8 @@ def extremes(signals: np.ndarray, intervals: int) -> np.ndarray:
     for extreme in (np.minimum, np.maximum):
         reached = signals == np.repeat(extreme.reduceat(signals, begins), sizes, axis=0)
         kept.append(np.minimum.reduceat(np.where(reached, place, signals.shape[0]), begins).ravel())
-    found: np.ndarray = np.unique(np.concatenate(kept))
-    return found
+    rows: np.ndarray = np.unique(np.concatenate(kept))
+    return rows
 
 
 def peak(entry: Recording, begin: float = 0.0, end: float = math.inf) -> tuple[float, float] | None:

@@ -123,7 +123,7 @@ class Spread(Document, Comparable, kw_only=True):
     def conclusion(self) -> Conclusion:
         """With how many seeds the requirements are met, V over the seeds, and what costs most."""
         passed = {name: self.passed(name) for name in self.requirements}
-        verdict, means = overall(passed), {name: each.mean for name, each in self.criteria.items()}
+        verdict, means = overall(passed), {name: criterion.mean for name, criterion in self.criteria.items()}
         reasons = list(spread_reasons(self))
         first = next((name for name in decisive(passed)), "")
         why = ""
@@ -134,7 +134,7 @@ class Spread(Document, Comparable, kw_only=True):
         total = cost_words(f"V {mean_words(self.cost)}", {"target": self.rules.cost.target})
         total = "no mean of V" if self.cost.mean is None else total
         words = verdict_words(passed) + why, ", ".join(filter(None, (total, share_words(self.rules, means))))
-        steps = [Link("simulate the worst case", each.command) for each in reasons if each.command][:1]
+        steps = [Link("simulate the worst case", reason.command) for reason in reasons if reason.command][:1]
         steps.append(Link("search for the worst case", study_command(self.head, "robustness")))
         steps.append(Link("tune the parameters", tune_command(self.head)))
         return conclusions.conclusion(verdict, words, steps)

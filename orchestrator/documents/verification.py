@@ -209,7 +209,7 @@ class Verification(Document, Comparable, kw_only=True):
             why = f", {failed if entry.failed_draws else 'on the worst poses'}"
         elif verdict:
             why = f" in all {len(self.draws)} draws{' and on the worst poses' if self.strict else ''}"
-        means = {name: each.mean for name, each in self.criteria.items()}
+        means = {name: criterion.mean for name, criterion in self.criteria.items()}
         spread = Statistic(self.cost.mean, self.cost.sd, None, None)
         total = cost_words(f"V {mean_words(spread)}", {"target": self.rules.cost.target})
         total = "no mean of V" if self.cost.mean is None else total
@@ -218,7 +218,7 @@ class Verification(Document, Comparable, kw_only=True):
             ", ".join(filter(None, (total, share_words(self.rules, means)))),
             f"not under the standard conditions: {self.deviations[0]}" if self.deviations else "",
         )
-        steps = [Link("simulate the worst case", each.command) for each in reasons if each.command][:1]
+        steps = [Link("simulate the worst case", reason.command) for reason in reasons if reason.command][:1]
         steps.append(Link("search for the worst case", study_command(self.head, "robustness")))
         steps.append(Link("tune against the worst case", tune_command(self.head, *ROBUST)))
         return conclusions.conclusion(verdict, words, steps)

@@ -45,7 +45,7 @@ class Opening(msgspec.Struct, forbid_unknown_fields=True):
     closes: str
 
 
-class Choice(msgspec.Struct, forbid_unknown_fields=True):
+class ChosenRun(msgspec.Struct, forbid_unknown_fields=True):
     """The id of the run that is to count for you."""
 
     run: str
@@ -180,7 +180,7 @@ async def _round(request: Request) -> Response:
 async def _choose(request: Request) -> Response:
     service, person = asking(request)
     round = service.round(request.path_params["id"])
-    asked = await _asked(request, Choice, "choice")
+    asked = await _asked(request, ChosenRun, "choice")
     service.choose(person, round, service.own(person, asked.run))
     return _json(round_view(service, round, person.id))
 
@@ -252,7 +252,7 @@ ENDPOINTS = (
     Endpoint("GET", "/api/rounds", "All rounds, the newest first", _rounds, list[RoundView]),
     Endpoint("POST", "/api/rounds", "Open a round, as an organizer", _open, RoundView, Opening, 201),
     Endpoint("GET", ROUND, "A round: its phase, and its table", _round, RoundView),
-    Endpoint("PUT", f"{ROUND}/choice", "Choose the run that counts for you", _choose, RoundView, Choice),
+    Endpoint("PUT", f"{ROUND}/choice", "Choose the run that counts for you", _choose, RoundView, ChosenRun),
     Endpoint("POST", f"{ROUND}/close", "Close a round before its date, as an organizer", _close, RoundView),
     Endpoint(
         *("POST", f"{ROUND}/verify", "Verify again what failed by faults of the machine, as an organizer"),
@@ -266,12 +266,12 @@ ENDPOINTS = (
 
 def routes() -> list[Route]:
     """The routes of all endpoints."""
-    return [Route(each.path, each.answer, methods=[each.method]) for each in ENDPOINTS]
+    return [Route(endpoint.path, endpoint.answer, methods=[endpoint.method]) for endpoint in ENDPOINTS]
 
 
 def description() -> dict[str, Any]:
     """The description of all endpoints in OpenAPI 3.1."""
-    types = [kind for each in ENDPOINTS for kind in (each.gives, each.takes) if kind not in (None, bytes)]
+    types = [kind for endpoint in ENDPOINTS for kind in (endpoint.gives, endpoint.takes) if kind not in (None, bytes)]
     schemas, components = msgspec.json.schema_components([*types, Problem], ref_template="#/components/schemas/{name}")
     by_type = dict(zip(map(str, types), schemas, strict=False))
     paths: dict[str, dict[str, Any]] = {}

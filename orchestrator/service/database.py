@@ -13,7 +13,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .records import FINAL, Entry, Person, Round, State, Submission
+from .records import FINAL, HandIn, Person, Round, State, Submission
 
 FORM = 2
 """Of the tables. A later version that changes them reads this number."""
@@ -321,17 +321,17 @@ class Database:
         """All rounds, the newest first."""
         return [Round(*row) for row in self._rows("SELECT * FROM rounds ORDER BY opened DESC, rowid DESC")]
 
-    def choose(self, round: str, entry: Entry) -> None:
+    def choose(self, round: str, entry: HandIn) -> None:
         """Have a run count for its owner in a ``round`` that is open; raises :class:`Changed` if it is not."""
         with self._transaction() as connection:
             if not connection.execute("SELECT 1 FROM rounds WHERE id = ? AND closed IS NULL", (round,)).fetchone():
                 raise Changed(round)
             connection.execute("INSERT OR REPLACE INTO entries VALUES (?, ?, ?, ?, ?)", (round, *astuple(entry)))
 
-    def entries(self, round: str) -> list[Entry]:
+    def entries(self, round: str) -> list[HandIn]:
         """What was chosen in a ``round``; from its close on, all that counts."""
         rows = self._rows("SELECT owner, run, person, name FROM entries WHERE round = ? ORDER BY owner", round)
-        return [Entry(*row) for row in rows]
+        return [HandIn(*row) for row in rows]
 
     def handed_in(self, round: Round, now: float) -> list[Submission]:
         """Finished runs that were handed in while a round was open, the oldest first."""
@@ -343,7 +343,7 @@ class Database:
         return self._runs("WHERE round = ?", round)
 
     def close_round(
-        self, round: Round, entries: Sequence[Entry], runs: Iterable[tuple[Submission, Submission, str]]
+        self, round: Round, entries: Sequence[HandIn], runs: Iterable[tuple[Submission, Submission, str]]
     ) -> None:
         """Close a round: keep its bits and what counts, and change these ``runs``, all of it or nothing.
 

@@ -201,19 +201,19 @@ def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
     from .interface import interface_of
 
     controller = _controller(task)
-    found: list[Finding] = []
+    problems: list[Finding] = []
     for finding in Benchmark(sandbox=task.sandbox, workers=task.processes).iter_check(controller):
-        if not found:  # the archive has been looked at: who waits may look at the form
+        if not problems:  # the archive has been looked at: who waits may look at the form
             with suppress(InputError):  # which the finding tells
                 write_text(folder / INTERFACE, to_json(interface_of(controller)))
-        found.append(finding)
+        problems.append(finding)
         tell(Progress(finding=(finding.severity.value, finding.subject, finding.text[:500])), True)
-    findings = Findings(controller.file_name, tuple(found))
-    for finding in found:
+    findings = Findings(controller.file_name, tuple(problems))
+    for finding in problems:
         if advice := ADVICE.get(finding.what, "").format(value=finding.value):
             findings = findings.advised(finding, advice)
     write_text(folder / FINDINGS, parts_html(findings.summary().parts))
-    errors = [finding for finding in found if finding.severity is Severity.ERROR]
+    errors = [finding for finding in problems if finding.severity is Severity.ERROR]
     if not errors:
         return Outcome(task.stage, "done", verdict=findings.worst.value)
     return Outcome(task.stage, "refused", errors[0].text, verdict=findings.worst.value)

@@ -152,15 +152,15 @@ Field = tuple[ConnectorRecord, list[tuple[str, str]], list[VariableRecord]]
 
 def fields(interface: Interface, typed: dict[str, str]) -> list[Field]:
     """The fields of the form, as they were ``typed``, else as the connectors are bound."""
-    found: list[Field] = []
+    rows: list[Field] = []
     for connector in interface.connectors:
         bound = (*connector.bound, "", "")[:2]
         parts = [
             (part, typed.get(f"map:{part}", now))
             for part, now in zip(binding.components(connector), bound, strict=True)
         ]
-        found.append((connector, parts, binding.candidates(interface, connector)))
-    return found
+        rows.append((connector, parts, binding.candidates(interface, connector)))
+    return rows
 
 
 def _given(interface: Interface, variable: VariableRecord, typed: dict[str, str]) -> str:

@@ -123,7 +123,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Entry:
+class HandIn:
     """Which ``run`` counts for its ``owner`` in a round. From the close on, the names of the ``person`` and of the run
     stay, also if the run is deleted."""
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Literal
 
 from . import states
-from .records import Entry, Round, State, Submission
+from .records import HandIn, Round, State, Submission
 
 Phase = Literal["open", "verifying", "final"]
 """Where a round is. One that is open has no bits; one that is closed has them for good, and is final when nothing of it
@@ -21,21 +21,21 @@ def phase(round: Round, runs: Iterable[Submission]) -> Phase:
     return "verifying" if any(run.state is State.VERIFYING for run in runs) else "final"
 
 
-def counted(chosen: Iterable[Entry], handed_in: Sequence[Submission]) -> dict[str, Submission]:
+def counted(chosen: Iterable[HandIn], handed_in: Sequence[Submission]) -> dict[str, Submission]:
     """The one run of each person that counts, by its owner: what was ``chosen``, else the latest of those
     ``handed_in``, the oldest first. A choice that is deleted or has not finished is none."""
     latest = {run.owner: run for run in handed_in}
     by_id = {run.id: run for run in handed_in}
-    wanted = {entry.owner: by_id[entry.run] for entry in chosen if entry.run in by_id}
-    return {**latest, **{owner: run for owner, run in wanted.items() if run.owner == owner}}
+    runs = {entry.owner: by_id[entry.run] for entry in chosen if entry.run in by_id}
+    return {**latest, **{owner: run for owner, run in runs.items() if run.owner == owner}}
 
 
 def closed(
     round: Round, counting: Mapping[str, Submission], names: Mapping[str, str], bits: str, now: float
-) -> tuple[Round, tuple[Entry, ...], tuple[tuple[Submission, Submission, str], ...]]:
+) -> tuple[Round, tuple[HandIn, ...], tuple[tuple[Submission, Submission, str], ...]]:
     """A round at its close, with the ``bits`` that were just drawn: what counts, and each run before and after, which
     is to be verified; ``names`` are those of people."""
-    entries = tuple(Entry(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items())
+    entries = tuple(HandIn(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items())
     changes = tuple((run, *states.chosen(run, round.id)) for run in counting.values())
     return replace(round, closed=now, bits=bits), entries, changes
 

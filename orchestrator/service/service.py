@@ -26,7 +26,7 @@ from .borders import Refusal
 from .comparing import compared
 from .database import Changed, Database
 from .files import BINDING, DRAWN, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, new_id, packed, plain_name
-from .records import Entry, Interface, Person, Round, Settings, State, Submission
+from .records import HandIn, Interface, Person, Round, Settings, State, Submission
 from .runner import Runner
 
 MAX_NAME = 120
@@ -263,7 +263,7 @@ class Service:
         if run not in self.database.handed_in(round, now):
             raise Refusal(409, "What counts is a finished run with a V that was handed in since the round was opened.")
         try:
-            self.database.choose(round.id, Entry(person.id, run.id))
+            self.database.choose(round.id, HandIn(person.id, run.id))
         except Changed:
             raise Refusal(409, CLOSED) from None
 

@@ -11,7 +11,7 @@ from msgspec.structs import astuple, replace
 from ..codec import Finite, Natural, Struct
 from ..views.export import csv_text
 from . import rounds
-from .records import Entry, Round, Stage, State, Submission
+from .records import HandIn, Round, Stage, State, Submission
 from .service import Service
 from .states import steps
 
@@ -198,11 +198,11 @@ def round_view(service: Service, round: Round, person_id: str) -> RoundView:
         handed_in = service.database.handed_in(round, time.time())
         counting = rounds.counted(service.database.entries(round.id), handed_in)
         names = {person.id: person.name for person in service.database.people()}
-        entries = [Entry(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items()]
+        entries = [HandIn(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items()]
         runs = {run.id: run for run in counting.values()}
-        own = tuple(run.id for run in reversed(handed_in) if run.owner == person_id)
+        mine = tuple(run.id for run in reversed(handed_in) if run.owner == person_id)
     else:
-        entries, own = service.database.entries(round.id), ()
+        entries, mine = service.database.entries(round.id), ()
     places = rounds.places(runs.values()) if phase == "final" else {}
     rows = [_entry(entry, runs.get(entry.run), phase, places.get(entry.run), person_id) for entry in entries]
     return RoundView(
@@ -214,20 +214,22 @@ def round_view(service: Service, round: Round, person_id: str) -> RoundView:
         closed="" if round.closed is None else moment(round.closed),
         bits=round.bits if phase == "final" else "",
         chosen=next((entry.run for entry in entries if entry.owner == person_id), ""),
-        own=own,
+        own=mine,
         failed=sum(run.state is State.FAILED for run in runs.values()),
         entries=tuple(sorted(rows, key=_rank)),
     )
 
 
-def _entry(entry: Entry, run: Submission | None, phase: rounds.Phase, place: int | None, person_id: str) -> EntryView:
-    own = entry.run if entry.owner == person_id else ""
+def _entry(entry: HandIn, run: Submission | None, phase: rounds.Phase, place: int | None, person_id: str) -> EntryView:
+    mine = entry.run if entry.owner == person_id else ""
     if run is None:
         return EntryView(None, entry.name, entry.person, "deleted", None, None)
     if phase == "open":
-        return EntryView(None, entry.name, entry.person, "provisional", run.cost, run.holds, remark=run.remark, run=own)
+        return EntryView(
+            None, entry.name, entry.person, "provisional", run.cost, run.holds, remark=run.remark, run=mine
+        )
     if run.state is State.VERIFYING:
-        return EntryView(None, entry.name, entry.person, "verifying", run.cost, run.holds, run=own)
+        return EntryView(None, entry.name, entry.person, "verifying", run.cost, run.holds, run=mine)
     failed = run.state is State.FAILED
     told = EntryView(
         place=place,
@@ -236,7 +238,7 @@ def _entry(entry: Entry, run: Submission | None, phase: rounds.Phase, place: int
         state="not verified" if failed or run.drawn_cost is None else "verified",
         cost=run.cost,
         holds=run.holds,
-        run=own,
+        run=mine,
     )
     # Who is verified first learns no more than the others: the whole table comes at a time.
     if phase != "final":

@@ -19,7 +19,7 @@ from support.tools import require
 from orchestrator.service import accounts, rounds
 from orchestrator.service.database import Database
 from orchestrator.service.files import Files
-from orchestrator.service.records import Entry, Round, State, Submission
+from orchestrator.service.records import HandIn, Round, State, Submission
 from service.conftest import SOME, Asker, fmu
 from service.test_jobs import ONE_POSE
 from service.unusual import BINDING, unusual
@@ -90,9 +90,9 @@ def test_the_latest_finished_run_counts_unless_another_one_is_chosen():
     bens = replace(RUN, id="c" * 24, owner="ben", created=1.5)
     runs = [first, bens, second]
     assert rounds.counted([], runs) == {"ada": second, "ben": bens}
-    assert rounds.counted([Entry("ada", first.id)], runs) == {"ada": first, "ben": bens}
+    assert rounds.counted([HandIn("ada", first.id)], runs) == {"ada": first, "ben": bens}
     for gone_or_anothers in ("d" * 24, bens.id):
-        assert rounds.counted([Entry("ada", gone_or_anothers)], runs)["ada"] is second
+        assert rounds.counted([HandIn("ada", gone_or_anothers)], runs)["ada"] is second
 
 
 def test_places_are_by_requirements_then_by_the_mean_of_v_and_equal_ones_share_one():
