@@ -54,7 +54,7 @@ class HandIn(Struct):
     def seeds(self) -> tuple[int, ...]:
         """Those of the draws. They follow from all files, so that no file could be made for them."""
         listed = "".join(f"{digest} {name}\n" for name, digest in sorted(self.files.items()))
-        return seeds(self.entropy.value, hashlib.sha256(listed.encode()).hexdigest(), COUNT)
+        return seeds(self.entropy, hashlib.sha256(listed.encode()).hexdigest(), COUNT)
 
 
 @dataclass(frozen=True)
