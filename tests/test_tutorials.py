@@ -56,7 +56,7 @@ def test_the_commands_of_a_tutorial_run_and_write_what_it_says(name: str, tmp_pa
     for protocol, contents in PROTOCOLS.items():
         (tmp_path / f"{protocol}.toml").write_text(contents)
     page = text(f"docs/{name}")
-    for program, *words in (words for line in command_lines(page) for words in simple_commands(line)):
+    for program, *words in (words for line in command_lines(page, ["sh"]) for words in simple_commands(line)):
         assert program == "flexible-manipulator"
         finished = called(main, *smaller(words, tmp_path), folder=tmp_path)
         assert finished.code == 0, (words, finished.out, finished.err)

@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,9 +27,9 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def command_lines(page: str) -> list[str]:
+def command_lines(page: str, languages: Sequence[str] = ("sh", "bash", "console", "")) -> list[str]:
     """All lines of the blocks for a shell in the text of a page, each with those that it goes on in; no comments."""
-    return [line for block in _blocks(page) for line in _joined(block)]
+    return [line for block in _blocks(page, languages) for line in _joined(block)]
 
 
 def simple_commands(line: str) -> list[list[str]]:
@@ -45,14 +45,14 @@ def simple_commands(line: str) -> list[list[str]]:
     return [words for words in found if words]
 
 
-def _blocks(page: str) -> Iterator[list[str]]:
-    """The lines of each block for a shell."""
+def _blocks(page: str, languages: Sequence[str]) -> Iterator[list[str]]:
+    """The lines of each block for a shell in one of the ``languages``; "" is a block without one."""
     language: str | None = None
     lines: list[str] = []
     for line in [*page.splitlines(), ""]:
         fence = re.match(r"\s*```(\w*)", line)
         if fence or (language is None and not line.startswith("    ")):
-            if language in ("sh", "bash", "console") or (not language and lines and _is_command(lines[0])):
+            if (language or "") in languages and (language or (lines and _is_command(lines[0]))):
                 yield lines
             language, lines = fence[1] if fence and language is None else None, []
         else:
