@@ -113,8 +113,8 @@ class Slave(ABC):
     """How the compiled loop steps it, see :mod:`orchestrator.fmi.port`."""
 
     broken = False
-    """Whether a call has returned the status fatal. No call may follow, not even to free the instance: those of
-    pythonfmu that raise end the process there, one in some thousand times."""
+    """Whether a call has returned the status fatal. No call may follow, not even to free the instance: where a
+    law in Python had raised, pythonfmu ended the process there, seldom, and a case was told as a crash."""
 
     with_sizes = False
     _stop_time = 0.0
