@@ -86,7 +86,7 @@ def test_figure_8_is_the_path_from_the_force_on_in_both_circles_with_nothing_wri
 def test_figures_9_to_12_are_errors_in_mm_with_the_target(name):
     role, begin, end, label, target = ERRORS[name]
     (axes,) = figure(name).axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Time [s]", "TCP position error [mm]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Time [s]", "TCP error [mm]")
     (dashed,) = (line for line in axes.lines if line.get_linestyle() == "--")
     assert dashed.get_label() == label
     assert list(dashed.get_ydata()) == [target, target]

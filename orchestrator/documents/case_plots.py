@@ -19,7 +19,7 @@ SIMULATION = "simulation "
 """Begins the role of a recording that is shown under a name of its own."""
 
 TIME = Axis("Time", SECOND)
-ERROR = Axis("TCP position error", MILLIMETRE, low=0.0)
+ERROR = Axis("TCP error", MILLIMETRE, low=0.0)
 TORQUE_AXIS = Axis("Motor torque", TORQUE)
 
 HEADROOM = 1.08
@@ -172,7 +172,7 @@ def error_of_case(id: str, entry: Recording, rules: Rules, other: Recording | No
     beside = () if other is None else (Curve("nominal arm", other, "two"),)
     return Plot(
         f"{id}-error",
-        "TCP position error",
+        "TCP error",
         TIME,
         ERROR,
         tuple(map(error_line, (curve, *beside))),

@@ -260,7 +260,7 @@ def _worst(name: str, rules: Rules, shown: Sequence[tuple[Shown[Evaluation], Rec
     id = f"overlay-{name}"
     error = case_plots.errors(
         f"{id}-error",
-        "TCP position error",
+        "TCP error",
         curves,
         rules,
         window,

@@ -249,7 +249,7 @@ def _time_caption(recorded: Recorded, stretches: Sequence[Stretch]) -> str:
     entry, recording = recorded[0]
     about, rules = recording.about, entry.document.head.rules
     system = "nominal system" if about.system == "nominal" else f"system {about.system}"
-    words = f"TCP position error [{MILLIMETRE.shown}] and motor torques [{TORQUE.shown}] over time [{SECOND.shown}]: "
+    words = f"TCP error [{MILLIMETRE.shown}] and motor torques [{TORQUE.shown}] over time [{SECOND.shown}]: "
     words += " and ".join(f"{stretch.words}{side}" for stretch, side in zip(stretches, _sides(stretches), strict=True))
     case = f"Case {about.id}" if about.configuration >= 0 else "Example"
     words += f". {case}: {system}, link angles {case_plots.pose_words(about.q_a)}"

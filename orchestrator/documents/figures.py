@@ -86,7 +86,7 @@ def circles(run: Run) -> Figure | None:
 
 
 def example_error(run: Run, name: str) -> Figure | None:
-    """Figures 9 and 10: TCP position error [mm] of the example over time [s], due to the force or the chirp."""
+    """Figures 9 and 10: TCP error [mm] of the example over time [s], due to the force or the chirp."""
     entries = [part_of(entry, *window(entry, name)) for entry in run.recorded(EXAMPLE)]
     return _errors(run, name, [Curve("nominal", entry) for entry in entries if len(entry.motion)])
 

@@ -177,9 +177,9 @@ def playground_plots(protocol: Protocol) -> tuple[Plot, ...]:
     )
     error = Plot(
         "error",
-        "TCP position error",
+        "TCP error",
         time,
-        Axis("TCP position error", MILLIMETRE, low=0.0),
+        Axis("TCP error", MILLIMETRE, low=0.0),
         lines,
         (Level(settled, "settled"), Level(target, "B5 target")),
         (Band(rules.t_1, rules.t_2, "force"), Band(rules.t_3_range[0], rules.t_4, "chirp")),

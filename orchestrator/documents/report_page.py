@@ -133,7 +133,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     told = case_plots.dispersion
     force = case_plots.errors(
         "spread-force",
-        "TCP position error due to the force",
+        "TCP error due to the force",
         case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *forced)),
         rules,
         Window("", (begin - 0.2, longest.about.time)),
@@ -144,7 +144,7 @@ def spread_plots(recorded: list[Recording], results: Results) -> tuple[Plot, Plo
     )
     chirp = case_plots.errors(
         "spread-chirp",
-        "TCP position error due to the motor torque disturbance",
+        "TCP error due to the chirp",
         case_plots.spread_curves(recorded, lambda entry: largest_error(entry, *chirped)),
         rules,
         Window("", (0.0, begin - 0.5)),

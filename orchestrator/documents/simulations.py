@@ -105,7 +105,7 @@ def plot(trajectory: Trajectory, scenario: Scenario, title: str = "", figure: Fi
     torques = tuple(Line(f"axis {i + 1}", t[:-1], trajectory.torque[:, i], hue(i), step=True) for i in range(2))
     time = Axis("Time", SECOND)
     plots = (
-        Plot("error", title, time, Axis("TCP position error", MILLIMETRE), (error,), window=window, group="time"),
+        Plot("error", title, time, Axis("TCP error", MILLIMETRE), (error,), window=window, group="time"),
         Plot("torque", "", time, Axis("Motor torque", TORQUE), torques, window=window, group="time"),
     )
     return drawing.figure([[plot] for plot in plots], (8, 6), figure, titles=True, font=10.0)
@@ -163,7 +163,7 @@ def _overlay(shown: Sequence[PlottedSimulation], recordings: Sequence[Recording]
     text = f"{'. '.join(most)}. Wheel with Ctrl, slider or a box zoom all charts; a click on a name hides its line."
     of = recordings[0] if all(map(case_plots.pulsed, recordings)) else None
     error = case_plots.errors(
-        "overlay-error", "TCP position error", curves, rules, window, text=text, of=of, group="overlay", height=360
+        "overlay-error", "TCP error", curves, rules, window, text=text, of=of, group="overlay", height=360
     )
     torques = (
         case_plots.torques(
