@@ -216,12 +216,11 @@ def test_the_commands_that_a_report_advises_are_accepted_as_they_stand(tmp_path:
     advised.append(study_command(head, "evaluate", parameters={"K_p[1]": 41.5}))
     advised += [tune_command(head, *more, ranges=ranges) for more in ((), ROBUST, MORE_TRIALS)]
     for command in advised:
-        _, _, module, *words = shlex.split(command)
-        name = module.removeprefix("orchestrator.")
+        _, name, *words = shlex.split(command)
         assert call(name, *words, "--dry-run", folder=tmp_path).code == 0, command
     assert "NAME=LOW:HIGH" in tune_command(head), "a reader fills in what a report does not know"
     words = shlex.split(compare_command(tmp_path / "a run"))
-    assert words[2:] == ["orchestrator.compare", str(tmp_path / "a run"), "FOLDER"]
+    assert words[1:] == ["compare", str(tmp_path / "a run"), "FOLDER"]
 
 
 def test_simulation_writes_table_and_picture_and_overwrites_nothing(quick_pid_file: Path, tmp_path: Path) -> None:

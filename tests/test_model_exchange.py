@@ -174,7 +174,7 @@ def test_a_next_event_that_is_always_now_is_an_error_and_no_hang(version, pid, p
     assert "Stalling.fmu asks for event iterations without end" in trajectory.ending.message
 
 
-BETWEEN_CALLS = "static int calls, is_broken; static double s; void look(void) { if (is_broken) abort(); }"
+BETWEEN_CALLS = "static int calls, is_broken; void look(void) { if (is_broken) abort(); }"
 """After the status fatal no function may be called any more: these end the process then."""
 
 
@@ -183,7 +183,7 @@ def solved(version: int, pid: Path, target: Path, failure: str = "") -> Path:
     that in the 30th call."""
     component, real = ("fmi2Component", "fmi2Real") if version == 2 else ("fmi3Instance", "fmi3Float64")
     derivatives = "GetDerivatives" if version == 2 else "GetContinuousStateDerivatives"
-    own = "look(); Component *component = c; double *x = component->memory->model; (void)x;"
+    own = "void look(void); look(); Component *component = c; double *x = component->memory->model; (void)x;"
     failing = f"if (++calls == 30) {{ {failure} }}"
     bodies = {
         "GetContinuousStates": f"{{ {own} values[0] = x[4]; return fmi{version}OK; }}",

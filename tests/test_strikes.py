@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from hostile.fmus import Fault
 from hostile.runs import HANG_LIMIT, PROTOCOL, SPARED, STRUCK, answered, bench, noise_cases, run, short_cases
+from msgspec import structs
 
 from orchestrator import Benchmark, Controller
 from orchestrator.benchmark.results import Judgement
@@ -140,8 +141,14 @@ def test_a_worker_that_was_lost_is_no_failure_of_the_controller(harmless):
 
 def ran(own, *outcomes):
     """The runs of four cases that end so."""
-    cases = short_cases((STRUCK,) * 4)
-    return answered(own, cases, lambda jobs: ((0, outcome) for outcome in outcomes))
+    ends = iter(outcomes)
+
+    def execute(jobs):
+        places = [(number, index) for number, job in enumerate(jobs) for index in range(len(job.tasks))]
+        for (number, index), outcome in zip(places, ends, strict=False):
+            yield number, structs.replace(outcome, index=index)
+
+    return answered(own, short_cases((STRUCK,) * 4), execute)
 
 
 @pytest.mark.parametrize(("what", "status"), [("status:3", DONE), ("abort", CRASHED)])

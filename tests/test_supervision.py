@@ -239,9 +239,9 @@ def test_a_worker_that_does_not_end_in_time_may_be_killed_again(monkeypatch):
 
 def test_a_worker_that_is_killed_is_replaced(harmless, healthy, monkeypatch):
     with disturbed(monkeypatch, lambda child: child.process.kill()) as started:
-        runs = run(harmless, short_cases((STRUCK, SPARED)))
+        (found,) = run(harmless, short_cases((STRUCK,)))
     assert len(started) == 2
-    assert [run.result for run in runs] == [run.result for run in healthy]
+    assert found.result == healthy[0].result
 
 
 def test_workers_that_never_load_are_an_environment_fault(harmless, monkeypatch):
@@ -256,8 +256,8 @@ def test_workers_that_never_load_are_an_environment_fault(harmless, monkeypatch)
 def test_a_cache_that_is_deleted_is_filled_again(side, harmless, healthy, monkeypatch):
     with disturbed(monkeypatch, lambda child: None) as started:
         shutil.rmtree(getattr(harmless, side).folder)
-        runs = run(harmless, short_cases((STRUCK, SPARED)))
-    assert [run.result for run in runs] == [run.result for run in healthy]
+        (found,) = run(harmless, short_cases((STRUCK,)))
+    assert found.result == healthy[0].result
     assert len(started) == 2
 
 

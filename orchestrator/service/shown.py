@@ -253,10 +253,10 @@ def _entry(entry: HandIn, run: Submission | None, phase: rounds.Phase, place: in
     )
 
 
-def _rank(row: EntryView) -> tuple[bool, int, bool, bool, bool, float]:
-    """Places first, then by V on the published list; what is deleted last."""
+def _rank(row: EntryView) -> tuple[bool, int, bool, bool, bool, float, str]:
+    """Places first, then by V on the published list, then by name; what is deleted last."""
     place = (row.place is None, row.place or 0)
-    return *place, row.state == "deleted", bool(row.remark), row.holds is not True, row.cost or 0.0
+    return *place, row.state == "deleted", bool(row.remark), row.holds is not True, row.cost or 0.0, row.person
 
 
 def round_csv(view: RoundView) -> str:

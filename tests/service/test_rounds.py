@@ -387,5 +387,6 @@ def test_a_killed_service_verifies_a_round_whose_certificates_repeat_to_the_last
         assert told["entropy"]["value"] == bits and told["repetitions"] == 0 and told["clean"]
         assert told["entropy"]["source"] == "round"
     certificate = files.run(bound["id"]) / "verification" / "verification.json"
-    repeated = call("verify", "--repeat", certificate, bens, folder=tmp_path)
-    assert repeated.code == 4 and "equal to the certificate, but not" in repeated.err, repeated
+    command = [sys.executable, "-m", "orchestrator.verify", "--repeat", certificate, bens]
+    repeated = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)  # it starts a clean interpreter
+    assert repeated.returncode == 4 and "equal to the certificate, but not" in repeated.stderr, repeated
