@@ -27,6 +27,7 @@ def test_many_simulations_leave_nothing_behind(plant_file, pid_file, tmp_path, m
     assert last.processes <= first.processes + 2
 
 
+@pytest.mark.slow
 def test_mutations_are_refused_or_make_sense():
     outcomes, problems = fuzz(seed=1, messages=1000, answers=1000, results=40, recordings=40, certificates=150)
     assert problems == []

@@ -88,7 +88,10 @@ OFF = "N.m at rest, more than a step of the torque's quantization"
         ("ok", "initial output", "u_m0 +0.001, +0 N.m at rest", "self.law(); self.own['u_m[1]'] += 1e-3", ""),
         ("note", "timing", "is unknown: the response to a step depends on when it begins", START_UP, ""),
         # Whatever this machine takes for a sleep of 0.3 ms, it is more than the sample time.
-        ("warning", "cost", "beyond the time limit of 30 s", "time.sleep(0.3e-3); self.law()", "import time"),
+        pytest.param(
+            *("warning", "cost", "beyond the time limit of 30 s", "time.sleep(0.3e-3); self.law()", "import time"),
+            marks=pytest.mark.slow,
+        ),
         ("error", "latency", "does not respond", "self.own['u_m[1]'] = self.own['u_m0[1]']", ""),
         ("warning", "determinism", "other numbers each time", DICE, "import random"),
         ("warning", "determinism", "passes from one simulation to the next", OUTSIDE, "o = []"),

@@ -178,6 +178,7 @@ def test_time_limits_follow_the_simulated_time(harmless):
     assert made.time_limits == (5.0 + 26.0, 5.0 + 52.0)
 
 
+@pytest.mark.slow
 def test_nothing_stays_after_many_jobs(plant_file, faulty, harmless):
     """As many descriptors, folders and processes as after the first few, through successes, errors and crashes."""
     bad = [bench(plant_file, faulty(Fault(what)), limit=20.0) for what in ("abort", "exit:0", "status:3")]

@@ -36,6 +36,7 @@ def test_it_is_one_short_file_that_the_instructions_name():
     assert "examples/sample_time.py" in (FILE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_it_can_be_played_without_simulating(example):
     def answer(request):
         match request:

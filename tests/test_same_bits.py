@@ -121,6 +121,7 @@ def judged(name, program, protocol, controllers, every=1):
     return [(*case, one) for one, case in pairs if not same(one, case[2], benchmark)], len(cases)
 
 
+@pytest.mark.slow
 @pytest.mark.needs("ziglang", "node")
 def test_cases_are_judged_in_webassembly_as_in_python(program):
     wrong, count = judged("wasm32", program, "quick", JUDGED)

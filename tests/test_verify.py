@@ -157,6 +157,7 @@ def test_the_variables_that_cheats_read_are_there():
     assert forged == {name for name in vars(work) if name in (work.digest_case.__name__, work.begin_case.__name__)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GAINS)
 def test_cheating_gains_nothing(name, bench, honest, tmp_path):
     if name == "left-files":
@@ -228,6 +229,7 @@ def test_a_process_that_a_signal_ends_leaves_no_result_and_no_second_try(bench, 
     assert problem.what == "outside" and caplog.text.count("begins again, with other draws") == 2
 
 
+@pytest.mark.slow
 def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
     slow = replace(bench, timeout=1.0)
     found = verified(slow, Controller(faulty(Fault("spin"))), count=2)
@@ -239,6 +241,7 @@ def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, fau
     assert not found.complete
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tables.PAGES)
 def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
     if name.startswith("Robust"):
@@ -269,6 +272,7 @@ def test_a_certificate_is_repeated(certificate, bench):
     assert refusal(bench.repeat, certificate, stranger).what == "other-controller"
 
 
+@pytest.mark.slow
 def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
     monkeypatch.setattr(verification, "STRICT", str(bench.protocol))  # in place of 144 cases
     found = verified(bench, Controller(), draws=FIXED, strict=True, beside=[PID, "TunedPID"])
@@ -278,6 +282,7 @@ def test_the_list_is_moved_by_the_first_draw(certificate, bench, monkeypatch):
     assert found.draws == certificate.draws[:1]
 
 
+@pytest.mark.slow
 def test_the_command_writes_and_repeats_a_certificate(bench, quick_pid_file, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(verification, "STRICT", str(bench.protocol))
     file = str(Controller(quick_pid_file).archive.file)
@@ -329,6 +334,7 @@ SAME = {"K_p[1]": 45.0}, {"K_p[1]": 45, "K_p[2]": 15.0}, {"K_p[2]": 15.0, "K_p[1
 """Spellings of the paper's PID as it is."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameters", [*SAME, {"K_p[1]": 46.0}, {"K_p[1]": 46.0, "K_i[1]": 31.0}])
 def test_nobody_chooses_among_draws_by_parameters_or_mapping(parameters, certificate, bench):
     """One FMU and one round have one set of draws; what does not act is not told to the FMU, nor recorded."""
@@ -409,6 +415,7 @@ def test_every_case_of_the_protocol_is_asked_for(certificate):
     assert words in deviations(head, 3, twice, None, USUAL)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_cases_is_mixed(bench, monkeypatch):
     """It tells a controller nothing that knows how many there were before, and changes no result."""
     orders = [verification.mixed(value, 210) for value in (FIXED.value, FIXED.value[::-1])]
@@ -580,6 +587,7 @@ def poison(package: Path) -> None:
     target.write_bytes(header + marshal.dumps(code))
 
 
+@pytest.mark.slow
 def test_poisoned_byte_code_reaches_no_verification(bench, pid_file, tmp_path):
     folder = copied_packages(tmp_path / "clone")
     poison(folder / "orchestrator")
