@@ -18,8 +18,8 @@ LEVELS = ("ok", "note", "warning", "error")
 
 
 def check(file, worst, benchmark=None, **use):
-    """The findings on a controller by subject, the worst of which is ``worst``, but for what a busy machine adds: on one
-    a step took longer than the sample time."""
+    """The findings on a controller by subject, the worst of which is ``worst``, but for what a busy machine adds: on
+    one a step took longer than the sample time."""
     found = (benchmark or Benchmark("quick")).check(Controller(file, **use))
     lasting = [finding for finding in found if finding.subject != "cost" or "beyond" in finding.text]
     assert max((finding.severity.value for finding in lasting), key=LEVELS.index) == worst, found

@@ -9,8 +9,8 @@
 - the hashes of what the whole leaderboard is computed from: the FMUs' bytes and the cases.
 
 The rows are those of ``flexible-manipulator evaluate NAME.fmu --quick``, of ``--only 'c07.*'`` and of ``--protocol
-strict --only 'c00.*'``. ``REFRESH=golden python -m pytest -m "" tests/test_golden.py`` writes rows and numbers anew, but
-neither V nor the hashes; ``REFRESH=1``, which is for words, leaves all of it as it is.
+strict --only 'c00.*'``. ``REFRESH=golden python -m pytest -m "" tests/test_golden.py`` writes rows and numbers anew,
+but neither V nor the hashes; ``REFRESH=1``, which is for words, leaves all of it as it is.
 """
 
 from __future__ import annotations

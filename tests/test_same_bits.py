@@ -4,7 +4,6 @@ The program has the plant, the imperfections and several controllers, made of th
 master loop on this machine, and its judging with the one in Python. Where only compilation is possible, that is done.
 """
 
-import os
 from dataclasses import replace
 from fractions import Fraction
 
@@ -107,13 +106,12 @@ def test_it_compiles_for_other_systems(name, program):
 JUDGED = (*CONTROLLERS, LINEAR)
 
 
-def judged(name, program, protocol, controllers, every=1):
-    """The cases of a protocol, each ``every``-th of them, that a target's program judges otherwise than Python, and
-    how many there are."""
+def judged(name, program, protocol, controllers):
+    """The cases of a protocol that a target's program judges otherwise than Python, and how many there are."""
     benchmark, cases, blocks = Benchmark(protocol, plant="native"), [], []
     for controller in controllers:
         results = benchmark.evaluate(Controller(program.files[controller])).results
-        for case in benchmark.cases[::every]:
+        for case in benchmark.cases:
             cases.append((controller, case.id, results.case(case.id).judgement))
             blocks.append(block_of(program, controller, benchmark, case))
     answers = found(name, program, program_input(blocks), f"{name}.judged.exe")
@@ -126,16 +124,6 @@ def judged(name, program, protocol, controllers, every=1):
 def test_cases_are_judged_in_webassembly_as_in_python(program):
     wrong, count = judged("wasm32", program, "quick", JUDGED)
     assert not wrong and count == 96
-
-
-@slow
-@pytest.mark.needs("ziglang", "node")
-@pytest.mark.parametrize("controller", ["DiagonalPID_C", "RobustLQG", LINEAR])
-def test_every_case_of_the_paper_is_judged_so(controller, program):
-    # Node takes minutes for all cases of a controller; five has no factor in common with what a pose has of cases.
-    every = 1 if os.environ.get("EVERY_CASE") else 5
-    wrong, count = judged("wasm32", program, "paper", [controller], every)
-    assert not wrong and count == len(range(0, 324, every))
 
 
 LAST_OF_SINE = "*cosine = elementary_number(c ^ other ^ ((quarter + 1) & 2) << 62);"

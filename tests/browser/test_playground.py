@@ -114,6 +114,7 @@ def test_every_sample_is_that_of_the_master_loop(html, folder, open_page):
 
 
 LAWS = {
+    "MyDiagonalPID_C.fmu": {"name": "DiagonalPID_C", "values": {}},
     "MyTunedPID.fmu": {"name": "TunedPID", "values": {"K_p[1]": 31.5, "z_p[2]": 0.93}},
     "MyRobustLQG.fmu": {"name": "RobustLQG", "values": {}},
     "MyRobustLinearLQG.fmu": {"name": "RobustLinearLQG", "values": {}},
@@ -121,10 +122,14 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(
-    name, html, open_page, tmp_path, protocol="quick"
-):
+@pytest.mark.parametrize(
+    ("name", "protocol"),
+    [
+        *[("MyTunedPID.fmu", "quick"), ("MyRobustLinearLQG.fmu", "quick")],
+        *[("MyDiagonalPID_C.fmu", "paper"), ("MyRobustLQG.fmu", "paper"), ("MyLinear.fmu", "paper")],
+    ],
+)
+def test_the_scorecard_is_that_of_an_evaluation_of_the_downloaded_fmu(name, protocol, html, open_page, tmp_path):
     page = open_page(html, DESK)
     go_to(page, {"chosen": LAWS[name]})
     with page.expect_download() as download:
