@@ -230,7 +230,7 @@ MODULES: dict[str, Program] = {
 }
 """Programs of this package that ``python -m`` starts."""
 
-MADE = ("output_dir", "out", "output", "plots", "export_ssp", "data", "fmu")
+MADE = ("backup", "output_dir", "out", "output", "plots", "export_ssp", "data", "fmu")
 """Options that name a file or a folder which the command makes."""
 
 FILE = re.compile(r"[^=:]+\.(fmu|toml|json|mat|npz|onnx|ssv|ssm|ssp|py)")

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..benchmark import protocol
+from ..documents.files import prepare_folder
 from ..errors import InputError
 from ..service import accounts
 from ..service.database import Database
@@ -31,6 +32,8 @@ EXAMPLES = """examples:
                                                       # Ada may open and close rounds
   flexible-manipulator serve --data /srv/benchmark --people
   flexible-manipulator serve --data /srv/benchmark --remove "Ada"
+  flexible-manipulator serve --data /srv/benchmark --backup /backup/monday
+                                                      # a copy, from which serve --data goes on
 
 exit codes: 0 ended by Ctrl-C, or done; 1 the machine fails, 2 bad input"""
 
@@ -43,6 +46,8 @@ PACKAGES = ("starlette", "uvicorn", "python_multipart")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     given = _parser().parse_args(arguments)
+    if given.backup is not None:
+        return _copy(given)
     if given.invite is not None or given.organizer is not None or given.remove is not None or given.people:
         return _manage(given)
     missing = [name for name in PACKAGES if find_spec(name) is None]
@@ -79,6 +84,9 @@ def _parser() -> Parser:
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="where to listen (default: 127.0.0.1)")
     parser.add_argument("--port", type=natural(0, 65535), default=8080, metavar="N", help="the port (default: 8080)")
     parser.add_argument("--accounts", action="store_true", help="only who was invited may come in")
+    parser.add_argument(
+        "--backup", type=Path, metavar="FOLDER", help="copy everything to a new folder, while the service runs or not"
+    )
     people = parser.add_argument_group("people, while the service runs or not")
     chosen = people.add_mutually_exclusive_group()
     chosen.add_argument("--invite", metavar="NAME", help="print a link by which somebody comes in; an older one ends")
@@ -177,6 +185,26 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
 def _address(host: str, port: int) -> str:
     shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(host, host)
     return f"http://[{shown}]:{port}" if ":" in shown else f"http://{shown}:{port}"
+
+
+def _copy(given: argparse.Namespace) -> int:
+    """Copy what a service keeps; one that runs in the folder goes on."""
+    files = Files(given.data.absolute())
+    if not files.database.is_file():
+        raise InputError(f"{given.data} is not the folder of a service: it has no {files.database.name}.", "no-folder")
+    prepare_folder(given.backup)
+    if any(given.backup.iterdir()):
+        message = f"{given.backup} is not empty. Each copy has a folder of its own."
+        raise InputError(message, "not-empty", given.backup)
+    given.backup.chmod(0o700)
+    database = Database(files.database)
+    try:
+        # The rows first: each of them has its files then, but for what is deleted in between.
+        database.copy(Files(given.backup).database)
+    finally:
+        database.close()
+    files.copy(given.backup)
+    return EXIT_OK
 
 
 def _manage(given: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import astuple, fields
 from pathlib import Path
 
@@ -115,6 +115,14 @@ class Database:
     def close(self) -> None:
         """End its use."""
         self._connection.close()
+
+    def copy(self, file: Path) -> None:
+        """Write all state as it is now to ``file``, while others read and write."""
+        try:
+            with closing(sqlite3.connect(file)) as other:
+                self._connection.backup(other)
+        except sqlite3.Error as problem:
+            raise EnvironmentFault(f"The copy {file} cannot be written: {problem}.", "not-written") from problem
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:

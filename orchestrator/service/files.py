@@ -36,6 +36,9 @@ SHOWN = {
 }
 """Files of an evaluation that are given out, with their types."""
 
+KINDS = ("fmus", "runs", "comparisons")
+"""Folders of what is kept; a copy of these and of the database is a whole service."""
+
 QUICK, EVALUATION, DRAWN = "quick", "evaluation", "verification"
 """Folders of the two evaluations and of the certificate in that of a run."""
 
@@ -91,7 +94,7 @@ class Files:
         prepare_folder(self.root)
         # FMUs and results are other people's.
         self.root.chmod(0o700)
-        for name in ("fmus", "runs", "comparisons", "incoming"):
+        for name in (*KINDS, "incoming"):
             prepare_folder(self.root / name)
         prepare_folder(self.cache)
 
@@ -148,6 +151,22 @@ class Files:
             message = f"The run's folder cannot be written: {problem.strerror}."
             raise EnvironmentFault(message, "not-written") from problem
         return folder
+
+    def copy(self, folder: Path) -> None:
+        """Copy FMUs, runs and comparisons to ``folder``; what is deleted meanwhile is left out.
+
+        Raises :class:`~orchestrator.errors.EnvironmentFault` if that fails.
+        """
+        try:
+            for file in (each for kind in KINDS for each in (self.root / kind).rglob("*")):
+                target = folder / file.relative_to(self.root)
+                with contextlib.suppress(FileNotFoundError):
+                    if file.is_file() and not file.is_symlink():
+                        target.parent.mkdir(parents=True, exist_ok=True)
+                        shutil.copy2(file, target)
+        except OSError as problem:
+            message = f"The copy in {folder} cannot be written: {problem.strerror}."
+            raise EnvironmentFault(message, "not-written") from problem
 
     def forget(self, id: str, names: Iterable[str]) -> None:
         """Remove files of a run that another binding makes anew."""

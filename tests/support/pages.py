@@ -38,7 +38,7 @@ def simple_commands(line: str) -> list[list[str]]:
     lexer.whitespace_split, lexer.commenters = True, "#"
     found: list[list[str]] = [[]]
     for word in lexer:
-        if set(word) <= set("&|;"):
+        if word and set(word) <= set("&|;"):
             found.append([])
         else:
             found[-1].append(word)
