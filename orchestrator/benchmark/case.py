@@ -61,9 +61,9 @@ class Test(Struct):
 
     ``systems`` names a set of systems of the protocol, ``poses`` the indices of configurations; none means all. The
     disturbance is drawn by each system if the test ``draws``, else the protocol's fixed one with the direction of the
-    force [degrees] and the ``sweep`` of the chirp changed if they are given; both act once, or ``again``. ``noise`` numbers the realization of the
-    measurement noise; ``repeats`` names the test that this one repeats with another. ``criteria`` (B1..B7) and
-    ``requirements`` (A1..A3) name what is measured in it.
+    force [degrees] and the ``sweep`` of the chirp changed if they are given; both act once, or ``again``. ``noise``
+    numbers the realization of the measurement noise; ``repeats`` names the test that this one repeats with another.
+    ``criteria`` (B1..B7) and ``requirements`` (A1..A3) name what is measured in it.
     """
 
     __test__ = False  # pytest takes classes of this name for its own

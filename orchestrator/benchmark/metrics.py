@@ -201,9 +201,7 @@ def _scans(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) ->
     parts = []
     for repetition, chirp, force, release, first, until in rows:
         places = Places(scenario.samples + 1, chirp, force, release, rest, first, until)
-        parts.append(
-            Part(repetition, places, scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, *errors))
-        )
+        parts.append(Part(repetition, places, scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, *errors)))
     return parts
 
 

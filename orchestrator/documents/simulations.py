@@ -62,7 +62,9 @@ def _while_on(
     function: Callable[[Any, float], tuple[float, float]], signal: ChirpSignal | PulseSignal, t: np.ndarray
 ) -> np.ndarray:
     """A disturbance at the times ``t``, shape (len(t), 2); it is only computed where it is not zero."""
-    ends = [[scenarios.later(end, n, signal.period) for n in range(signal.number)] for end in (signal.start, signal.stop)]
+    ends = [
+        [scenarios.later(end, n, signal.period) for n in range(signal.number)] for end in (signal.start, signal.stop)
+    ]
     begun, ended = (np.searchsorted(times, t, side="right") for times in ends)
     values, on = np.zeros((len(t), 2)), begun > ended
     values[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)

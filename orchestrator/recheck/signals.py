@@ -29,7 +29,8 @@ class RecordedScenario:
     period: float = 0.0
     number: int = 1
     turn: float = 0.0
-    """Both disturbances come so many times, every ``period`` [s], and the force is turned by so much [rad] each time."""
+    """Both disturbances come so many times, every ``period`` [s], and the force is turned by so much [rad] each
+    time."""
 
     def repeated(self, time: float) -> Array:
         """``time`` [s] in each repetition. All but the first are whole nanoseconds: a sum of floats may be a last place
