@@ -182,7 +182,7 @@ def remarks(results: Results) -> list[str]:
         first, later = both
         ratio = f", {number(later / first)} times as long" if first else ""
         sentences.append(
-            f"B6 after the first force: {number(first)} s; after the later ones: {number(later)} s{ratio}."
+            f"B6 after the first force: {number(first)} s; after the later ones at most {number(later)} s{ratio}."
         )
     if not results.complete:
         sentences.append(f"Incomplete: {incomplete(results)}.")
