@@ -129,7 +129,8 @@ def _c_slave(port: Port) -> np.ndarray:
 def plant_inputs(scenario: Scenario, trajectory: Trajectory) -> np.ndarray:
     """What the plant was driven by in each sample of a simulation, shape (samples, 6)."""
     delayed = np.vstack([trajectory.u_m0, trajectory.torque[:-1]])
-    chirp, pulse = scenarios.chirp_signal(scenario.chirp), scenarios.pulse_signal(scenario.pulse)
+    chirp = scenarios.chirp_signal(scenario.chirp, scenario.again)
+    pulse = scenarios.pulse_signal(scenario.pulse, scenario.again)
     acting = [(*signals.chirp(chirp, t), *signals.pulse(pulse, t)) for t in trajectory.time[:-1]]
     return np.hstack([delayed, acting])
 

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.marked_tables import with_table  # noqa: E402
 from orchestrator.benchmark import protocol as types  # noqa: E402
-from orchestrator.benchmark.case import Disturbance, Test  # noqa: E402
+from orchestrator.benchmark.case import Again, Disturbance, Test  # noqa: E402
 from orchestrator.codec import MAX_FLOAT, plain  # noqa: E402
 
 PAGE = ROOT / "docs" / "protocol.md"
@@ -37,6 +37,7 @@ TABLES: tuple[tuple[str, type, str], ...] = (
     ("[stability]", types.Stability, "stability"),
     ("[settling]", types.Settling, "settling"),
     ("[[tests]]", Test, "tests"),
+    ("again of a test", Again, "again"),
     ("[criteria.NAME]", types.Criterion, "criteria"),
     ("[jitter]", types.Jitter, "jitter"),
     ("[selection]", types.Selection, "selection"),
@@ -126,6 +127,12 @@ MEANINGS = {
         "noise": "number of the realization of the noise",
         "repeats": "name of a test that this one repeats with another disturbance",
         "poses": "indices of configurations; none means all",
+        "again": "table: how often force and chirp come; once, if left out",
+    },
+    "Again": {
+        "period": "time from one force to the next [s]; the chirp has the same",
+        "number": "how often they come",
+        "turn_deg": "angle between one force and the next [degrees]",
     },
     "Criterion": {
         "target": "value that costs its weight",

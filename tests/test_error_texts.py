@@ -32,7 +32,7 @@ from orchestrator.fmi.slaves.base import refusal as load_refusal
 from orchestrator.fmi.variables import conversion
 from orchestrator.loop import sampling, setup
 from orchestrator.loop import scenario as scenarios
-from orchestrator.loop.scenario import NO_DELAY, Scenario
+from orchestrator.loop.scenario import NO_DELAY, Recurrence, Scenario
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 WHERE = "The controller x.fmu"
@@ -150,6 +150,9 @@ def refused(folder: Path) -> tuple[Callable[[], object], ...]:
         lambda: variation.Variation(dropout=1.5),
         lambda: variation.vary(empty, PAPER, variation.Variation(force=1.0, t_2=1.0)),
         lambda: variation.vary(empty, PAPER, variation.Variation(phi_F=2e6)),
+        lambda: variation.vary(
+            replace(empty, again=Recurrence(4.0, 2)), PAPER, variation.Variation(force=1.0, chirp_amplitude=(1.0, 1.0))
+        ),
         lambda: draws.from_beacon("2027-01-01", "2026-01-01"),
         lambda: draws.from_beacon(ROUND, "2027-01-01"),
         lambda: draws.from_beacon(ROUND, "yesterday"),

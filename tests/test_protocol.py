@@ -194,7 +194,7 @@ TOLD = {
     "[grid]\npoints = 1": ["Allowed: q_a1_points, q_a2_points, also_deg."],
     "surname = 'x'": ["Allowed: benchmark, name, description, ", "selection."],
     f"{NAMES}sweep = 'sideways'": ["Allowed: as fixed, down, up."],
-    f"{NAMES}size = 1": ["Allowed: name, systems, duration, ", "poses."],
+    f"{NAMES}size = 1": ["Allowed: name, systems, duration, ", "again."],
     f"{NAMES}criteria = ['B9']": ["the criteria of x: there is no B9, only B1, B2, B3, B4, B5, B6, B7."],
     f"{NAMES}requirements = ['A4']": ["the requirements of x: there is no A4, only A1, A2, A3."],
     "[criteria.B8]\ntarget = 1\nweight = 1\nunit = 'm'\ntitle = 'x'": ["criteria: there is no B8"],

@@ -127,7 +127,7 @@ def test_disturbances_are_taken_at_the_beginning_of_each_part(probe):
     scenario = quiet("0.01", {}, chirp=chirp, pulse=pulse)
     names = ("disturbing[1]", "disturbing[2]", "pushing[1]", "pushing[2]")
     whole, split = probe(scenario, replace(scenario, drive=Drive(delay=(T_S / 2, T_S))), observe=names)
-    signal = scenarios.chirp_signal(chirp)
+    signal = scenarios.chirp_signal(chirp, scenario.again)
     for trajectory, offset in ((whole, 0), (split, T_S / 2)):
         times = [float(k * T_S + offset) for k in range(40)]
         expected = [(*signals.chirp(signal, t), *((3.0, 4.0) if 0.0035 <= t < 0.0065 else (0.0, 0.0))) for t in times]

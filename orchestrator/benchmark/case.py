@@ -9,7 +9,7 @@ from typing import Protocol as Interface
 
 import msgspec
 
-from ..codec import Finite, Natural, Struct
+from ..codec import Finite, Natural, Positive, Struct
 from ..loop.scenario import Scenario
 
 CRITERIA = {**dict.fromkeys(("B1", "B2", "B3", "B4"), "N.m"), "B5": "m", "B6": "s", "B7": "m"}
@@ -47,14 +47,23 @@ class System:
     disturbance: Disturbance
 
 
+class Again(Struct):
+    """Chirp and force come ``number`` times, every ``period`` [s], each force turned by ``turn_deg`` [degrees] from the
+    one before."""
+
+    period: Positive
+    number: Annotated[int, msgspec.Meta(ge=2, le=1000)]
+    turn_deg: Finite = 0.0
+
+
 class Test(Struct):
     """One experiment on a system. ``gain`` and ``delay`` [s] are added on ``axis`` (1 or 2; 0 for none).
 
     ``systems`` names a set of systems of the protocol, ``poses`` the indices of configurations; none means all. The
     disturbance is drawn by each system if the test ``draws``, else the protocol's fixed one with the direction of the
-    force [degrees] and the ``sweep`` of the chirp changed if they are given. ``noise`` numbers the realization of the
-    measurement noise; ``repeats`` names the test that this one repeats with another. ``criteria`` (B1..B7) and
-    ``requirements`` (A1..A3) name what is measured in it.
+    force [degrees] and the ``sweep`` of the chirp changed if they are given; both act once, or ``again``. ``noise``
+    numbers the realization of the measurement noise; ``repeats`` names the test that this one repeats with another.
+    ``criteria`` (B1..B7) and ``requirements`` (A1..A3) name what is measured in it.
     """
 
     __test__ = False  # pytest takes classes of this name for its own
@@ -74,6 +83,7 @@ class Test(Struct):
     noise: Natural = 0
     repeats: str = ""
     poses: tuple[Natural, ...] = ()
+    again: Again | None = None
 
 
 class JudgedTest(Interface):

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..loop.random_streams import stable_stream
-from ..loop.scenario import Chirp, Drive, Noise, Pulse, Scenario, Sensor, force
+from ..loop.scenario import Chirp, Drive, Noise, Pulse, Recurrence, Scenario, Sensor, force
 from .case import Case, Configuration, Disturbance, System, Test
 from .protocol import Protocol
 
@@ -207,8 +207,16 @@ def case(protocol: Protocol, configuration: Configuration, system: System, test:
                 start=rules.t_1 + disturbance.late,
                 stop=rules.t_2 + disturbance.late,
             ),
+            again=recurrence(test),
         )
     return Case(configuration, system, test, scenario)
+
+
+def recurrence(test: Test) -> Recurrence:
+    """How often the disturbances of a test come."""
+    if test.again is None:
+        return Recurrence()
+    return Recurrence(test.again.period, test.again.number, math.radians(test.again.turn_deg))
 
 
 def _listed(protocol: Protocol, test: Test) -> Disturbance:

@@ -98,7 +98,7 @@ def windows_left(protocol: JudgingTables, case: JudgedCase) -> int:
     """Windows between the end of ``case`` and the latest one; none if it is not simulated further in any case."""
     limits, scenario, end = protocol.stability, case.scenario, case.end
     cut = scenario.duration < case.test.duration  # its user wants no more of it
-    if cut or not case.test.requirements or scenario.chirp.stop > end or scenario.pulse.stop > end:
+    if cut or not case.test.requirements or scenario.disturbed_until > end:
         return 0
     return max(int((limits.longest - end) / limits.limit_cycle_window), 0)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 import numpy as np
 
-from ..loop.scenario import Scenario
+from ..loop.scenario import Repetition, Scenario
 from ..loop.trajectory import Status, Trajectory
 from .case import Case, JudgedCase
 from .doubt import doubtful, falls, ratios, with_latest_end
@@ -20,7 +20,7 @@ from .results import CaseResult, Judgement, Measurements, fields_of
 # Imports inside functions: whoever only names the figures does without the compiler, which takes long to load.
 
 if TYPE_CHECKING:
-    from .one_pass import Scan
+    from .one_pass import Places, Scan
 
 OSCILLATION = (
     "limit_cycle",
@@ -30,6 +30,9 @@ OSCILLATION = (
     "limit_cycle_at_end",
 )
 """The figures of :func:`oscillation`."""
+
+FIRST_AND_LATER = ("B6_first", "B6_later")
+"""The figures of disturbances that come again."""
 
 AT_THE_END = frozenset({"rest_error", *OSCILLATION})
 """The figures of the end of what was simulated; the others are those of the case's own time."""
@@ -89,16 +92,18 @@ def expected(protocol: JudgingTables, case: JudgedCase) -> frozenset[str]:
     """Names of the figures that a simulation of ``case`` has when it reaches its end: those that its test asks for, as
     far as the scenario, which may have been varied, has what they are measured by."""
     scenario, limits, end = case.scenario, protocol.stability, case.end
+    repetitions = scenario.repetitions
     pushed = 0.0 < scenario.pulse.stop < end
     shaken = scenario.chirp.start < min(scenario.chirp.stop, scenario.pulse.start) and scenario.pulse.start < end
     lacking = set() if pushed else {"B5", "B6"}
     names = {name for name in case.test.criteria if name not in lacking and (name != "B7" or shaken)}
     if "B6" in names:
         names.add("settled")
+        names |= set(FIRST_AND_LATER) if len(repetitions) > 1 and repetitions[1].release < end else set()
     if case.test.requirements:
         names.add("rest_error")
         names |= {"recovery"} if pushed else set()
-        names |= {"residual_vibration"} if pushed and scenario.pulse.stop + VIBRATION_END <= end else set()
+        names |= {"residual_vibration"} if pushed and repetitions[-1].release + VIBRATION_END <= end else set()
         names |= set(OSCILLATION) if 2.0 * limits.limit_cycle_window <= end else set()
     return frozenset(names)
 
@@ -106,20 +111,26 @@ def expected(protocol: JudgingTables, case: JudgedCase) -> frozenset[str]:
 def measure(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -> Measured:
     """What a simulation has shown that ran to the case's end, or on to a later one; of one that failed later, the
     figures of the case's own time."""
-    names, release, time = expected(protocol, case), case.scenario.pulse.stop, trajectory.time
+    names, time = expected(protocol, case), trajectory.time
     if trajectory.ending.status is not Status.DONE:
         names -= AT_THE_END
-    read = _scan(protocol, case, trajectory)
+    parts = _scans(protocol, case, trajectory)
+    torques = np.array([(*part.read.noise, *part.read.torque) for part in parts]).max(axis=0).tolist()
     values: dict[str, Any] = {
-        **dict(zip(("B1", "B2", "B3", "B4"), (*read.noise, *read.torque), strict=True)),
-        "B5": read.force_error,
-        "B7": read.chirp_error,
-        "rest_error": read.rest_error,
+        **dict(zip(("B1", "B2", "B3", "B4"), torques, strict=True)),
+        "B5": max(part.read.force_error for part in parts),
+        "B7": max(part.read.chirp_error for part in parts),
+        "rest_error": max(part.read.rest_error for part in parts),
     }
-    for name, settled, last in (("B6", "settled", read.settling), ("recovery", "recovered", read.recovery)):
-        values[name] = 0.0 if last < 0 else float(time[last]) - release
-        values[settled] = last < case.scenario.samples
+    # A force that is cut off by the end has no time to settle; of the first one alone it is not asked for then.
+    released = [part for part in parts[1:] if part.repetition.release < case.end]
+    settling = [_since_release(time, part, part.read.settling) for part in (parts[0], *released)]
+    values["B6"], values["B6_first"] = max(settling), settling[0]
+    values["B6_later"] = max(settling[1:], default=None)
+    values["settled"] = all(part.read.settling < part.places.last for part in (parts[0], *released))
+    values["recovery"] = max(_since_release(time, part, part.read.recovery) for part in (parts[0], *released))
     if "residual_vibration" in names:
+        release = case.scenario.repetitions[-1].release
         values["residual_vibration"] = residual_vibration(time, trajectory.X, release)
     curves: list[list[float]] = []
     if OSCILLATION[0] in names:
@@ -129,6 +140,19 @@ def measure(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -
             zip(OSCILLATION, oscillation(protocol.stability, case, trajectory, windows[-1], curves), strict=True)
         )
     return Measured(Measurements(**{name: values[name] for name in names}), curves)
+
+
+class Part(NamedTuple):
+    """What was read of one repetition of the disturbances, and where."""
+
+    repetition: Repetition
+    places: Places
+    read: Scan
+
+
+def _since_release(time: np.ndarray, part: Part, last: int) -> float:
+    """The time [s] from the end of a repetition's force until the sample ``last``; 0 if there is none, -1."""
+    return 0.0 if last < 0 else float(time[last]) - part.repetition.release
 
 
 def residual_vibration(time: np.ndarray, X: np.ndarray, release: float) -> float:
@@ -162,16 +186,23 @@ def _curves(X: np.ndarray, windows: Sequence[int]) -> list[list[float]]:
     return curves
 
 
-def _scan(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -> Scan:
-    from .one_pass import Places, scan
+def _scans(protocol: JudgingTables, case: JudgedCase, trajectory: Trajectory) -> list[Part]:
+    """What is read of each repetition of the disturbances that begins within the case; the last one goes on until the
+    end of what was simulated."""
+    from .one_pass import ALL, Places, scan
 
     time, scenario, limits = trajectory.time, case.scenario, protocol.stability
-    begins = (scenario.chirp.start, scenario.pulse.start, float(time[-1]) - limits.rest_window)
-    chirp, force, rest = np.searchsorted(time, begins).tolist()
-    release = int(np.searchsorted(time, scenario.pulse.stop, side="right"))
-    places = Places(scenario.samples + 1, chirp, force, release, rest)
     errors = protocol.settling.error, limits.recovery_error
-    return scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, *errors)
+    repetitions = [each for each in scenario.repetitions if each.begin < case.end]
+    begins, chirps, forces = np.searchsorted(time, np.array(repetitions)[:, :3].T).tolist()
+    releases = np.searchsorted(time, [each.release for each in repetitions], side="right").tolist()
+    rest = int(np.searchsorted(time, float(time[-1]) - limits.rest_window))
+    rows = zip(repetitions, chirps, forces, releases, begins, (*begins[1:], ALL), strict=True)
+    parts = []
+    for repetition, chirp, force, release, first, until in rows:
+        places = Places(scenario.samples + 1, chirp, force, release, rest, first, until)
+        parts.append(Part(repetition, places, scan(trajectory.X, trajectory.torque, trajectory.u_m0, places, *errors)))
+    return parts
 
 
 def oscillation(

@@ -29,15 +29,27 @@ SINES, COSINES = (
 )
 
 
+ALL = 2**62
+"""More samples than there are."""
+
+
 class Places(NamedTuple):
     """Sample numbers: ``end`` is the first one after the case's own end; where chirp and force begin, the force has
-    ended, and the time begins in which the loop has to rest."""
+    ended, and the time begins in which the loop has to rest. Read are the samples from ``first`` on and before
+    ``until``: all, or those of one repetition of the disturbances."""
 
     end: int
     chirp: int
     force: int
     release: int
     rest: int
+    first: int = 0
+    until: int = ALL
+
+    @property
+    def last(self) -> int:
+        """The last sample that the time to settle is measured in."""
+        return min(self.until, self.end) - 1
 
 
 class Scan(NamedTuple):
@@ -90,7 +102,7 @@ def pass_over(
     """Fill the ``figures`` in the order of :class:`Scan`; gives the two last samples."""
     late = later = -1
     x_0, z_0 = X[0, 0], X[0, 1]
-    for k in range(X.shape[0]):
+    for k in range(places.first, min(X.shape[0], places.until)):
         x, z = X[k, 0], X[k, 1]
         # Not hypot: its last bit is the C library's.
         error = np.sqrt((x - x_0) * (x - x_0) + (z - z_0) * (z - z_0))

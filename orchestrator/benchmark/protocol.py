@@ -17,7 +17,7 @@ from msgspec import inspect, structs
 from ..bounded import read_toml
 from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
-from .case import CRITERIA, REQUIREMENTS, Disturbance, Test
+from .case import CRITERIA, REQUIREMENTS, Again, Disturbance, Test
 
 
 def allowed(problem: str, kind: type) -> str:
@@ -293,11 +293,30 @@ def _check(protocol: Protocol, test: Test) -> None:
         raise Malformed(f"the test {test.name} has a pose {max(test.poses)}; there are {protocol.grid.size}")
     if test.repeats and test.repeats not in {other.name for other in protocol.tests}:
         raise Malformed(f"the test {test.name} repeats {test.repeats}, which is no test")
+    if test.again is not None:
+        _check_again(protocol, test, test.again)
     # A verdict compares a window with the one before, so there must be two.
     if test.requirements and test.duration < least:
         raise Malformed(
             f"the test {test.name} of {test.requirements[0]} takes {float(test.duration):g} s, not {least:g}"
         )
+
+
+def _check_again(protocol: Protocol, test: Test, again: Again) -> None:
+    """Raise what is wrong with the times of disturbances that come again, whatever is drawn of them."""
+    rules, late = protocol.disturbance, protocol.jitter.force_time
+    begin, end = min(*rules.t_3_range, protocol.fixed_disturbance.t_3), rules.t_2 + late
+    if not test.disturbed:
+        raise Malformed(f"the test {test.name} has no disturbance that could come again")
+    # What a force does is measured until the next disturbance begins.
+    if not max(*rules.t_3_range, protocol.fixed_disturbance.t_3) <= rules.t_4 <= rules.t_1 - late:
+        raise Malformed(f"the disturbance of the test {test.name} comes again, and its chirp is not before its force")
+    if not end - begin <= again.period:
+        raise Malformed(
+            f"the disturbance of the test {test.name} takes {end - begin:g} s and comes again after {again.period:g} s"
+        )
+    if not end + (again.number - 1) * again.period < test.duration:
+        raise Malformed(f"the test {test.name} ends before its {again.number} forces do")
 
 
 def _read(name: str, above: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -26,7 +26,11 @@ class Measurements(Struct, omit_defaults=True):
     strongest frequency [Hz]. Where the case was simulated beyond its own end to judge it, these are figures of the
     later end, and ``limit_cycle_at_end`` is the amplitude at the case's own [m]. ``recovery`` is the time from the end
     of the force until the TCP error stays small [s]. ``settled`` is False if B6 ran to the end of the case.
-    ``residual_vibration`` is the geometric mean of the TCP's amplitudes in successive windows after the force [m].
+
+    Where the disturbances come again, B5, B6, B7 and ``recovery`` are the largest of all repetitions; B6 and
+    ``recovery`` of each run until the next disturbance begins at most, and ``settled`` is False if one does. B6 of the
+    first force is ``B6_first``, and the largest of the others ``B6_later`` [s].
+    ``residual_vibration`` is the geometric mean of the TCP's amplitudes in successive windows after the last force [m].
     """
 
     B1: NonNegative | None = None
@@ -45,6 +49,8 @@ class Measurements(Struct, omit_defaults=True):
     rest_error: NonNegative | None = None
     recovery: NonNegative | None = None
     residual_vibration: NonNegative | None = None
+    B6_first: NonNegative | None = None
+    B6_later: NonNegative | None = None
 
     @property
     def names(self) -> frozenset[str]:

@@ -57,6 +57,15 @@ def score(rules: Rules, results: Sequence[CaseResult], expected: int | None = No
     )
 
 
+def first_and_later(results: Sequence[CaseResult]) -> tuple[float, float] | None:
+    """B6 [s] of the first force, and the largest of the later ones, each the mean over the configurations of the worst
+    case as in eq. (14); None if it is not known of a case whose test has disturbances that come again, or of none."""
+    tests = {result.test for result in results if result.measurements.B6_later is not None}
+    groups = _by_configuration(result for result in results if result.test in tests)
+    first, later = (_sum(_worst(group, name)[0] for group in groups) for name in ("B6_first", "B6_later"))
+    return None if first is None or later is None or not groups else (first / len(groups), later / len(groups))
+
+
 def cost_so_far(protocol: Protocol, results: Sequence[CaseResult]) -> float | None:
     """The mean of V_k over the configurations whose performance tests are all done; None before the first."""
     tests = {test.name: len(protocol.sets[test.systems]) for test in protocol.tests if test.criteria}

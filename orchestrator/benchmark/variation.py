@@ -11,7 +11,7 @@ from plant_fmu.flexible_manipulator.formulas import ANGLE_MAX, hypot
 
 from ..entry import enter_fields
 from ..errors import InputError
-from ..loop.scenario import Chirp, Delays, Drive, Limits, Noise, Pair, Pulse, Scenario, Sensor, force
+from ..loop.scenario import Chirp, Delays, Drive, Limits, Noise, Pair, Pulse, Scenario, Sensor, force, overlap
 from .protocol import Protocol
 
 T = TypeVar("T")
@@ -92,7 +92,10 @@ class Variation:
 def vary(scenario: Scenario, protocol: Protocol, variation: Variation) -> Scenario:
     """``scenario`` with the variation applied, the sweeping ones (undisturbed, ideal) first.
 
-    Raises :class:`InputError` if a disturbance would end before it starts, or has an angle without a sine.
+    Of disturbances that come again, the times are those of the first ones, and ``force`` and ``phi_F`` its force.
+
+    Raises :class:`InputError` if a disturbance would end before it starts, would come again before it has ended, or has
+    an angle without a sine.
     """
     rules, fixed, loop = protocol.disturbance, protocol.fixed_disturbance, protocol.loop
     sensor, drive, chirp, pulse = scenario.sensor, scenario.drive, scenario.chirp, scenario.pulse
@@ -146,6 +149,8 @@ def vary(scenario: Scenario, protocol: Protocol, variation: Variation) -> Scenar
         if signal.stop < signal.start:
             message = f"The {name} would end at {signal.stop:g} s, before its start at {signal.start:g} s."
             raise InputError(message, "ends-before-start", name, signal.stop)
+    if problem := overlap(varied):
+        raise InputError(f"The disturbances come again, but {problem}.", "bad-repetition")
     turns = max(abs(varied.chirp.f_start), abs(varied.chirp.f_stop)) * (varied.chirp.stop - varied.chirp.start)
     for name, angle in (("direction of the force", variation.phi_F or 0.0), ("chirp", 2.0 * math.pi * turns)):
         # The benchmark's sine reduces its argument exactly up to there, with the same bits everywhere.

@@ -55,13 +55,15 @@ def pulsed(entry: Recording) -> bool:
 
 
 def targets(entry: Recording, rules: Rules) -> tuple[Level, ...]:
-    """What the TCP error is to stay below in a case, and when: chirp, force, and when it is to have settled."""
-    about, (begin, end) = entry.about, entry.about.window
+    """What the TCP error is to stay below in a case, and when: chirp, force, and when it is to have settled.
+    Where the disturbances come again, the first time."""
+    about, first = entry.about, entry.about.pushes[0]
+    (begin, end), until = first.window, min(first.until, entry.about.time)
     due = end + rules.criteria["B6"].target
     limits = (
-        ("B7 target", rules.criteria["B7"].target, about.chirp[0], min(begin, about.time)),
-        ("B5 target", rules.criteria["B5"].target, begin, min(due, about.time)),
-        ("settled", rules.settling_error, due, about.time),
+        ("B7 target", rules.criteria["B7"].target, about.chirp[0], min(begin, until)),
+        ("B5 target", rules.criteria["B5"].target, begin, min(due, until)),
+        ("settled", rules.settling_error, due, until),
     )
     return tuple(
         Level(value, f"{name} {number(value, 1e3)} mm", first, last)
@@ -148,7 +150,7 @@ def windows(entry: Recording, rules: Rules) -> dict[str, Window]:
     if not pulsed(entry):
         return whole
     settled = end + rules.criteria["B6"].target
-    top = settling_top(largest_error(entry, settled), rules)
+    top = settling_top(largest_error(entry, settled, about.pushes[0].until), rules)
     parts = {
         "B7": Window("Chirp (Fig. 10)", (about.chirp[0], about.chirp[1] + 0.5)),
         "B5": Window("Force (Fig. 9)", (begin - 0.2, end + 1.5)),
@@ -167,7 +169,7 @@ def _first_window(entry: Recording, rules: Rules) -> Window:
 def error_of_case(id: str, entry: Recording, rules: Rules, other: Recording | None = None) -> Plot:
     """TCP error of a case over time, and that of another arm in the same pose and test."""
     about, force = entry.about, pulsed(entry)
-    bands = (Band(*about.chirp[:2], "chirp"), Band(*about.window, "force")) if force else ()
+    bands = disturbances(entry) if force else ()
     curve = Curve("TCP error" if other is None else about.system, entry, above=True)
     beside = () if other is None else (Curve("nominal arm", other, "two"),)
     return Plot(
@@ -187,13 +189,31 @@ def error_of_case(id: str, entry: Recording, rules: Rules, other: Recording | No
     )
 
 
+def disturbances(entry: Recording) -> tuple[Band, ...]:
+    """When chirp and force act, each time; the first of each has its name."""
+    about = entry.about
+    length = about.chirp[1] - about.chirp[0]
+    chirps = (Band(push.chirp, push.chirp + length, "" if n else "chirp") for n, push in enumerate(about.pushes))
+    return *chirps, *forces(entry)
+
+
+def forces(entry: Recording) -> tuple[Band, ...]:
+    """When the force acts, each time."""
+    return tuple(Band(*push.window, "" if n else "force") for n, push in enumerate(entry.about.pushes))
+
+
 def _error_words(entry: Recording, other: Recording | None) -> str:
-    about, (begin, _) = entry.about, entry.about.window
+    about = entry.about
     largest, at = peak(entry) or (None, None)
     causes = {"measurement noise alone": largest}
     if pulsed(entry):
         force = f"the force of {number(math.hypot(*about.force))} N"
-        causes = {"the chirp": largest_error(entry, about.chirp[0], begin), force: largest_error(entry, begin)}
+        several = f" (each of {len(about.pushes)} times)" if len(about.pushes) > 1 else ""
+        spans = {
+            "the chirp": [(push.chirp, push.window[0]) for push in about.pushes],
+            force + several: [(push.window[0], push.until) for push in about.pushes],
+        }
+        causes = {cause: _largest_within(entry, parts) for cause, parts in spans.items()}
     parts = [f"{number(most, 1e3)} mm due to {cause}" for cause, most in causes.items() if most is not None]
     missed = [cause for cause, most in causes.items() if most is None]
     words = f"TCP error of {pose_words(about.q_a)}, {about.system}, {about.test}: at most "
@@ -203,6 +223,12 @@ def _error_words(entry: Recording, other: Recording | None) -> str:
     if other is not None:
         words += f" The nominal arm in the same pose and test: at most {number(largest_error(other, 0.0), 1e3)} mm."
     return words + " Wheel with Ctrl, slider or buttons zoom."
+
+
+def _largest_within(entry: Recording, parts: Iterable[tuple[float, float]]) -> float | None:
+    """The largest TCP error [m] in the ``parts`` [s]; None if nothing was recorded there."""
+    found = (largest_error(entry, *part) for part in parts)
+    return max((value for value in found if value is not None), default=None)
 
 
 def torques_of_case(id: str, entry: Recording, rules: Rules) -> Plot:
@@ -236,17 +262,18 @@ def torques_of_case(id: str, entry: Recording, rules: Rules) -> Plot:
 
 
 def path(id: str, entry: Recording, rules: Rules) -> Plot:
-    """The path of the TCP from the force on, in the circles of B5 and of the settled TCP."""
+    """The path of the TCP from the force on, in the circles of B5 and of the settled TCP; of the first force, where it
+    comes again."""
     large, small = rules.criteria["B5"].target, rules.settling_error
     begin, due = entry.about.window[0], entry.about.window[1] + rules.criteria["B6"].target
-    x, z = entry.motion[:, 1], entry.motion[:, 2]
-    first, late, end = (int(np.searchsorted(entry.motion[:, 0], t)) for t in (begin, due, math.inf))
+    x, z, until = entry.motion[:, 1], entry.motion[:, 2], entry.about.pushes[0].until
+    first, late, end = (int(np.searchsorted(entry.motion[:, 0], t)) for t in (begin, due, until))
     parts = [("TCP", (0, end), hue(0))]
     if pulsed(entry):
         after = f"after {number(rules.criteria['B6'].target)} s of settling"
         parts = [("force and settling", (first, late), hue(0)), (after, (late, end), hue(1))]
     lines = tuple(Line(name, x, z, colour, width=1.2, rows=rows) for name, rows, colour in parts if rows[0] < rows[1])
-    reach = 1.1 * max(largest_error(entry, begin if pulsed(entry) else 0.0) or 0.0, large)
+    reach = 1.1 * max(largest_error(entry, begin if pulsed(entry) else 0.0, until) or 0.0, large)
     whole, close = (Window(name, (-r, r), (-r, r))
                     for name, r in (("Largest error", reach), ("Settled TCP", 2.5 * small)))  # fmt: skip
     return Plot(
@@ -276,7 +303,8 @@ def _path_words(entry: Recording, rules: Rules) -> str:
     if not pulsed(entry):
         return "Path of the TCP."
     about, due = entry.about, entry.about.window[1] + rules.criteria["B6"].target
-    forced, settled = largest_error(entry, about.window[0]), largest_error(entry, due)
+    until = about.pushes[0].until
+    forced, settled = largest_error(entry, about.window[0], until), largest_error(entry, due, until)
     ended = f"ended at {number(about.time)} s, before"
     target = rules.criteria["B5"].target
     stays = "it stays inside the large one" if (forced or 0.0) <= target else "it leaves the large one"
@@ -287,7 +315,8 @@ def _path_words(entry: Recording, rules: Rules) -> str:
     else:
         verdict = f"{stays} and {'is' if settled < rules.settling_error else 'is not'} inside the small one in time."
     return (
-        "Path of the TCP from the beginning of the force (Figure 8): wanted always inside the large circle, and "
+        f"Path of the TCP from the beginning of the {'first ' if about.again else ''}force (Figure 8): "
+        "wanted always inside the large circle, and "
         f"{number(rules.criteria['B6'].target)} s after the force inside the small one; {verdict}"
     )
 
@@ -397,4 +426,5 @@ def _moved(entry: Recording, rules: Rules) -> Moved:
     places = tuple((names[name], part.x[0]) for name, part in windows(entry, rules).items() if part.x)
     name = f"{_roles(entry, rules)} ({about.id})"
     torque = entry.torque if entry.highest is None else np.column_stack([entry.torque, entry.highest])
-    return Moved(name, about.q_a, entry.motion, torque, about.time, about.force, about.window, places)
+    return Moved(name, about.q_a, entry.motion, torque, about.time, about.force, about.window, places,
+                 tuple((push.force, push.window) for push in about.pushes[1:]))  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from ..benchmark.results import Rules
 from ..benchmark.spread import Statistic
-from ..views.plot import Axis, Band, Bars, Colour, Level, Plot, Scatter, Symbol, Window, dash, hue, shape
+from ..views.plot import Axis, Bars, Colour, Level, Plot, Scatter, Symbol, Window, dash, hue, shape
 from ..views.table import Choice, Commands, Note, Panel, Part
 from ..views.units import number
 from . import case_plots
@@ -265,7 +265,7 @@ def _worst(name: str, rules: Rules, shown: Sequence[tuple[Shown[Evaluation], Rec
         rules,
         window,
         text=f"TCP error of each run's own worst case of {name}: {told}.",
-        bands=(Band(*longest.about.window, "force"),),
+        bands=case_plots.forces(longest),
         of=longest,
         group=id,
         height=420,

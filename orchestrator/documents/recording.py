@@ -21,6 +21,7 @@ from ..benchmark.case import Case
 from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Finite, Malformed, NonNegative, Struct, from_json, to_json
 from ..errors import InputError
+from ..loop.scenario import Recurrence, later, turned
 from ..loop.trajectory import Status, Trajectory
 from .files import TRAJECTORIES, streamed, write_bytes
 
@@ -73,9 +74,20 @@ FOUND = "worst arm"
 Pair = tuple[Finite, Finite]
 
 
-class About(Struct, frozen=True):
+class Push(NamedTuple):
+    """One coming of the disturbances: the force [N] and the time [s] it acts in; where the chirp before it begins; and
+    until when its error is its own [s], which is the begin of the next one."""
+
+    force: tuple[float, float]
+    window: tuple[float, float]
+    chirp: float
+    until: float
+
+
+class About(Struct, frozen=True, omit_defaults=True):
     """What was recorded. Angles and times in SI units; ``force`` [N], ``chirp`` start and stop [s] and start and stop
-    frequency [Hz]; ``window`` [s] is when the force acts. ``roles`` say what the recording is shown for."""
+    frequency [Hz]; ``window`` [s] is when the force acts. Where disturbances come ``again``, these are the first ones.
+    ``roles`` say what the recording is shown for."""
 
     id: str
     roles: tuple[str, ...]
@@ -91,6 +103,21 @@ class About(Struct, frozen=True):
     status: Status
     time: NonNegative
     message: str
+    again: Recurrence | None = None
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        """All comings of the disturbances."""
+        again = self.again or Recurrence()
+
+        def times(time: float) -> list[float]:
+            return [later(time, n, again.period) for n in range(again.number)]
+
+        begins = times(min(self.chirp[0], self.window[0]))
+        windows = zip(times(self.window[0]), times(self.window[1]), strict=True)
+        forces = (turned(*self.force, n * again.turn) if n else self.force for n in range(again.number))
+        ends = (*begins[1:], math.inf)
+        return tuple(map(Push, forces, windows, times(self.chirp[0]), ends))
 
 
 @dataclass(frozen=True)
@@ -155,6 +182,7 @@ def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recordin
         status=ending.status,
         time=ending.time,
         message=ending.message,
+        again=scenario.again if scenario.again.number > 1 else None,
     )
     motion = np.column_stack([trajectory.time[kept], moved[kept]])
     torque = np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]])

@@ -33,7 +33,7 @@ from .commands import recording_command, simulate_command
 from .head import PlantRecord
 from .recording import SYSTEMS, Recording, affordable, largest_error, shortened
 from .results import Results, Run, contradictions
-from .wording import reason_notes, remarks
+from .wording import reason_notes, remarks, without_cost
 
 WITHOUT = Note("This run was made without trajectories.")
 
@@ -81,7 +81,7 @@ def page(run: Run) -> Page:
 def headline(results: Results) -> Headline:
     """V beside the paper's PID and the target, and what it comes to."""
     cost, target, paper = results.cost, results.rules.cost.target, results.rules.cost.paper
-    sentence = "No cost: a case that counts has no value."
+    sentence = f"No cost: {without_cost(results) or 'a case that counts has no value'}."
     if cost is not None:
         side, direction = "At or below" if cost <= target else "Above", "less" if cost < paper else "more"
         change = f"{abs(100 * (cost - paper) / paper):.0f} % {direction}"

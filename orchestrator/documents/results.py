@@ -19,11 +19,13 @@ from msgspec.structs import replace
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..benchmark.case import Case
+from ..benchmark.metrics import FIRST_AND_LATER
 from ..benchmark.results import CaseResult, ConfigurationScore, CriterionScore, Measurements, Requirement, Scorecard
 from ..benchmark.scorecard import score
 from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Malformed, NonNegative, Struct, convert, from_json, plain, to_json
 from ..errors import InputError
+from ..loop.scenario import Recurrence
 from ..loop.trajectory import Status
 from ..views.export import csv_text
 from ..views.table import Column, Summary, Table, VerdictCell
@@ -207,6 +209,11 @@ def case_table(results: Results) -> dict[str, list[Any]]:
         "limit_cycle_ratio": measured("limit_cycle_ratio"),
         "limit_cycle_frequency [Hz]": measured("limit_cycle_frequency"),
         "recovery [s]": measured("recovery"),
+        **(
+            {f"{name} [s]": measured(name) for name in FIRST_AND_LATER}
+            if any(value is not None for value in measured(FIRST_AND_LATER[0]))
+            else {}
+        ),
         "warnings": [case.warnings for case in cases],
         "message": [case.message for case in cases],
     }
@@ -271,7 +278,8 @@ def contradictions(run: Run) -> list[str]:
             continue
         torques = np.max(np.abs(entry.torque[:, 1:]), axis=0, initial=0.0)
         shown = {"B3": float(torques[0]), "B4": float(torques[1])}
-        shown["B5"] = float(np.max(entry.error[entry.motion[:, 0] >= entry.about.window[0]], initial=0.0))
+        pushed = [recording.within(entry, push.window[0], push.until) for push in entry.about.pushes]
+        shown["B5"] = float(np.max(entry.error[np.any(pushed, axis=0)], initial=0.0))
         for name, value in shown.items():
             told = getattr(case.measurements, name)
             if told is not None and not math.isclose(value, told, rel_tol=SINGLE):
@@ -333,7 +341,8 @@ def mat_bytes(run: Run) -> bytes:
     recordings = np.empty((1, len(run.recordings)), dtype=[(name, object) for name in names])
     for number, entry in enumerate(run.recordings):
         columns = [column[:, None].astype(float) for column in (*entry.motion.T, *entry.torque.T)]
-        about = {**plain(entry.about), "roles": ", ".join(entry.about.roles)}
+        about = {name: plain(getattr(entry.about, name)) for name in About.__struct_fields__}
+        about |= {"roles": ", ".join(entry.about.roles), "again": plain(entry.about.again or Recurrence())}
         recordings[0, number] = (*about.values(), *columns)
     units = {name: column.split("[")[1].rstrip("]") for name, column in MAT_COLUMNS.items()}
     contents = {"recordings": recordings, "units": units, "seed": run.results.seed}

@@ -37,8 +37,8 @@ Table = Mapping[str, np.ndarray]
 def columns(trajectory: Trajectory, scenario: Scenario) -> Table:
     """All signals of a simulation. Torques at the last instant, which are not computed, are NaN."""
     t = trajectory.time
-    u_d = _while_on(scenarios.chirp, scenarios.chirp_signal(scenario.chirp), t)
-    F = _while_on(scenarios.pulse, scenarios.pulse_signal(scenario.pulse), t)
+    u_d = _while_on(scenarios.chirp, scenarios.chirp_signal(scenario.chirp, scenario.again), t)
+    F = _while_on(scenarios.pulse, scenarios.pulse_signal(scenario.pulse, scenario.again), t)
     pending = np.full((len(t) - len(trajectory.torque), 2), np.nan)
     pairs = {
         "q_m[{}] [rad]": trajectory.q_m,
@@ -62,7 +62,11 @@ def _while_on(
     function: Callable[[Any, float], tuple[float, float]], signal: ChirpSignal | PulseSignal, t: np.ndarray
 ) -> np.ndarray:
     """A disturbance at the times ``t``, shape (len(t), 2); it is only computed where it is not zero."""
-    values, on = np.zeros((len(t), 2)), (signal.start <= t) & (t < signal.stop)
+    ends = [
+        [scenarios.later(end, n, signal.period) for n in range(signal.number)] for end in (signal.start, signal.stop)
+    ]
+    begun, ended = (np.searchsorted(times, t, side="right") for times in ends)
+    values, on = np.zeros((len(t), 2)), begun > ended
     values[on] = np.array([function(signal, time) for time in t[on].tolist()]).reshape(-1, 2)
     return values
 

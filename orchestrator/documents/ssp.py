@@ -62,8 +62,8 @@ def package(
     only place for the steps that masters need for the order in parallel.
 
     Raises :class:`~orchestrator.errors.InputError` if the loop cannot be had so: the plant's steps within a sample
-    have different lengths, or no torque is delayed by one of them; samples are dropped, or measurements have jitter; or
-    the controller has arrays.
+    have different lengths, or no torque is delayed by one of them; samples are dropped, measurements have jitter, or
+    disturbances come again; or the controller has arrays.
     """
     tick = tick_of(scenario)
     binding = controller_binding(controller, setup)
@@ -104,11 +104,15 @@ def package(
 def tick_of(scenario: Scenario) -> Fraction:
     """The step of the plant [s].
 
-    Raises :class:`~orchestrator.errors.InputError` if samples are dropped, or measurements have jitter.
+    Raises :class:`~orchestrator.errors.InputError` if samples are dropped, measurements have jitter, or disturbances
+    come again.
     """
     drive, sensor = scenario.drive, scenario.sensor
     if drive.dropout or sensor.jitter:
         raise InputError("An SSP package has neither dropped samples nor jitter.", "no-ssp")
+    if scenario.again.number > 1:
+        message = "The FMU of the imperfections has each disturbance once; in this case they come "
+        raise InputError(f"{message}{scenario.again.number} times.", "no-ssp")
     plan = make_plan(scenario.sample_time, drive.delay, sensor.delay, scenario.longest_hold)
     return scenario.sample_time / plan.step.size
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from plant_fmu.flexible_manipulator.parameters import TABLE_1
 
 from ..benchmark.results import Verdict
+from ..benchmark.scorecard import first_and_later
 from ..codec import Scalar
 from ..loop.behaviour import WORDS, CarryOver
 from ..loop.trajectory import Status
@@ -173,7 +174,16 @@ def remarks(results: Results) -> list[str]:
     unsettled = sum(case.measurements.settled is False for case in results.cases)
     if unsettled:
         cases = f"{unsettled} case{'s' * (unsettled != 1)}"
-        sentences.append(f"In {cases} B6 is the time to the end of the simulation: the TCP did not settle.")
+        end = "end of the simulation"
+        if any(case.measurements.B6_later is not None for case in results.cases):
+            end = f"next disturbance or the {end}"
+        sentences.append(f"In {cases} B6 is the time to the {end}: the TCP did not settle.")
+    if (both := first_and_later(results.cases)) is not None:
+        first, later = both
+        ratio = f", {number(later / first)} times as long" if first else ""
+        sentences.append(
+            f"B6 after the first force: {number(first)} s; after the later ones at most {number(later)} s{ratio}."
+        )
     if not results.complete:
         sentences.append(f"Incomplete: {incomplete(results)}.")
     if reason := without_cost(results):

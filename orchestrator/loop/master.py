@@ -116,8 +116,8 @@ def _loop(scenario: Scenario, steady: Steady, first: int = 0) -> loop.Loop:
         angle_quantum=sensor.quantum,
         noise=random_streams.noise(sensor.noise, scenario.samples + 1),
         dropped=random_streams.dropped(seed, drive.dropout, scenario.samples),
-        chirp=chirp_signal(scenario.chirp),
-        pulse=pulse_signal(scenario.pulse),
+        chirp=chirp_signal(scenario.chirp, scenario.again),
+        pulse=pulse_signal(scenario.pulse, scenario.again),
         abort_distance=scenario.abort_distance,
     )
 

@@ -29,6 +29,9 @@ Delays = tuple[Fraction, Fraction]
 
 NO_DELAY: Delays = (Fraction(0), Fraction(0))
 
+NANOSECONDS = 1e9
+"""Per second."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -85,6 +88,26 @@ class Pulse:
 
 
 @dataclass(frozen=True)
+class Recurrence:
+    """Chirp and pulse come ``number`` times, every ``period`` [s]; each force is turned by ``turn`` [rad] from the one
+    before. The neutral value is once."""
+
+    period: float = 0.0
+    number: int = 1
+    turn: float = 0.0
+
+
+class Repetition(NamedTuple):
+    """One coming of the disturbances, times in seconds. What happens from ``begin`` on belongs to it, until the next
+    one: its chirp starts at ``chirp``, its force at ``force``, which ends at ``release``."""
+
+    begin: float
+    chirp: float
+    force: float
+    release: float
+
+
+@dataclass(frozen=True)
 class Scenario:
     """One simulation, completely: with the bytes of the two FMUs it determines every number that comes out.
 
@@ -104,6 +127,7 @@ class Scenario:
     abort_distance: float = math.inf
     longest_hold: Fraction = Fraction(1, 4000)
     stop_time: Fraction = Fraction(0)
+    again: Recurrence = field(default_factory=Recurrence)
 
     @property
     def samples(self) -> int:
@@ -115,6 +139,21 @@ class Scenario:
         """The stop time [s] that FMUs are told."""
         return float(max(self.samples * self.sample_time, self.stop_time))
 
+    @property
+    def repetitions(self) -> tuple[Repetition, ...]:
+        """All comings of the disturbances. The first one begins with the simulation, each other one with its chirp or
+        its force, whichever is earlier."""
+        chirp, pulse, again = self.chirp, self.pulse, self.again
+        first = Repetition(0.0, chirp.start, pulse.start, pulse.stop)
+        times = (min(chirp.start, pulse.start), *first[1:])
+        others = (Repetition(*(later(t, n, again.period) for t in times)) for n in range(1, again.number))
+        return first, *others
+
+    @property
+    def disturbed_until(self) -> float:
+        """When the last disturbance has ended [s]."""
+        return later(max(self.chirp.stop, self.pulse.stop), self.again.number - 1, self.again.period)
+
 
 class ChirpSignal(NamedTuple):
     """:class:`Chirp` as a flat record for the compiled loop."""
@@ -125,6 +164,8 @@ class ChirpSignal(NamedTuple):
     stop: float
     f_start: float
     f_stop: float
+    period: float = 0.0
+    number: int = 1
 
 
 class PulseSignal(NamedTuple):
@@ -134,16 +175,36 @@ class PulseSignal(NamedTuple):
     z: float
     start: float
     stop: float
+    period: float = 0.0
+    number: int = 1
+    turn: float = 0.0
 
 
-def chirp_signal(chirp: Chirp) -> ChirpSignal:
-    """The record of a chirp."""
-    return ChirpSignal(*chirp.amplitude, chirp.start, chirp.stop, chirp.f_start, chirp.f_stop)
+def chirp_signal(chirp: Chirp, again: Recurrence) -> ChirpSignal:
+    """The record of a chirp that comes ``again``."""
+    times = chirp.start, chirp.stop, chirp.f_start, chirp.f_stop
+    return ChirpSignal(*chirp.amplitude, *times, again.period, again.number)
 
 
-def pulse_signal(pulse: Pulse) -> PulseSignal:
-    """The record of a pulse."""
-    return PulseSignal(*pulse.force, pulse.start, pulse.stop)
+def pulse_signal(pulse: Pulse, again: Recurrence) -> PulseSignal:
+    """The record of a pulse that comes ``again``."""
+    return PulseSignal(*pulse.force, pulse.start, pulse.stop, again.period, again.number, again.turn)
+
+
+def overlap(scenario: Scenario) -> str:
+    """What is wrong with the times of disturbances that come again, as a clause; empty if nothing is.
+
+    A figure of a force is measured until the next disturbance begins: so a chirp must not begin during or after the
+    force of its own repetition, nor a repetition before the one before it has ended.
+    """
+    chirp, pulse, again = scenario.chirp, scenario.pulse, scenario.again
+    if again.number == 1:
+        return ""
+    if not chirp.start <= chirp.stop <= pulse.start:
+        return f"the chirp ends at {chirp.stop:g} s, after the force begins at {pulse.start:g} s"
+    if not pulse.stop - chirp.start <= again.period:
+        return f"chirp and force take {pulse.stop - chirp.start:g} s, longer than the period of {again.period:g} s"
+    return ""
 
 
 def force(size: float, phi_F: float) -> Pair:
@@ -152,13 +213,37 @@ def force(size: float, phi_F: float) -> Pair:
     return size * cosine, size * sine
 
 
+def later(time: float, n: int, period: float) -> float:
+    """``time`` [s] ``n`` periods later, rounded to a nanosecond; ``time`` itself for n = 0."""
+    if n == 0:
+        return time
+    # The sum of two floats may be a last place beside the time of a sample that is
+    # meant, 0.05 + 3 * 0.1 > 0.35: the disturbance would begin a sample late.
+    return math.floor((time + n * period) * NANOSECONDS + 0.5) / NANOSECONDS
+
+
+def latest(start: float, period: float, number: int, t: float) -> int:
+    """Which of ``number`` repetitions, the first of which begins at ``start``, is the last that has begun at ``t``: 0
+    for the first; -1 if none has. Times in seconds."""
+    if t < start:
+        return -1
+    if number == 1:
+        return 0
+    n = min(int((t - start) / period), number - 1)
+    # The quotient is rounded, so near a beginning it may be one off to either side.
+    if n + 1 < number and later(start, n + 1, period) <= t:
+        return n + 1
+    return n - 1 if later(start, n, period) > t else n
+
+
 def chirp(signal: ChirpSignal, t: float) -> tuple[float, float]:
     """Motor torque disturbance ``(u_d1, u_d2)`` [N.m] at time ``t`` [s]: A sin 2 pi (f_s tau + (f_e - f_s) tau^2 /
-    (2 T)) with tau = t - start and T = stop - start, zero outside start <= t < stop."""
-    if not signal.start <= t < signal.stop:
+    (2 T)) with tau = t - start and T = stop - start, zero outside start <= t < stop; the same in each repetition."""
+    n = latest(signal.start, signal.period, signal.number, t)
+    if n < 0 or not t < later(signal.stop, n, signal.period):
         return 0.0, 0.0
     # Phase of a linear sweep: 2 pi times the integral of f_start + (f_stop - f_start) tau / T.
-    tau = t - signal.start
+    tau = t - later(signal.start, n, signal.period)
     sweep = (signal.f_stop - signal.f_start) * tau * tau / (2.0 * (signal.stop - signal.start))
     # The benchmark's own sine: those of C libraries differ in the last bit, and so would the trajectories.
     wave, _ = sin_cos(2.0 * math.pi * (signal.f_start * tau + sweep))
@@ -166,10 +251,20 @@ def chirp(signal: ChirpSignal, t: float) -> tuple[float, float]:
 
 
 def pulse(signal: PulseSignal, t: float) -> tuple[float, float]:
-    """Tool force ``(F_x, F_z)`` [N] at time ``t`` [s]: constant for start <= t < stop, zero outside."""
-    if signal.start <= t < signal.stop:
+    """Tool force ``(F_x, F_z)`` [N] at time ``t`` [s]: constant for start <= t < stop, zero outside; in
+    repetition n turned by n times the turn."""
+    n = latest(signal.start, signal.period, signal.number, t)
+    if n < 0 or not t < later(signal.stop, n, signal.period):
+        return 0.0, 0.0
+    if n == 0:
         return signal.x, signal.z
-    return 0.0, 0.0
+    return turned(signal.x, signal.z, n * signal.turn)
+
+
+def turned(x: float, z: float, angle: float) -> tuple[float, float]:
+    """The vector ``(x, z)``, turned by ``angle`` [rad] from x to z."""
+    sine, cosine = sin_cos(angle)
+    return x * cosine - z * sine, x * sine + z * cosine
 
 
 MAX_TICKS_PER_SECOND = 10**14

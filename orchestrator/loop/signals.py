@@ -10,9 +10,13 @@ import numpy as np
 
 import plant_fmu.flexible_manipulator.elementary  # noqa: F401  (lets the chirp be compiled)
 from plant_fmu.flexible_manipulator.elementary import log
+from plant_fmu.flexible_manipulator.jit import callable_from_compiled
 
 from ..jit import compiled
 from . import scenario
+
+for _function in (scenario.later, scenario.latest, scenario.turned):
+    callable_from_compiled(_function)
 
 chirp, pulse = compiled(scenario.chirp), compiled(scenario.pulse)
 

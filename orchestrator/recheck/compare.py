@@ -156,18 +156,16 @@ def figures(
     """B1 to B7 of the paper's Section 6, the largest TCP error at the end, the amplitude in the last window.
 
     ``X`` has shape (N + 1, 2) [m], ``torque`` (N, 2) [N.m]; ``end`` [s] is that of the case itself, which a simulation
-    may go on beyond. Errors are distances from where the TCP began.
+    may go on beyond. Errors are distances from where the TCP began. Where the disturbances come again, B5 to B7 are the
+    largest of all repetitions.
     """
     count = round(end / scenario.sample_time)
     t, error = np.arange(len(X)) * scenario.sample_time, np.hypot(*(X - X[0]).T)
     own_time = np.arange(len(X)) <= count
-    pushed, released = scenario.force_times
     judged = dict(zip(("B1", "B2"), np.abs(torque[:count] - u_m0).max(axis=0).tolist(), strict=True))
     judged |= dict(zip(("B3", "B4"), np.abs(torque[:count]).max(axis=0).tolist(), strict=True))
-    judged["B5"] = _largest(error[own_time & (t >= pushed)])
-    late = np.flatnonzero(own_time & (t > released) & (error >= definitions["settling_error"]))
-    judged["B6"] = float(t[late[-1]] - released) if late.size else 0.0
-    judged["B7"] = _largest(error[own_time & (t >= scenario.chirp_times[0]) & (t < pushed)])
+    rows = _by_repetition(scenario, t, error, own_time, definitions["settling_error"])
+    judged |= dict(zip(("B5", "B6", "B7"), np.max(rows, axis=0).tolist(), strict=True))
     judged["rest_error"] = _largest(error[t >= t[-1] - definitions["rest_window"] - 1e-9])
     last = min(count, len(t) - 1)
     # Of the case itself, although a simulation in doubt goes on beyond its end.
@@ -179,6 +177,23 @@ def figures(
     )
     judged["limit_cycle_at_end"] = 0.5 * float(max(extents))
     return judged
+
+
+def _by_repetition(
+    scenario: RecordedScenario, t: Array, error: Array, own_time: Array, settled: float
+) -> list[tuple[float, float, float]]:
+    """B5, B6 and B7 of each repetition of the disturbances, which lasts until the next one begins."""
+    begin = min(scenario.chirp_times[0], scenario.force_times[0])
+    starts, pushes, releases = map(scenario.repeated, (scenario.chirp_times[0], *scenario.force_times))
+    ends = [*scenario.repeated(begin)[1:], math.inf]
+    end, found = t[own_time][-1], []
+    for n, (start, pushed, released, until) in enumerate(zip(starts, pushes, releases, ends, strict=True)):
+        inside = own_time & (t < until) & (t >= min(start, pushed))
+        late = np.flatnonzero(inside & (t > released) & (error >= settled))
+        # A force that the end cuts off has no time to settle.
+        lasted = float(t[late[-1]] - released) if late.size and (n == 0 or released < end) else 0.0
+        found.append((_largest(error[inside & (t >= pushed)]), lasted, _largest(error[inside & (t < pushed)])))
+    return found
 
 
 def _largest(values: Array) -> float:

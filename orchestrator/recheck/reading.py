@@ -29,6 +29,8 @@ COORDINATES = 2.0
 
 MAX_DIRECTIONS = 1000
 
+MAX_REPETITIONS = 1000
+
 MAX_BYTES = 256 * 1024**2
 """Bytes that the arrays of a file may have together."""
 
@@ -144,12 +146,23 @@ def _scenario(given: Mapping[str, Any], parameters: Mapping[str, float]) -> Reco
         chirp_frequencies=(float(chirp["f_start"]), float(chirp["f_stop"])),
         force=_pair(pulse["force"]),
         force_times=(float(pulse["start"]), float(pulse["stop"])),
+        **_recurrence(given.get("again")),
     )
     if interval <= 0:
         raise Unreadable("its sample time is not positive")
     if float(drive.get("dropout", 0.0)) or Fraction(sensor.get("jitter", 0)):
         raise Unreadable("its samples are dropped or have jitter, which is not computed anew")
     return scenario
+
+
+def _recurrence(given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """How often the disturbances come; files before this was told have them once."""
+    if given is None:
+        return {}
+    number = int(given["number"])
+    if not 1 <= number <= MAX_REPETITIONS or number != given["number"]:
+        raise Unreadable(f"its disturbances do not come 1 to {MAX_REPETITIONS} times")
+    return {"period": float(given["period"]), "number": number, "turn": float(given["turn"])}
 
 
 def _pair(given: Any) -> tuple[float, float]:

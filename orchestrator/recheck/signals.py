@@ -26,6 +26,18 @@ class RecordedScenario:
     chirp_frequencies: tuple[float, float]
     force: tuple[float, float]
     force_times: tuple[float, float]
+    period: float = 0.0
+    number: int = 1
+    turn: float = 0.0
+    """Both disturbances come so many times, every ``period`` [s], and the force is turned by so much [rad] each
+    time."""
+
+    def repeated(self, time: float) -> Array:
+        """``time`` [s] in each repetition. All but the first are whole nanoseconds: a sum of floats may be a last place
+        beside the time of a sample."""
+        times = np.round(time + self.period * np.arange(self.number), 9)
+        times[0] = time
+        return times
 
 
 def rounded(values: Array, quantum: float) -> Array:
@@ -66,9 +78,11 @@ def chirp(scenario: RecordedScenario, samples: int) -> Array:
     (begin, end), (low, high) = scenario.chirp_times, scenario.chirp_frequencies
     if end <= begin:
         return np.zeros((samples, 2))
-    since = t - begin
-    turns = low * since + 0.5 * (high - low) / (end - begin) * since**2
-    wave = np.where((begin <= t) & (t < end), np.sin(2.0 * np.pi * turns), 0.0)
+    wave = np.zeros(samples)
+    for start, stop in zip(scenario.repeated(begin), scenario.repeated(end), strict=True):
+        on = (start <= t) & (t < stop)
+        since = t[on] - start
+        wave[on] = np.sin(2.0 * np.pi * (low * since + 0.5 * (high - low) / (end - begin) * since**2))
     torques: Array = wave[:, None] * np.array(scenario.chirp_amplitude)
     return torques
 
@@ -76,6 +90,9 @@ def chirp(scenario: RecordedScenario, samples: int) -> Array:
 def force(scenario: RecordedScenario, samples: int) -> Array:
     """Tool force at each sample, shape (samples, 2) [N]."""
     t = np.arange(samples) * scenario.sample_time
-    begin, end = scenario.force_times
-    forces: Array = np.where((begin <= t) & (t < end), 1.0, 0.0)[:, None] * np.array(scenario.force)
+    forces, (x, z) = np.zeros((samples, 2)), scenario.force
+    begins, ends = map(scenario.repeated, scenario.force_times)
+    for n, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        cosine, sine = np.cos(n * scenario.turn), np.sin(n * scenario.turn)
+        forces[(begin <= t) & (t < end)] = x * cosine - z * sine, x * sine + z * cosine
     return forces

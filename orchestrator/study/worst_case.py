@@ -48,13 +48,17 @@ from .requests import (
 def sought(protocol: Protocol, listed: Sequence[Case], budget: int, only: Sequence[str]) -> list[Target]:
     """What ``only`` names, or everything, to be searched for from the cases ``listed``.
 
-    Raises :class:`InputError` for a protocol whose tests draw, if there is no such thing to search for, or if the
-    budget does not last for what a search begins with.
+    Raises :class:`InputError` for a protocol whose tests draw or have disturbances that come again, if there is no such
+    thing to search for, or if the budget does not last for what a search begins with.
     """
     if any(test.draws for test in protocol.tests):
         raise InputError(
             f"The protocol {protocol.name} draws disturbances: a search lists them.", "draws", protocol.name
         )
+    if again := [test.name for test in protocol.tests if test.again]:
+        # Its short simulations and starting times are those of one force.
+        message = f"The disturbances of the test {again[0]} come again: a search is made for those that come once."
+        raise InputError(message, "again", protocol.name, again[0])
     all_targets = targets(protocol)
     for name in only:
         if name not in {target.name for target in all_targets}:

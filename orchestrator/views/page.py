@@ -158,6 +158,7 @@ def _motion_data(motion: MovingArm, pool: Pool) -> dict[str, Any]:
                 "force": moved.force if any(moved.force) else None,
                 "window": moved.window,
                 "places": moved.places,
+                **({"more": moved.more} if moved.more else {}),
             }
             for moved in motion.moved
         ],

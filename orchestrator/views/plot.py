@@ -271,7 +271,8 @@ class Moved:
 
     ``motion`` (shape (N, 5)) has time [s], offsets of the tool along x and z [m], changes of both link angles [rad];
     ``torque`` (shape (M, 3)) time [s] and both torques [N.m], or (shape (M, 5)) their bounds, the upper ones last. A
-    ``force`` [N], if there is one, acts in the time ``window`` [s]; ``places`` are times [s] worth a look.
+    ``force`` [N], if there is one, acts in the time ``window`` [s], and ``more`` forces in theirs; ``places`` are times
+    [s] worth a look.
     """
 
     name: str
@@ -282,6 +283,7 @@ class Moved:
     force: tuple[float, float]
     window: tuple[float, float]
     places: tuple[tuple[str, float], ...]
+    more: tuple[tuple[tuple[float, float], tuple[float, float]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

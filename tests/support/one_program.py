@@ -140,7 +140,7 @@ def same(found: Answer, judgement: Judgement, benchmark: Benchmark) -> bool:
 
 def hash_of(trajectory: Trajectory, scenario: Scenario) -> str:
     """What the program prints for the trajectory of the master loop."""
-    signal, rate = chirp_signal(scenario.chirp), 1 / scenario.sample_time
+    signal, rate = chirp_signal(scenario.chirp, scenario.again), 1 / scenario.sample_time
     u_d = [chirp(signal, float(k / rate)) for k in range(len(trajectory.command))]
     rows = np.hstack([np.array(u_d), trajectory.q_m[1:], trajectory.X[1:], trajectory.command])
     return f"{int(_fnv(np.ascontiguousarray(rows).view(np.uint64).ravel())):016x}"

@@ -66,8 +66,9 @@ function motionPlayer(stand, { links, circles: radii, circleWords }, moved) {
       if (t[at] > time - 1) path.push(joints(links, bent(factor, [dq_1[at], dq_2[at]])).tcp.map((value) => value.toFixed(4)));
     }
     trace.setAttribute("d", path.length > 1 ? `M${path.join("L")}` : "");
-    const force = moved.force && time >= moved.window[0] && time < moved.window[1];
-    arrow.setAttribute("d", force ? forceArrow(tcp, moved.force) : "");
+    const pushes = moved.force ? [[moved.force, moved.window], ...(moved.more ?? [])] : [];
+    const [force] = pushes.find(([, [begin, end]]) => time >= begin && time < end) ?? [];
+    arrow.setAttribute("d", force ? forceArrow(tcp, force) : "");
     $("#magnify-text").textContent = `${factor} ×`;
     scrub.setAttribute("aria-valuetext", `${time.toFixed(2)} seconds, error ${figures(error)} millimetres`);
     $("#motion-text").textContent =
