@@ -209,6 +209,7 @@ def test_the_options_of_a_repeating_command_are_those_of_the_parser() -> None:
     assert {name: given[name] for name in expected} == expected
 
 
+@pytest.mark.slow  # each dry run takes the time of a case
 def test_the_commands_that_a_report_advises_are_accepted_as_they_stand(tmp_path: Path) -> None:
     head = head_of(controller={"path": ""}, plant={"parameters": {"m[1]": 60.0}})
     ranges = [range_words("K_p[1]", 20.0, 80.0, log=True)]
