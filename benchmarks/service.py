@@ -4,6 +4,7 @@
     python benchmarks/service.py uploads       100 FMUs of 20 people within a minute: how fast is everything answered
     python benchmarks/service.py kills         kill -9 of the service and its jobs at random moments
     python benchmarks/service.py growth        memory of the service over many submissions
+    python benchmarks/service.py day           evaluations a day, from some that follow each other
 
 Each starts a service of its own on loopback, in a temporary folder, which ends with it.
 """
@@ -15,6 +16,7 @@ import contextlib
 import json
 import os
 import random
+import shutil
 import signal
 import statistics
 import subprocess
@@ -22,6 +24,7 @@ import sys
 import tempfile
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -229,11 +232,31 @@ def growth(count: int) -> None:
                 print(f"{number} submissions: {service.memory():.1f} MB")
 
 
+def day(fmu: Path, count: int) -> None:
+    """Evaluations a day, by the time from the first that is finished to the last: each FMU has other bytes, so that
+    nothing of it is in the store."""
+    with serving() as service:
+        client, ends = Client(service.url), []
+        for number in range(count):
+            other = service.folder.parent / f"controller-{number}.fmu"
+            shutil.copy(fmu, other)
+            with zipfile.ZipFile(other, "a") as archive:
+                archive.comment = str(number).encode()
+            client.submit(other)
+        while len(ends) < count:
+            runs = client.ask("GET", "/api/runs")["answer"]
+            assert all(run["state"] == "finished" or not run["is_final"] for run in runs), runs
+            ends += [time.monotonic()] * (sum(run["is_final"] for run in runs) - len(ends))
+            time.sleep(0.1)
+        each = (ends[-1] - ends[0]) / (count - 1)
+        print(f"an evaluation in {each:.1f} s, with check and quick evaluation: {86400 / each:.0f} a day")
+
+
 def main() -> None:
     """Measure what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("first", "uploads", "kills", "growth"))
-    parser.add_argument("--count", type=int, help="uploads, kills or submissions")
+    parser.add_argument("what", choices=("first", "uploads", "kills", "growth", "day"))
+    parser.add_argument("--count", type=int, help="uploads, kills, submissions or evaluations")
     parser.add_argument("--rounds", type=int, default=2, help="of first")
     parser.add_argument("--submissions", type=int, default=30, help="of kills, at the least")
     parser.add_argument("--pause", type=float, default=15.0, help="longest time [s] between two kills")
@@ -248,8 +271,10 @@ def main() -> None:
             uploads(fmu, given.count or 100, 20, 1.0)
         elif given.what == "kills":
             kills(fmu, given.count or 200, given.submissions, given.pause, given.seed)
-        else:
+        elif given.what == "growth":
             growth(given.count or 2000)
+        else:
+            day(fmu, given.count or 10)
 
 
 if __name__ == "__main__":

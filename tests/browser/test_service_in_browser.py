@@ -97,8 +97,11 @@ def test_an_fmu_with_unusual_names_is_uploaded_bound_watched_and_read(size, open
         page.get_by_role("heading", name="Finished").wait_for(timeout=300_000)  # the page has followed by itself
         assert page.locator(".hero").first.inner_text().replace(".", "").isdigit()
         assert_fits_and_is_accessible(page)
-        page.locator("iframe.report").scroll_into_view_if_needed()
+        page.reload()
         report = page.frame_locator("iframe.report")
+        report.locator("#summary").wait_for()
+        assert page.evaluate("scrollY") == 0, "the report in its frame leaves the page where it is"
+        page.locator("iframe.report").scroll_into_view_if_needed()
         report.locator("#tab-workspace").click()
         assert report.locator("#workspace").is_visible()
         assert page.locator("iframe.report").get_attribute("sandbox") == "allow-scripts"

@@ -111,13 +111,21 @@ function show(id) {
   history.replaceState(null, "", `#${id}`);
 }
 
+/** Scroll the row `tabs` until `tab` is seen. scrollIntoView scrolls the page around a frame, too: a run's page of the
+ * service began in the middle, at its report. */
+function scrollWithin(tabs, tab) {
+  const seen = tabs.getBoundingClientRect();
+  const own = tab.getBoundingClientRect();
+  tabs.scrollLeft += Math.min(own.left - seen.left, 0) || Math.max(own.right - seen.right, 0);
+}
+
 function openPanel(id) {
   for (const panel of document.querySelectorAll('[role="tabpanel"]')) panel.classList.toggle("shown", panel.id === id);
   for (const tab of document.querySelectorAll('[role="tab"]')) {
     const chosen = tab.getAttribute("aria-controls") === id;
     tab.setAttribute("aria-selected", String(chosen));
     tab.tabIndex = chosen ? 0 : -1;
-    if (chosen) tab.scrollIntoView({ block: "nearest", inline: "nearest" });
+    if (chosen) scrollWithin(tab.parentElement, tab);
   }
   draw();
 }
