@@ -39,6 +39,7 @@ from controller_fmu.lqg.flexible_manipulator_lqg.interface import (
     parameters,
 )
 from controller_fmu.robust_c.interface import ROWS
+from controller_fmu.steady_c.interface import ROWS as STEADY_ROWS
 from plant_fmu.native import interface
 
 __all__ = ["KNOWN", "NAMES", "NAMES_HELP", "PLANT_VARIANTS", "PLATFORMS", "VARIANTS", "BuildError", "Dialect"]
@@ -49,6 +50,9 @@ HERE = Path(__file__).resolve().parent
 DEFAULT_OUTPUT_DIR = Path("build", "fmus")
 EXIT_OK, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
+
+_DESIGN = ("checks.h", "design.c", "design.h", "matrix.h")
+"""Files of lqg_c that other controllers share."""
 
 Platforms = Sequence[str]
 Recipe = Callable[[Path, Platforms], Path]
@@ -111,11 +115,17 @@ def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
 def _robust_lqg(target: Path, platforms: Platforms) -> Path:
     folder, shared = HERE / "controller_fmu" / "robust_c", HERE / "controller_fmu" / "lqg_c"
     what = "Two LQG controllers: a stiff one at rest, a damping one with a dither against friction after an event"
-    sources = [shared / name for name in ("checks.h", "design.c", "design.h", "matrix.h")] + sorted(
-        folder.glob("*.[ch]")
-    )
+    sources = [*(shared / name for name in _DESIGN), *sorted(folder.glob("*.[ch]"))]
     root = description(ROWS, _starts(folder / "robust_weights.json"), what, BASE_UNITS)
     return _described_in_c(root, sources, target, platforms)
+
+
+def _steady_lqg(target: Path, platforms: Platforms) -> Path:
+    own, shared, designs = (HERE / "controller_fmu" / name for name in ("steady_c", "robust_c", "lqg_c"))
+    what = "Three LQG controllers: a stiff one, a damping one with a dither, a strong one; no part is limited in time"
+    sources = [*(designs / name for name in _DESIGN), *(shared / name for name in ("events.h", "model.c"))]
+    root = description(STEADY_ROWS, _starts(own / "steady_weights.json"), what, BASE_UNITS)
+    return _described_in_c(root, [*sources, own / "switching.h"], target, platforms)
 
 
 def _robust_linear_lqg(target: Path, platforms: Platforms) -> Path:
@@ -164,6 +174,7 @@ _RECIPES: dict[str, Recipe] = {
     "Imperfections": _imperfections,
     "RobustLQG": _robust_lqg,
     "RobustLinearLQG": _robust_linear_lqg,
+    "SteadyLQG": _steady_lqg,
 }
 _PLANT_VARIANTS: dict[str, Recipe] = {
     "FlexibleManipulatorNative_fmi3": partial(_flexible_manipulator_native, dialect=Dialect(3)),
@@ -203,6 +214,7 @@ NAMES_HELP = f"""names:
   Imperfections                what the benchmark's loop has between controller and plant, C (FMI 2.0 co-simulation)
   RobustLQG                    three LQGs, switched by events, with a dither, in C (FMI 2.0 co-simulation)
   RobustLinearLQG              DitheredLQG_C without a dither, and weights that hold in truth
+  SteadyLQG                    RobustLQG with no part that is limited in time
 built with --all or by name, the manipulator in C for
   FlexibleManipulatorNative_fmi3   FMI 3.0 co-simulation
   FlexibleManipulatorNative_me2    FMI 2.0 Model Exchange, eight continuous states
@@ -389,7 +401,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"""{NAMES_HELP}
 
 examples:
-  python build_fmus.py                            # build the first eleven into build/fmus
+  python build_fmus.py                            # build the first twelve into build/fmus
   python build_fmus.py DiagonalPID                # build one
   python build_fmus.py --output-dir /tmp/fmus     # build elsewhere
   python build_fmus.py FlexibleManipulatorNative --platforms all
@@ -399,7 +411,7 @@ examples:
 exit codes: 0 built, 1 a build failed, 2 bad input""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first eleven below)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMUs to build (default: the first twelve below)")
     parser.add_argument("--all", action="store_true", help="build for the other kinds of FMI, too")
     parser.add_argument(
         "--platforms",

@@ -35,7 +35,7 @@ class Probe(Fmi2Slave):
 
 
 def in_c(name):
-    return "_C" in name or "Native" in name or name.startswith(("Imperfections", "Robust"))
+    return "_C" in name or "Native" in name or name.startswith(("Imperfections", "Robust", "Steady"))
 
 
 @pytest.mark.parametrize("name", build_fmus.NAMES + build_fmus.PLANT_VARIANTS + build_fmus.VARIANTS)

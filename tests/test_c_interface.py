@@ -30,7 +30,7 @@ from controller_fmu.export import unpack
 pytestmark = pytest.mark.needs("compiler")
 
 SLAVES = ("FlexibleManipulatorNative", "DiagonalPID_C", "DitheredLQG_C", "RobustLQG", "RobustLinearLQG")
-SLAVES += ("Imperfections", "state_space", "mlp_tanh", "mlp_relu")
+SLAVES += ("SteadyLQG", "Imperfections", "state_space", "mlp_tanh", "mlp_relu")
 CONTROLLERS = [name for name in SLAVES if name not in ("FlexibleManipulatorNative", "Imperfections")]
 
 

@@ -46,13 +46,14 @@ COSTS = {
     ("DitheredLQG", "quick"): 75.335310703297,
     ("DitheredLQG", "paper-c07"): 109.84446557215205,
     ("RobustLQG", "strict-c00"): 78.77788340775069,
+    ("SteadyLQG", "strict-c00"): 84.64603931706688,
 }
 """V by controller and run."""
 
 RUNS = {"quick": ("quick", (), 24), "paper-c07": ("paper", "c07.*", 18), "strict-c00": ("strict", "c00.*", 36)}
 """Protocol, patterns and number of cases."""
 
-IN_C = ("RobustLQG",)
+IN_C = ("RobustLQG", "SteadyLQG")
 """Controllers that need a compiler."""
 
 

@@ -37,13 +37,16 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def measured(files):
+    return signals_of(files["RobustLQG"])
+
+
+def signals_of(file):
     """Angles and start values of a case with a chirp, which sways the arm, and a force."""
-    controller = Controller(files["RobustLQG"])
     bench = Benchmark("strict", plant_parameters=SWAYING)
-    case = bench.simulate(controller, "c18.nominal.disturbance_45")
+    case = bench.simulate(Controller(file), "c18.nominal.disturbance_45")
     q_m = np.vectorize(partial(quantize, quantum=case.case.scenario.sensor.quantum))(case.trajectory.measured[:-1])
     reference = np.array(case.trajectory.q_m_ref)
-    starts = {v.name: float(v.start) for v in open_archive(files["RobustLQG"]).description.modelVariables if v.start}
+    starts = {v.name: float(v.start) for v in open_archive(file).description.modelVariables if v.start}
     return Signals(np.tile(reference, (len(q_m), 1)), q_m, tuple(case.trajectory.u_m0)), starts
 
 
@@ -65,7 +68,8 @@ class Reference(NamedTuple):
     sways: np.ndarray
 
 
-def reference(signals, p):
+def reference(signals, p, prolongs=True):
+    """``prolongs``: a jump while the third law acts begins its time anew."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
@@ -77,7 +81,7 @@ def reference(signals, p):
     window, over = round(2 * p["period"] / T_S), p["hold"] + p["decay"]
     states, u, found = np.zeros((3, 12)), np.zeros(2), []
     errors, slow, unrest, level = [np.zeros(2)] * window, np.zeros(2), 0.0, 0.0
-    fast, jumps = np.zeros(2), 0.0
+    fast, jumps, peaks = np.zeros(2), 0.0, 0.0
     event = first_event = sway = -math.inf
     peak, dither_left, peak_left = -math.inf, p["dither_time"], p["peak_time"]
 
@@ -92,7 +96,7 @@ def reference(signals, p):
         after = np.einsum("lij,lj->li", laws, now)
         states, feedback, error = after[:, :12], after[:, 12:14], after[1:, 14:]
         jump = np.linalg.norm(error[1] - fast)
-        if jump > max(p["jump"] / reach, p["jump_contrast"] * jumps) and peak_left > 0:
+        if jump > max(p["jump"] / reach, p["jump_contrast"] * jumps) and peak_left > 0 and (prolongs or not peaks):
             peak = k
         fast = error[1] + fading(p["jump_time"]) * (fast - error[1])
         jumps = jump + fading(p["average_time"]) * (jumps - jump)

@@ -20,7 +20,7 @@ from support.pid_fmus import T_S, built, in_child, instance
 from controller_fmu import starters
 from controller_fmu.export import build_folder
 
-IN_C = ("DiagonalPID_C", "DitheredLQG_C", "RobustLQG", "RobustLinearLQG", "state_space", "mlp_tanh")
+IN_C = ("DiagonalPID_C", "DitheredLQG_C", "RobustLQG", "RobustLinearLQG", "SteadyLQG", "state_space", "mlp_tanh")
 DIALECTS = ("DiagonalPID_C_fmi1", "DiagonalPID_C_fmi3_scalars")
 OTHERS_IN_C = ("FlexibleManipulatorNative", "FlexibleManipulatorNative_fmi3", "Imperfections")
 IN_PYTHON = ("DiagonalPID", "TunedPID", "ManipulatorLQG", "DitheredLQG")

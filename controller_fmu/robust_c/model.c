@@ -31,7 +31,7 @@ ASSERT_LAYOUT(peak_weights_are_side_by_side,
               offsetof(Variables, peak_effort) + sizeof START[0] * AXES - offsetof(Variables, peak_stiffness) ==
                   sizeof(Weights));
 ASSERT_LAYOUT(switching_is_side_by_side,
-              offsetof(Variables, peak_regain) + sizeof START[0] - offsetof(Variables, amplitude) == sizeof(Switching));
+              sizeof(Variables) - offsetof(Variables, amplitude) == sizeof(Switching));
 
 /* Distance of the TCP from the first axis, relative to that of the stretched arm; lengths [m] as in Table 1. */
 static double reach(const double q_m_ref[AXES])
@@ -54,17 +54,14 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
     if (!check_ranges(of, message)) return false;
     memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
-    if (window(&lqg->switching, lqg->T_s) < 1.0 || window(&lqg->switching, lqg->T_s) > WINDOW) {
+    if (window_of(of->period, lqg->T_s) < 1.0 || window_of(of->period, lqg->T_s) > WINDOW) {
         snprintf(message, MODEL_MESSAGE_SIZE, "parameter period = %g s: it must have 1 to %d samples", of->period, WINDOW / 2);
         return false;
     }
-    /* The filters take what a folded arm does for a larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
-    lqg->switching.threshold /= reach(of->q_m_ref);
-    lqg->switching.sway /= reach(of->q_m_ref);
-    lqg->switching.jump /= reach(of->q_m_ref);
+    scale(&lqg->switching, reach(of->q_m_ref));
     lqg->watch = watch(&lqg->switching, lqg->T_s);
     for (int i = 0; i < AXES; i++)
-        lqg->amplitude[i] = amplitude(&lqg->switching, i, of->u_m0[i], TORQUE_LIMIT[i]);
+        lqg->amplitude[i] = shaken_with(of->amplitude[i], of->headroom, of->u_m0[i], TORQUE_LIMIT[i]);
     const double *given[LAWS] = {of->stiffness, of->event_stiffness, of->peak_stiffness};
     for (int law = 0; law < LAWS; law++) {
         Weights weights;
@@ -87,7 +84,7 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     for (int i = 0; i < AXES; i++)
         if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
     const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
-    const double shake = share.dither * wave(&lqg->watch, &lqg->switching, lqg->T_s);
+    const double shake = share.dither * square(&lqg->watch.errors, of->period, lqg->T_s);
     for (int i = 0; i < AXES; i++) {
         const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
         const double feedback = (1.0 - share.peak) * later + share.peak * next[IN_PEAK][U + i];

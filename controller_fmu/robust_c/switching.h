@@ -1,8 +1,8 @@
-/* The switching law: what an event is, how much of the dither and of the other feedbacks acts, and the dither's wave. */
+/* The switching law: what an event is, and how much of the dither and of the other feedbacks acts. */
 #ifndef SWITCHING_H
 #define SWITCHING_H
 
-#include "elementary.h"
+#include "events.h"
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
@@ -11,58 +11,31 @@ typedef struct {
     double jump, jump_contrast, jump_time, peak_hold, peak_decay, peak_time, peak_regain;
 } Switching;
 
-/* Longest window of the moving average, in samples. */
-enum { WINDOW = 512 };
-
-/* The errors [m] of the last `window` samples and their sum; the slow average of their mean and that of the motion [m]; the
- * level [m]; the fast average of the third estimate, and the slow average of its jumps [m]; times [s] since the last
- * event, the first one of those that still act, the last motion and the last peak; times [s] that are left to the dither
- * and to the third law; number of the sample. */
+/* The errors; the slow average of the motion [m]; the level [m]; the fast average of the third estimate, and the slow
+ * average of its jumps [m]; times [s] since the last event, the first one of those that still act, the last motion and the
+ * last peak; times [s] that are left to the dither and to the third law. */
 typedef struct {
-    double past[WINDOW][2], sum[2], slow[2], unrest, level, fast[2], jumps;
-    double since_event, since_first, since_sway, since_peak, dither_left, peak_left, sample;
-    int window;
+    Errors errors;
+    double unrest, level, fast[2], jumps;
+    double since_event, since_first, since_sway, since_peak, dither_left, peak_left;
 } Watch;
 
-/* How much of the dither, of the event's feedback and of the peak's acts, 0 to 1. */
-typedef struct {
-    double dither, event, peak;
-} Shares;
-
-static inline double limited(double x, double least, double most) { return fmin(fmax(x, least), most); }
-
-/* Samples of the moving average: two periods, since the arm answers the dither with a subharmonic as well. */
-static inline double window(const Switching *by, double T_s) { return floor(2.0 * by->period / T_s + 0.5); }
+/* The thresholds of an arm with this reach, relative to the stretched one. The filters take what a folded arm does for a
+ * larger error than it is, by a factor of 3 at q_a2 = 80 degrees. */
+static inline void scale(Switching *by, double reach)
+{
+    by->threshold /= reach;
+    by->sway /= reach;
+    by->jump /= reach;
+}
 
 /* At rest: no event, no motion and no peak yet. */
 static inline Watch watch(const Switching *by, double T_s)
 {
     const double over = by->hold + by->decay;
-    return (Watch){.window = (int)window(by, T_s), .dither_left = by->dither_time, .peak_left = by->peak_time,
-                   .since_event = over, .since_first = over, .since_sway = over,
+    return (Watch){.errors.window = (int)window_of(by->period, T_s), .dither_left = by->dither_time,
+                   .peak_left = by->peak_time, .since_event = over, .since_first = over, .since_sway = over,
                    .since_peak = by->peak_hold + by->peak_decay};
-}
-
-/* How strong something still is so long [s] after its cause: 1 for `hold`, then down to 0 within `decay`. */
-static inline double faded(double hold, double decay, double since) { return limited(1.0 - (since - hold) / decay, 0.0, 1.0); }
-
-/* Moves a first-order average to its next sample. */
-static inline void smooth(double *average, double value, double time, double T_s)
-{
-    *average += (value - *average) * (1.0 - elementary_exp(-T_s / time));
-}
-
-/* How far [m] the mean error of the last window, in which the dither cancels, is from its slow average. */
-static inline double motion(Watch *on, const Switching *by, const double error[2], double T_s)
-{
-    double *oldest = on->past[(int)fmod(on->sample, on->window)], moved[2];
-    for (int i = 0; i < 2; i++) {
-        on->sum[i] += error[i] - oldest[i];
-        oldest[i] = error[i];
-        moved[i] = on->sum[i] / on->window - on->slow[i];
-        smooth(&on->slow[i], on->sum[i] / on->window, by->average_time, T_s);
-    }
-    return elementary_hypot(moved[0], moved[1]);
 }
 
 /* How much of the third law acts, which a jump begins: its estimate is further than `jump` from its fast average, and than
@@ -84,7 +57,7 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
 /* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
 {
-    const double over = by->hold + by->decay, moved = motion(on, by, error, T_s);
+    const double over = by->hold + by->decay, moved = motion(&on->errors, error, by->average_time, T_s);
     const bool has_time = on->dither_left > 0.0, shaken = fmin(on->since_event, on->since_sway) < over;
     /* The dither's end moves the arm, and one that wakes itself again and again would be a limit cycle. */
     const double least = by->threshold * (has_time ? (shaken ? by->dithered : 1.0) : by->spent);
@@ -105,21 +78,6 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
     const double passed = limited(on->since_first / by->wait - 1.0, 0.0, 1.0);
     on->dither_left -= T_s * (dither > 0.0);
     return (Shares){dither, fmin(wanted, event) * passed, of_peak(on, by, peak, T_s)};
-}
-
-/* The square wave, 1 or -1, in this sample. */
-static inline double wave(Watch *on, const Switching *by, double T_s)
-{
-    const double period = by->period / T_s, phase = fmod(on->sample, period);
-    on->sample += 1.0;
-    return phase < 0.5 * period ? 1.0 : -1.0;
-}
-
-/* What `axis` is shaken with [N.m]: a loop gain up to the headroom leaves torque and dither together within the
- * drive's limit, which would make a net torque of the dither. */
-static inline double amplitude(const Switching *by, int axis, double u_m0, double limit)
-{
-    return fmin(by->amplitude[axis], fmax(limit - fabs(u_m0), 0.0) / by->headroom);
 }
 
 #endif

@@ -11,7 +11,7 @@ import numpy as np
 import build_fmus
 from controller_fmu import controller_from_mlp, controller_from_state_space
 
-LQGS = ("DitheredLQG_C", "RobustLQG", "RobustLinearLQG")
+LQGS = ("DitheredLQG_C", "RobustLQG", "RobustLinearLQG", "SteadyLQG")
 
 
 def _state_space(folder: Path) -> Path:

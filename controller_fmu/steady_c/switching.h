@@ -1,0 +1,74 @@
+/* The switching law of SteadyLQG: that of RobustLQG without a part that is limited in time. What stops dither and third law
+ * is how they are begun. */
+#ifndef SWITCHING_H
+#define SWITCHING_H
+
+#include "events.h"
+
+/* Parameters of the FMU, in the order of interface.py, where units are told. */
+typedef struct {
+    double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, dithered;
+    double wait, hold, decay;
+    double jump, jump_contrast, jump_time, peak_hold, peak_decay;
+} Switching;
+
+/* The errors; the slow average of the motion [m]; the level [m]; the fast average of the third estimate, and the slow
+ * average of its jumps [m]; times [s] since the last event, the first one of those that still act, and the last peak. */
+typedef struct {
+    Errors errors;
+    double unrest, level, fast[2], jumps, since_event, since_first, since_peak;
+} Watch;
+
+/* The thresholds of an arm with this reach, relative to the stretched one. */
+static inline void scale(Switching *by, double reach)
+{
+    by->threshold /= reach;
+    by->jump /= reach;
+}
+
+/* At rest: no event and no peak yet. */
+static inline Watch watch(const Switching *by, double T_s)
+{
+    const double over = by->hold + by->decay;
+    return (Watch){.errors.window = (int)window_of(by->period, T_s), .since_event = over, .since_first = over,
+                   .since_peak = by->peak_hold + by->peak_decay};
+}
+
+/* How much of the third law acts, which a jump begins, as in RobustLQG. A jump while it acts does not prolong it: with the
+ * delay of A2 it oscillates by itself, and would take that for further jumps. What oscillates on is no jump to it, since a
+ * jump must stand out from the average of the jumps. */
+static inline double of_peak(Watch *on, const Switching *by, const double error[2], double T_s)
+{
+    const double jump = elementary_hypot(error[0] - on->fast[0], error[1] - on->fast[1]);
+    const bool acts = on->since_peak < by->peak_hold + by->peak_decay;
+    const bool begins = jump > by->jump && jump > by->jump_contrast * on->jumps && !acts;
+    for (int i = 0; i < 2; i++)
+        smooth(&on->fast[i], error[i], by->jump_time, T_s);
+    smooth(&on->jumps, jump, by->average_time, T_s);
+    on->since_peak = begins ? 0.0 : on->since_peak + T_s;
+    return faded(by->peak_hold, by->peak_decay, on->since_peak);
+}
+
+/* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
+static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
+{
+    const double over = by->hold + by->decay, moved = motion(&on->errors, error, by->average_time, T_s);
+    /* The dither's end moves the arm, which must not wake it again. */
+    const double least = by->threshold * (on->since_event < over ? by->dithered : 1.0);
+    if (moved > least && moved > by->contrast * on->unrest) {
+        /* A further event does not bring back the first law: the damping one acts already. */
+        if (on->since_event >= over) on->since_first = 0.0;
+        on->since_event = 0.0;
+    } else
+        on->since_event += T_s;
+    on->since_first += T_s;
+    smooth(&on->unrest, moved, by->average_time, T_s);
+    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * elementary_exp(-T_s / by->memory));
+    const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
+    const double dither = fmin(wanted, faded(by->hold, by->decay, on->since_event));
+    /* The stiff feedback keeps the first peak lower; the damping one is for what comes after it. */
+    const double passed = limited(on->since_first / by->wait - 1.0, 0.0, 1.0);
+    return (Shares){dither, dither * passed, of_peak(on, by, peak, T_s)};
+}
+
+#endif
