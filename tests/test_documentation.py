@@ -153,11 +153,14 @@ def test_the_readme_is_short_and_has_the_two_commands():
     assert (ROOT / "docs" / "pictures" / "disturbance.gif").stat().st_size < 1.5e6
 
 
-def test_the_example_of_a_protocol_file_has_the_two_configurations_that_the_page_says(tmp_path: Path) -> None:
-    (example,) = re.findall(r"^```toml\n(.*?)^```", text("docs/protocol.md"), re.DOTALL | re.MULTILINE)
-    (tmp_path / "mine.toml").write_text(example)
-    protocol = load(tmp_path / "mine.toml")
-    assert protocol.grid.size == 2 and protocol.disturbance.force == 800.0
+def test_the_examples_of_protocol_files_are_what_the_page_says(tmp_path: Path) -> None:
+    examples = re.findall(r"^```toml\n(.*?)^```", text("docs/protocol.md"), re.DOTALL | re.MULTILINE)
+    for number, example in enumerate(examples):
+        (tmp_path / f"{number}.toml").write_text(example)
+    own, same_force = (load(tmp_path / f"{number}.toml") for number in range(2))
+    assert own.grid.size == 2 and own.disturbance.force == 800.0
+    (test,) = same_force.tests
+    assert (test.again.number, test.again.turn_deg) == (30, 0.0) and same_force.grid.size == 4
 
 
 def test_commands_are_listed_on_their_page_and_in_the_readme() -> None:
