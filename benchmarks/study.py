@@ -5,9 +5,9 @@
                                                    feedback (30 minutes on two cores)
     python benchmarks/study.py RobustLQG           one controller; the figures of the others stay
     python benchmarks/study.py --corners           only the draws from the corners
-    python benchmarks/study.py --probability       as many draws of RobustLQG from the box as bound a probability of
-                                                   failure of 0.1 % (20 minutes), and 12,000 corners for A2
-                                                   (half an hour)
+    python benchmarks/study.py SteadyLQG --probability
+                                                   as many draws of it from the box as bound a probability of failure
+                                                   of 0.1 % (20 minutes), and 12,000 corners for A2 (half an hour)
     python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
 
 A draw is one arm, pose, direction of the force, sweep and noise, simulated in every test of the protocol
@@ -20,7 +20,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,16 @@ SEED = 20261125
 DRAWS, PROBABILITY, CONFIDENCE = 300, 0.001, 0.99
 
 MANY_CORNERS, RARE = 12_000, "A2"
-"""Draws from the corners, and the requirement of :data:`RATIONED` that others found to fail in 3 of 12,032 of them."""
+"""Draws from the corners, and the requirement of RobustLQG that others found to fail in 3 of 12,032 of them."""
 
 MISSING = "—"
 """What stands in a table for a figure that was not measured."""
 
 RATIONED, UNLIMITED = "RobustLQG", {"peak_time": 1e6, "dither_time": 1e6}
 """The controller whose time is limited, and parameters [s] that do not limit it."""
+
+TOLD = (RATIONED, "SteadyLQG")
+"""The controllers that the page tells of: what was refuted, and what came after it."""
 
 CRITERIA = {"B5": 1e3, "B6": 1.0, "B7": 1e3}
 """The heaviest criteria, shown in mm, s and mm."""
@@ -69,7 +72,8 @@ def drawn(name: str, draws: int, distribution: Distribution = "box", only: Seque
     found = Benchmark(seed=SEED).reliability(
         searched_as(name), draws=draws, distribution=distribution, only=only, confidence=CONFIDENCE, folder=folder
     )
-    return {"draws": draws, "guid": built(name).archive.description.guid, **_kept(found)}
+    head = {"benchmark": found.benchmark, "draws": draws, "guid": built(name).archive.description.guid}
+    return {**head, **_kept(found)}
 
 
 def _kept(found: Reliability) -> dict[str, Any]:
@@ -107,8 +111,9 @@ def table(kept: Figures) -> str:
         "| B5 mm | B6 s | B7 mm | V, corners |\n"
     )
     rows = [(name, kept["draws"][name], kept["corners"].get(name)) for name in ordered()]
+    more = [(larger(kept, name), own, kept["many_corners"].get(name)) for name, own in kept["many"].items()]
     lines = []
-    for name, own, corners in (*rows, (f"{RATIONED}, more draws", kept["many"], kept["many_corners"])):
+    for name, own, corners in (*rows, *more):
         medians = (f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
         worst = f"{max(corners['V']):.1f}" if corners and "V" in corners else MISSING
         cells = (name, *_failing(own), *_failing(corners), f"{own['median']['V']:.1f}", f"{max(own['V']):.1f}")
@@ -126,52 +131,66 @@ def _failing(own: Figures | None) -> tuple[str, str, str]:
     return str(own["draws"]), " ".join(failures), f"{100 * bound:.2g} %"
 
 
-def tail_table(kept: Figures) -> str:
-    """What is estimated beyond the largest draw of the larger sample, and what is known of V."""
-    own, target = kept["many"], 100.0
-    found = tail(own["V"], target, PROBABILITY, CONFIDENCE)
-    assert found is not None and found.level is not None and found.exceedance is not None
-    (worst,) = (each for each in leaderboard() if name_of(each) == RATIONED)
-    level = found.level
-    cells = (
-        f"{own['draws']} draws of `{RATIONED}`",
-        f"{max(own['V']):.1f}",
-        str(found.peaks),
-        f"{found.threshold:.1f}",
-        f"{level.estimate:.1f} ({level.low:.1f} to {level.high:.1f})",
-        f"{found.exceedance.high:.1g}",
-        f"{worst['robustness']['cost']:.1f}",
+def larger(kept: Figures, name: str) -> str:
+    """What the larger sample of a controller is called; with its version of the benchmark, if the other figures are of
+    another."""
+    version = kept["many"][name]["benchmark"]
+    return f"{name}, more draws" + (
+        "" if version == kept["draws"][name]["benchmark"] else f", {version.rpartition('-')[2]}"
     )
+
+
+def tail_table(kept: Figures) -> str:
+    """What is estimated beyond the largest draw of the larger samples, and what is known of V."""
+    target = 100.0
+    known = {name_of(each): each["robustness"]["cost"] for each in leaderboard()}
     head = (
-        f"| V | largest draw | peaks | threshold | {100.0 * PROBABILITY:g} % of the draws exceed "
+        f"| V of draws | draws | largest | peaks | threshold | {100.0 * PROBABILITY:g} % of the draws exceed "
         f"| P(V > {target:g}), at most | largest known |\n"
     )
-    return head + 7 * "|---" + f"|\n| {' | '.join(cells)} |\n"
+    lines = []
+    for name, own in kept["many"].items():
+        found = tail(own["V"], target, PROBABILITY, CONFIDENCE)
+        assert found is not None and found.level is not None and found.exceedance is not None
+        level = found.level
+        cells = (
+            larger(kept, name),
+            own["draws"],
+            f"{max(own['V']):.1f}",
+            found.peaks,
+            f"{found.threshold:.1f}",
+            f"{level.estimate:.1f} ({level.low:.1f} to {level.high:.1f})",
+            f"{found.exceedance.high:.1g}",
+            f"{known[name]:.1f}",
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |\n")
+    return head + 8 * "|---" + "|\n" + "".join(lines)
 
 
 def found_table() -> str:
-    """What :data:`RATIONED` has on ``paper``, on ``strict``, in the own search, and what is reported beyond that."""
-    (own,) = (each for each in searched() if name_of(each) == RATIONED)
-    (worst,) = best_known([own])
-    found, strict, reported = own["robustness"], own["strict"], counting(own, claims())["V"]
-    means = {key: {"value": value, "unit": found["criteria"][key]["unit"]} for key, value in reported.means.items()}
-    rows = (
-        ("sample of the protocol `paper`", own["cost"], own["criteria"], own["stability"]),
-        ("list `strict`", strict["cost"], strict["criteria"], strict["stability"]),
-        (
-            f"own search, {found['simulations']:,} simulations",
-            found["cost"],
-            found["criteria"],
-            found["requirements"],
-        ),
-        (f"reported by {reported.by}", worst["robustness"]["cost"], means, worst["robustness"]["requirements"]),
-    )
-    head = f"| `{RATIONED}` | V | A1 A2 A3 | B5 mm | B6 s | B7 mm |\n" + 6 * "|---" + "|\n"
+    """What the controllers of :data:`TOLD` have on ``paper``, on ``strict``, in the own search, and what is reported
+    beyond that."""
+    head = "| controller | cases | V | A1 A2 A3 | B5 mm | B6 s | B7 mm |\n" + 7 * "|---" + "|\n"
+    figures = {name_of(each): each for each in searched()}
     return head + "".join(
-        f"| {words} | {cost:.1f} | {verdicts(requirements)} "
-        f"| {' | '.join(shown(criteria[key]) for key in CRITERIA)} |\n"
-        for words, cost, criteria, requirements in rows
+        f"| `{name}` | {words} | {cost:.1f} | {verdicts(requirements)} "
+        f"| {' | '.join(shown(criteria[key]) if key in criteria else MISSING for key in CRITERIA)} |\n"
+        for name in TOLD
+        for words, cost, criteria, requirements in _found_rows(figures[name])
     )
+
+
+def _found_rows(own: Figures) -> Iterator[tuple[str, float, Figures, Figures]]:
+    """Where from, V, criteria and requirements."""
+    (worst,) = best_known([own])
+    found, strict = own["robustness"], own["strict"]
+    yield "sample of the protocol `paper`", own["cost"], own["criteria"], own["stability"]
+    yield "list `strict`", strict["cost"], strict["criteria"], strict["stability"]
+    yield f"own search, {found['simulations']:,} simulations", found["cost"], found["criteria"], found["requirements"]
+    reported = counting(own, claims()).get("V")
+    if reported is not None:
+        means = {key: {"value": value, "unit": found["criteria"][key]["unit"]} for key, value in reported.means.items()}
+        yield f"reported by {reported.by}", worst["robustness"]["cost"], means, worst["robustness"]["requirements"]
 
 
 def page(text: str, kept: Figures) -> str:
@@ -200,7 +219,7 @@ def searched() -> list[dict[str, Any]]:
 
 def sample(kept: Figures, name: str) -> Mapping[str, Any]:
     """The largest sample of a controller."""
-    largest: Mapping[str, Any] = kept["many"] if name == RATIONED else kept["draws"][name]
+    largest: Mapping[str, Any] = kept["many"].get(name, kept["draws"][name])
     return largest
 
 
@@ -254,15 +273,17 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"controllers: {', '.join(PAGES)}")
     parser.add_argument("--draws", type=int, default=DRAWS, help=f"of each controller (default: {DRAWS})")
     parser.add_argument("--corners", action="store_true", help="only the draws from the corners")
-    parser.add_argument("--probability", action="store_true", help="the larger samples of RobustLQG alone")
+    parser.add_argument("--probability", action="store_true", help=f"only the larger samples (default: {TOLD[-1]})")
     parser.add_argument("--table", action="store_true", help="only from the figures that are kept")
     options = parser.parse_args()
     os.chdir(ROOT)
     kept = json.loads(DATA.read_text(encoding="utf-8"))
     if options.probability:
-        if not options.corners:
-            kept["many"] = drawn(RATIONED, draws_needed(PROBABILITY, CONFIDENCE))
-        kept["many_corners"] = drawn(RATIONED, MANY_CORNERS, "corners", (RARE,))
+        for name in options.names or TOLD[-1:]:
+            if not options.corners:
+                kept["many"][name] = drawn(name, draws_needed(PROBABILITY, CONFIDENCE))
+                _keep(kept)
+            kept["many_corners"][name] = drawn(name, MANY_CORNERS, "corners", (RARE,))
     elif not options.table:
         for name in options.names or PAGES:
             if not options.corners:

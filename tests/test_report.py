@@ -123,7 +123,7 @@ def test_every_case_in_sight_comes_with_the_command_that_repeats_it():
 
 REMARKS = {
     "Incomplete": {"complete": False},
-    "V depends on the seed": {"protocol": "quick"},
+    "its result depends on the seed": {"protocol": "quick"},
     "1 ms": {"sample_time": SampleTimeRecord(1e-3, False)},
     "m[1] = 60": {"plant": {"parameters": {"m[1]": 60.0}}},
 }

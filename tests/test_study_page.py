@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from benchmarks import study
 from benchmarks.claims import name_of
 from benchmarks.leaderboard_tables import PAGES, standing
@@ -26,12 +28,24 @@ def test_the_samples_are_of_the_controllers_on_the_leaderboard():
     assert {name: own["guid"] for name, own in KEPT["corners"].items()}.items() <= guids.items()
 
 
+def test_the_samples_are_of_this_version_of_the_benchmark():
+    versions = {name_of(each): each["benchmark"] for each in study.leaderboard()}
+    for sample in ("draws", "corners"):
+        assert {name: own["benchmark"] for name, own in KEPT[sample].items()} == versions
+
+
 def test_what_was_not_measured_is_shown_as_missing():
     (row,) = (line for line in study.table({**KEPT, "corners": {}}).splitlines() if line.startswith("| TunedPID"))
     assert row.count(f" {study.MISSING} ") == 4
     part = {"draws": 12_000, "requirements": {"A2": {"failures": 3, "bound": 0.00085}}}
-    last = study.table({**KEPT, "many_corners": part}).splitlines()[-1]
+    last = study.table({**KEPT, "many_corners": dict.fromkeys(KEPT["many"], part)}).splitlines()[-1]
     assert "| 12000 | — 3 — | 0.085 % |" in last and last.endswith("| — |")
+
+
+def test_a_larger_sample_of_another_version_of_the_benchmark_says_so():
+    own = KEPT["many"]["RobustLQG"]
+    older = {**KEPT, "many": {"RobustLQG": {**own, "benchmark": "FlexibleManipulator-v3"}}}
+    assert study.larger(older, "RobustLQG") == "RobustLQG, more draws, v3" and ", v3 |" in study.tail_table(older)
 
 
 def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
@@ -42,9 +56,10 @@ def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
         assert len(group) > 1 and group == sorted(group)
 
 
-def test_no_draw_of_the_larger_sample_fails_and_it_bounds_the_probability_that_the_study_states():
-    """0.1 % at 99 % confidence; else ``python benchmarks/study.py --probability`` measures it anew."""
-    many = KEPT["many"]
-    assert many["guid"] == KEPT["draws"][study.RATIONED]["guid"] and len(many["V"]) == many["draws"]
+@pytest.mark.parametrize("name", KEPT["many"])
+def test_no_draw_of_a_larger_sample_fails_and_it_bounds_the_probability_that_the_study_states(name):
+    """0.1 % at 99 % confidence; else ``python benchmarks/study.py NAME --probability`` measures it anew."""
+    many = KEPT["many"][name]
+    assert many["guid"] == KEPT["draws"][name]["guid"] and len(many["V"]) == many["draws"]
     assert [entry["failures"] for entry in many["requirements"].values()] == [0, 0, 0]
     assert max(entry["bound"] for entry in many["requirements"].values()) <= study.PROBABILITY

@@ -220,6 +220,12 @@ def test_what_the_fmu_refuses_costs_a_trial(short):
     assert len(found.trials) == 4
 
 
+def test_a_protocol_that_has_no_v_is_refused(quick_pid_file):
+    given = {"K_d[2]": (10.0, 60.0)}
+    found = refusal(lambda: Benchmark().tune(Controller(quick_pid_file), given, trials=4, objective="repeated"))
+    assert found.what == "no-criteria" and "does not measure B1, B2" in str(found)
+
+
 def test_a_sweep_tries_every_combination(short, quick_pid_file, tmp_path):
     goal, objective = short
     controller, told = Controller(quick_pid_file), []

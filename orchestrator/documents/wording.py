@@ -32,7 +32,7 @@ REQUIREMENTS = {
 MOST_NAMED = 5
 """Largest number of inputs that a remark names."""
 
-SEED_MATTERS = "V depends on the seed"
+SEED_MATTERS = "its result depends on the seed"
 """What is said of protocols with few cases."""
 
 SHOWN_FAILURES = 3

@@ -89,10 +89,10 @@ class TuningStudy(Study[Tuning]):
         controller, pairing, T_s, cases = short.prepared(controller)
         vary = ranges(self.vary)
         start = values_of(controller, vary)
-        if not any(case.test.criteria for case in cases):
-            raise InputError(
-                f"The protocol {self.objective} has no test that V is measured in.", "no-criteria", self.objective
-            )
+        measured = {name for case in cases for name in case.test.criteria}
+        if absent := [name for name in short.rules.criteria if name not in measured]:
+            message = f"The protocol {self.objective} does not measure {', '.join(absent)}, so that it has no V to tune by."
+            raise InputError(message, "no-criteria", self.objective)
         list_of = replace(testbed, protocol=self.strict)
         if self.robust:
             sought(list_of.rules, list_of.prepared(controller)[3], self.robust, ())
