@@ -12,7 +12,7 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from support.pid_fmus import built
 from support.refusals import refusal
-from support.tools import require
+from support.tools import in_c, require_for
 
 import build_fmus
 from controller_fmu import errors
@@ -34,14 +34,9 @@ class Probe(Fmi2Slave):
 """
 
 
-def in_c(name):
-    return "_C" in name or "Native" in name or name.startswith(("Imperfections", "Robust", "Steady"))
-
-
 @pytest.mark.parametrize("name", build_fmus.NAMES + build_fmus.PLANT_VARIANTS + build_fmus.VARIANTS)
 def test_fmus_are_valid_say_whose_and_what_they_are_and_come_out_the_same(name, fmu_folder, tmp_path):
-    if in_c(name):
-        require("compiler")
+    require_for(name)
     fmu = built(name, fmu_folder)
     assert validate_fmu(str(fmu)) == []
     assert build_fmus.build(name, tmp_path).read_bytes() == fmu.read_bytes()

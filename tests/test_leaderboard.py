@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.pid_fmus import built
-from support.tools import require
+from support.tools import require_for
 
 import build_fmus
 from benchmarks import leaderboard
@@ -144,8 +144,7 @@ def test_a_leaderboard_can_be_read():
 def test_the_figures_were_measured_with_the_fmus_there_are(figures, plant_file, fmu_folder):
     """The GUID is a hash of an FMU's contents, sources in the place of binaries."""
     name = name_of(figures)
-    if name.startswith("Robust"):
-        require("compiler")
+    require_for(name)
     description = read_description(built(name, fmu_folder))
     assert description.guid == figures["guid"], "run benchmarks/leaderboard.py"
     assert hashlib.sha256(plant_file.read_bytes()).hexdigest() == figures["plant"], "run benchmarks/leaderboard.py"

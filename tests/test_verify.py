@@ -25,7 +25,7 @@ from hostile.runs import copied_packages
 from msgspec import structs
 from support.refusals import refusal
 from support.reports import unbroken
-from support.tools import PRESENT, require
+from support.tools import PRESENT, require, require_for
 
 from benchmarks import leaderboard_tables as tables
 from benchmarks import submissions as submitting
@@ -244,8 +244,7 @@ def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, fau
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tables.PAGES)
 def test_honest_controllers_score_the_same_to_the_last_bit(name, bench):
-    if name.startswith("Robust"):
-        require("compiler")
+    require_for(name)
     controller = Controller.built_in(name)
     found = verified(bench, controller)
     ordinary = replace(bench, seed=found.draws[0].seed).evaluate(controller, recordings=False)

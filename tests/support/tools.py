@@ -137,6 +137,17 @@ def require(*names: str) -> None:
             pytest.skip(TOOLS[name].reason, allow_module_level=True)
 
 
+def in_c(name: str) -> bool:
+    """Whether the project's FMU ``name`` is in C."""
+    return "_C" in name or "Native" in name or name.startswith(("Imperfections", "Robust", "Steady"))
+
+
+def require_for(name: str) -> None:
+    """Skip the test unless this machine can build the project's FMU ``name``: one in C takes a compiler."""
+    if in_c(name):
+        require("compiler")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker."""
     config.addinivalue_line("markers", "needs(*tools): is skipped where a tool of tests/support/tools.py is missing")
