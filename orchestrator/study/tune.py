@@ -91,7 +91,7 @@ class TuningStudy(Study[Tuning]):
         start = values_of(controller, vary)
         measured = {name for case in cases for name in case.test.criteria}
         if absent := [name for name in short.rules.criteria if name not in measured]:
-            message = f"The protocol {self.objective} does not measure {', '.join(absent)}, so that it has no V to tune by."
+            message = f"The protocol {self.objective} does not measure {', '.join(absent)}: it has no V to tune by."
             raise InputError(message, "no-criteria", self.objective)
         list_of = replace(testbed, protocol=self.strict)
         if self.robust:
