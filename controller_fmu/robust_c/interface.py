@@ -43,6 +43,18 @@ class Switching(NamedTuple):
     peak_regain: Annotated[float, "1", "Part of the time that is given back to it", 0.0]
 
 
+class Slow(NamedTuple):
+    """What acts while the LQGs would stay in the drive's limits."""
+
+    overload: Annotated[float, "1", "Share of the samples at a limit above which the slow feedback acts", POSITIVE]
+    overload_time: Annotated[float, "s", "Time constant of the average of that share", POSITIVE]
+    recovered: Annotated[float, "1", "Share of the samples below which the LQGs act again", 0.0]
+    slow_stiffness: Annotated[Pair, "N.m/rad", "Stiffness of the slow feedback of the motor angles", 0.0]
+    slow_damping: Annotated[Pair, "N.m.s/rad", "Damping of the slow feedback", 0.0]
+    slow_share: Annotated[float, "1", "Largest share of the limit that its stiffness asks for", 0.0]
+    velocity_time: Annotated[float, "s", "Time constant of its velocity", POSITIVE]
+
+
 def weights_for(prefix: str, when: str) -> tuple[Variable, ...]:
     """The weights of a further design, which acts ``when`` something happened."""
     return tuple(
@@ -59,5 +71,6 @@ ROWS = (
     *weights_for("event_", "After an event"),
     *weights_for("peak_", "In a first peak"),
     *parameters(Switching),
+    *parameters(Slow),
 )
 """The variables in the order of their value references."""

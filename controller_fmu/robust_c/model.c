@@ -1,5 +1,5 @@
-/* Three LQGs, a stiff one at rest, a damping one with a dither after an event and a strong one for first peaks, as a model
- * for the FMI glue. */
+/* Three LQGs, a stiff one at rest, a damping one with a dither after an event and a strong one for first peaks, and a slow
+ * feedback in the drive's limits, as a model for the FMI glue. */
 #include "model.h"
 
 #include <math.h>
@@ -7,6 +7,7 @@
 
 #include "checks.h"
 #include "design.h"
+#include "overload.h"
 #include "switching.h"
 
 enum { AT_REST, AFTER_EVENT, IN_PEAK, LAWS };
@@ -18,6 +19,8 @@ typedef struct {
     double vectors[LAWS][LAW]; /* of each law: z, u, e */
     Switching switching;
     Watch watch;
+    Slow slow;
+    Overload overload;
     double T_s, u_0[AXES], amplitude[AXES];
 } RobustLqg;
 
@@ -31,7 +34,8 @@ ASSERT_LAYOUT(peak_weights_are_side_by_side,
               offsetof(Variables, peak_effort) + sizeof START[0] * AXES - offsetof(Variables, peak_stiffness) ==
                   sizeof(Weights));
 ASSERT_LAYOUT(switching_is_side_by_side,
-              sizeof(Variables) - offsetof(Variables, amplitude) == sizeof(Switching));
+              offsetof(Variables, overload) - offsetof(Variables, amplitude) == sizeof(Switching));
+ASSERT_LAYOUT(overload_is_side_by_side, sizeof(Variables) - offsetof(Variables, overload) == sizeof(Slow));
 
 /* Distance of the TCP from the first axis, relative to that of the stretched arm; lengths [m] as in Table 1. */
 static double reach(const double q_m_ref[AXES])
@@ -54,6 +58,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
         of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
     if (!check_ranges(of, message)) return false;
     memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
+    memcpy(&lqg->slow, &of->overload, sizeof lqg->slow);
     if (window_of(of->period, lqg->T_s) < 1.0 || window_of(of->period, lqg->T_s) > WINDOW) {
         snprintf(message, MODEL_MESSAGE_SIZE, "parameter period = %g s: it must have 1 to %d samples", of->period, WINDOW / 2);
         return false;
@@ -85,10 +90,16 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
     const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
     const double shake = share.dither * square(&lqg->watch.errors, of->period, lqg->T_s);
+    double wanted[AXES], slow[AXES];
     for (int i = 0; i < AXES; i++) {
         const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
         const double feedback = (1.0 - share.peak) * later + share.peak * next[IN_PEAK][U + i];
-        of->u_m[i] = limited(lqg->u_0[i] + feedback + lqg->amplitude[i] * shake, -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
+        wanted[i] = lqg->u_0[i] + feedback + lqg->amplitude[i] * shake;
+    }
+    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted, lqg->T_s);
+    feed_back_slowly(&lqg->overload, &lqg->slow, lqg->vectors[AT_REST] + E, lqg->T_s, slow);
+    for (int i = 0; i < AXES; i++) {
+        of->u_m[i] = limited(slowly ? lqg->u_0[i] + slow[i] : wanted[i], -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
         for (int law = 0; law < LAWS; law++)
             next[law][U + i] = of->u_m[i] - lqg->u_0[i]; /* all filters know the torque that acts */
     }

@@ -1,0 +1,46 @@
+/* What acts while the LQGs would stay in the drive's limits.
+ *
+ * With more gain or delay, and both motors at their limits nearly all the time, LQG, drive and arm have a second attractor: a
+ * cycle of some 14 Hz and several centimetres, from which no LQG returns, since its filter does not explain it. A slow feedback
+ * of motor angle and velocity takes energy out of any motion, at any loop gain that A1 knows, in the limits, too. It acts until
+ * the LQGs, whose filters go on with the torque that acts, would no longer be at the limits. */
+#ifndef OVERLOAD_H
+#define OVERLOAD_H
+
+#include <stdbool.h>
+
+#include "events.h"
+
+/* Parameters of the FMU, in the order of interface.py, where units are told. */
+typedef struct {
+    double overload, time, recovered, stiffness[2], damping[2], share, velocity_time;
+} Slow;
+
+/* The average share of the samples in which each axis is asked for its limit; the average angles [rad]; whether the slow
+ * feedback acts. */
+typedef struct {
+    double at_limit[2], angle[2];
+    bool acts;
+} Overload;
+
+/* Whether the slow feedback acts in this sample, in which these torques [N.m] are wanted. */
+static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2], double T_s)
+{
+    for (int i = 0; i < 2; i++)
+        smooth(&on->at_limit[i], fabs(wanted[i]) >= TORQUE_LIMIT[i] ? 1.0 : 0.0, by->time, T_s);
+    on->acts = fmax(on->at_limit[0], on->at_limit[1]) > (on->acts ? by->recovered : by->overload);
+    return on->acts;
+}
+
+/* Its torques [N.m], for motor angles [rad] from where they should be. The stiffness asks for a share of the limit at the most:
+ * it may not use up what the damping needs. */
+static inline void feed_back_slowly(Overload *on, const Slow *by, const double e[2], double T_s, double u[2])
+{
+    for (int i = 0; i < 2; i++) {
+        const double velocity = (e[i] - on->angle[i]) / by->velocity_time, most = by->share * TORQUE_LIMIT[i];
+        smooth(&on->angle[i], e[i], by->velocity_time, T_s);
+        u[i] = -limited(by->stiffness[i] * e[i], -most, most) - by->damping[i] * velocity;
+    }
+}
+
+#endif
