@@ -66,7 +66,7 @@ def of_quick(page: Page) -> float:
 def opened(driver: Any, file: Path) -> Page:
     """The page in Chromium, ready."""
     program = next(found for found in map(shutil.which, BROWSERS) if found)
-    size = {"width": 1200, "height": 1180}
+    size = {"width": 1200, "height": 1340}
     page: Page = driver.chromium.launch(executable_path=program, args=["--no-sandbox"]).new_page(viewport=size)
     page.goto(file.as_uri())
     finish(page)

@@ -76,5 +76,8 @@ def unknown(message: str, what: str, where: str, name: str, names: Iterable[str]
     """An error about ``name``, with the up to four ``names`` that look most like it, else the first eight."""
     pool = list(names)
     # A low bound for likeness: exporters' names share little with a connector's, and a bad hint costs nothing.
-    nearest = difflib.get_close_matches(name, pool, 4, 0.3) or pool[:8]
+    nearest = difflib.get_close_matches(name, pool, 4, 0.3)
+    # Among equals in the order of the pool: the variable of axis 1 before that of axis 2.
+    likeness = {other: difflib.SequenceMatcher(None, other, name).ratio() for other in nearest}
+    nearest = sorted(nearest, key=lambda other: (-likeness[other], pool.index(other))) or pool[:8]
     return InputError(f"{message} Nearest: {', '.join(nearest) or 'none'}.", what, where, name, nearest)

@@ -324,6 +324,14 @@ def test_compare_skips_what_is_unfinished(folder: Path, tmp_path: Path) -> None:
     assert call("compare", "unfinished", folder=tmp_path).code == 2
 
 
+def test_compare_says_of_a_simulation_what_it_is(folder: Path, tmp_path: Path) -> None:
+    """A pattern such as runs/Mine-quick* names it, too."""
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "simulation.html").touch()
+    finished = call("compare", folder, "case", folder=tmp_path)
+    assert finished.code == 0 and "left out: case holds the simulation of one case, which has no V." in finished.err
+
+
 def test_from_a_starter_kit_to_a_checked_controller(tmp_path: Path) -> None:
     assert call("new", "python", "my_arm", folder=tmp_path).code == 0
     built = call("build", "my_arm", folder=tmp_path)

@@ -35,6 +35,11 @@ def refused(shown, mapping=None):
     return error.what, error.value, error.nearest
 
 
+def test_the_nearest_names_are_in_the_order_of_the_fmu():
+    shown = description([*both("q_m[{}]"), *pair(("tau_A", "tau_B"), "output")])
+    assert refused(shown) == ("connector-missing", "u_m", ("tau_A", "tau_B"))
+
+
 def test_exact_scalars():
     further = [*both("q_m_ref[{}]"), *both("u_m0[{}]", "parameter"), *both("q_a_ref[{}]")]
     found = bind_controller(usual(*further), WHAT)

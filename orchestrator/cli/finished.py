@@ -14,7 +14,7 @@ from ..documents import compare_page, comparison
 from ..documents.comparability import Entry
 from ..documents.document import Displayable
 from ..documents.evaluation import Evaluation
-from ..documents.files import FIGURES, REPORT, RESULTS, prepare_folder
+from ..documents.files import FIGURES, REPORT, RESULTS, SIMULATION, prepare_folder
 from ..documents.recording import EXAMPLE, Recording, record
 from ..documents.reliability import Reliability
 from ..documents.robustness import Robustness
@@ -45,6 +45,13 @@ def kinds_in(path: Path) -> list[type[Loaded]]:
     return [kind for name, kind in KINDS.items() if path.name == name or (path / name).is_file()]
 
 
+def _nothing_in(path: Path) -> str:
+    """What a folder holds in place of results."""
+    if (path / SIMULATION).is_file():
+        return f"{path} holds the simulation of one case, which has no V."
+    return f"{path} holds no results of a known kind: {', '.join(KINDS)}."
+
+
 def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
     """The finished results of every kind in these folders or files.
 
@@ -57,8 +64,7 @@ def finished(paths: Sequence[Path]) -> list[tuple[Loaded, Path]]:
         try:
             kinds = kinds_in(path)
             if not kinds and path.is_dir():
-                names = ", ".join(KINDS)
-                raise InputError(f"{path} holds no results of a known kind: {names}.", "no-run", path)
+                raise InputError(_nothing_in(path), "no-run", path)
             loaded += [(kind.load(path), path) for kind in kinds or (Evaluation,)]
         except InputError as problem:
             last = problem

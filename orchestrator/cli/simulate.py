@@ -16,7 +16,7 @@ from ..api.simulation import Simulation, beside, overlay
 from ..benchmark.case import Case
 from ..benchmark.variation import MAX_BITS, MAX_DURATION, Variation
 from ..documents import case_file, simulations
-from ..documents.files import prepare_folder, write_bytes, write_text
+from ..documents.files import SIMULATION, prepare_folder, write_bytes, write_text
 from ..documents.results import Results
 from ..errors import InputError
 from ..fmi.library import WINE
@@ -47,8 +47,6 @@ that begins with a dash needs an equals sign: --with=--ideal.
 
 The direction of the force is an angle in the x,z plane, from the x axis towards the z axis.
 """
-
-PAGE = "simulation.html"
 
 CONFIGURATION, SYSTEM, TEST = (18.0, -50.0), "nominal", "disturbance"
 """Which case is simulated if no option says so; angles in degrees."""
@@ -83,10 +81,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_folder(folder)
     command = f"{_parser().prog} {shlex.join(words)}".strip()
     written = [name for numbered in enumerate(simulations.values()) for name in _write(bench, *numbered, folder, given)]
-    write_text(folder / PAGE, page_html(overlay(simulations, dict.fromkeys(simulations, command))))
+    write_text(folder / SIMULATION, page_html(overlay(simulations, dict.fromkeys(simulations, command))))
     results = [simulation.result for simulation in simulations.values()]
     output.put(beside(simulations), given, results if others else results[0])
-    output.tell_written(folder, [*written, PAGE])
+    output.tell_written(folder, [*written, SIMULATION])
     fine = all(simulation.ending.status in (Status.DONE, Status.UNSTABLE) for simulation in simulations.values())
     return EXIT_OK if fine else EXIT_INCOMPLETE
 

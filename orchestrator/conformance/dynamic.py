@@ -96,7 +96,8 @@ def timing(
     if np.all(np.abs(difference) < np.array(torque_step)):
         yield Finding(Severity.OK, "initial output", "u_m0 at rest" if not np.any(difference) else off)
     else:
-        remedy = "Start the integrators with the input or parameter u_m0; otherwise every run begins with a jump."
+        remedy = "Start the integrators with the input or parameter u_m0, which is mapped if it has another name; "
+        remedy += "otherwise every run begins with a jump."
         text = f"{off}, more than a step of the torque's quantization"
         yield Finding(Severity.WARNING, "initial output", text, remedy)
 

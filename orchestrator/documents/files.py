@@ -37,6 +37,9 @@ RESULTS, CASES, TRAJECTORIES = "results.json", "cases.csv", "trajectories.npz"
 REPORT, PARQUET, MAT, FIGURES = "report.html", "cases.parquet", "trajectories.mat", "figures"
 """What is derived from these; FIGURES is a folder."""
 
+SIMULATION = "simulation.html"
+"""The page of simulations of single cases."""
+
 PAGE = b'<a class="skip" href="#content">'
 """What all pages have that this package writes, and others have not."""
 

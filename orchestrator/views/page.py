@@ -85,7 +85,7 @@ def playground_html(data: Mapping[str, Any], plots: Sequence[Plot]) -> str:
     return _filled(
         "playground.html",
         title="Playground of the flexible manipulator",
-        kicker="The benchmark in the browser, with the same bits",
+        kicker="The benchmark in the browser, with the numbers of the command line",
         plots=plots,
         protocols=list(data["protocols"]),
         style=Markup(template_text("style.css")),

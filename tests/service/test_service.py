@@ -351,6 +351,22 @@ def test_a_refused_run_is_bound_in_the_form_and_goes_on(me):
     assert me.get(f"/runs/{id}/binding.toml").text == run["binding"]
 
 
+def test_while_a_run_is_checked_the_findings_of_an_earlier_check_are_not_shown(me):
+    """They said "choose its variables in the form below" of a run whose variables had just been chosen."""
+    id = me.submit(fmu(checking={"files": UNBOUND["files"], "wait": 3}))["id"]
+    under_way(me, id)
+    assert "a finding" not in me.get(f"/runs/{id}").text
+    me.until(id, "finished")
+    assert "a finding" in me.get(f"/runs/{id}").text
+
+
+def test_the_form_says_that_one_of_two_connectors_is_needed(me):
+    id = me.submit(fmu(checking=UNBOUND))["id"]
+    me.until(id, "refused")
+    page = me.get(f"/runs/{id}").text
+    assert "angles [rad], or e<" in page and "torques [N.m]<" in page
+
+
 def test_another_binding_of_a_finished_run_is_another_run(me):
     id = me.submit(fmu(checking={"files": UNBOUND["files"]}))["id"]
     me.until(id)

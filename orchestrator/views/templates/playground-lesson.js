@@ -15,7 +15,7 @@ const ROBUST = { chosen: law("RobustLQG"), beside: law("DiagonalPID_C") };
 const LESSON = [
   {
     title: "What friction does",
-    text: "Both views are the same arm with the paper's PID, but for the Coulomb friction f_c of the motors: at the lower end of its tolerance, and at the upper end.",
+    text: "Both views are the same arm with the paper's PID, but for the Coulomb friction f_c of the motors: at the lower end of its tolerance, and at the upper end. B6 is the time that the tool takes after the force, B7 its error while the motor torques ripple.",
     views: [["The least friction", { ...FRICTION, arm: { "f_c[1]": 0.3, "f_c[2]": 0.2 } }], ["The most friction", { ...FRICTION, arm: { "f_c[1]": 2.7, "f_c[2]": 1.8 } }]],
     look: ["B6", "B7"],
     question: "Is more friction good or bad for the tool?",

@@ -235,7 +235,7 @@ function showFigures(answers) {
     const values = outcomes.map(({ figures: { [name]: value } }) => (value === undefined ? cell("-") : cell(`${figures(factor * value)} ${unit}`, value <= spec.target ? "good" : "bad")));
     return element("tr", {}, element("th", { scope: "row" }, `${name} ${spec.title}`), ...values, cell(`${figures(factor * spec.target)} ${unit}`));
   });
-  const shown = answers.map(({ motors }) => cell(motors ? lengthWords(shownByMotors(motors)) : "-"));
+  const shown = answers.map(({ motors }) => cell(motors ? `${figures(1e3 * shownByMotors(motors))} mm` : "-"));
   if (outcomes.some(({ figures: values }) => "B5" in values)) rows.splice(rows.findIndex((row) => row.textContent.startsWith("B5")) + 1, 0, element("tr", {}, element("th", { scope: "row" }, "B5 as the motor angles show it"), ...shown, cell("-")));
   const test = single.tests[protocolCase(single, state.protocolCase).test];
   if (test.requirements.length) {
@@ -525,7 +525,8 @@ function seedInput() {
   const input = element("input", { id: "seed", type: "number", min: 0, max: 9999, step: 1, onchange: () => {
     const seed = Math.min(9999, Math.max(0, Math.round(Number(input.value) || 0)));
     setOwn({ seed });
-    showAll();
+    input.value = String(seed); // the field stays: who types in it keeps the focus
+    update();
   } });
   input.value = String(state.seed);
   return input;
