@@ -123,7 +123,10 @@ def _robust_lqg(target: Path, platforms: Platforms) -> Path:
 def _steady_lqg(target: Path, platforms: Platforms) -> Path:
     own, shared, designs = (HERE / "controller_fmu" / name for name in ("steady_c", "robust_c", "lqg_c"))
     what = "Three LQG controllers: a stiff one, a damping one with a dither, a strong one; no part is limited in time"
-    sources = [*(designs / name for name in _DESIGN), *(shared / name for name in ("events.h", "model.c", "overload.h"))]
+    sources = [
+        *(designs / name for name in _DESIGN),
+        *(shared / name for name in ("events.h", "model.c", "overload.h")),
+    ]
     root = description(STEADY_ROWS, _starts(own / "steady_weights.json"), what, BASE_UNITS)
     return _described_in_c(root, [*sources, own / "switching.h"], target, platforms)
 
