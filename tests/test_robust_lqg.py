@@ -59,13 +59,15 @@ def torques(path, signals, parameters):
 
 
 class Reference(NamedTuple):
-    """What the law gives in each sample: torques [N.m], and what part of dither, event's and peak's feedback acts."""
+    """What the law gives in each sample: torques [N.m], what part of dither, event's and peak's feedback acts, whether
+    the arm sways, and whether the slow feedback acts."""
 
     u_m: np.ndarray
     dither: np.ndarray
     event: np.ndarray
     peak: np.ndarray
     sways: np.ndarray
+    slowly: np.ndarray
 
 
 def reference(signals, p, prolongs=True):
@@ -84,6 +86,8 @@ def reference(signals, p, prolongs=True):
     fast, jumps, peaks = np.zeros(2), 0.0, 0.0
     event = first_event = sway = -math.inf
     peak, dither_left, peak_left = -math.inf, p["dither_time"], p["peak_time"]
+    at_limit, angle, slowly = np.zeros(2), np.zeros(2), False
+    stiffness, damping = (np.array([p[f"slow_{name}[{axis}]"] for axis in (1, 2)]) for name in ("stiffness", "damping"))
 
     def fading(time):
         return math.exp(-T_S / time)
@@ -126,8 +130,16 @@ def reference(signals, p, prolongs=True):
         sign = 1 if k % (p["period"] / T_S) < p["period"] / T_S / 2 else -1
         later = (1 - share) * feedback[0] + share * feedback[1]
         wanted = u_0 + (1 - peaks) * later + peaks * feedback[2] + dither * sign * amplitude
+        here = np.abs(wanted) >= TORQUE_LIMIT
+        at_limit = here + fading(p["overload_time"]) * (at_limit - here)
+        slowly = at_limit.max() > (p["recovered"] if slowly else p["overload"])
+        e, most = q_m - q_m_ref, p["slow_share"] * TORQUE_LIMIT
+        velocity = (e - angle) / p["velocity_time"]
+        angle = e + fading(p["velocity_time"]) * (angle - e)
+        if slowly:
+            wanted = u_0 - np.clip(stiffness * e, -most, most) - damping * velocity
         u_m = np.clip(wanted, -TORQUE_LIMIT, TORQUE_LIMIT)
-        found.append((u_m, dither, share, peaks, by_sway > by_event))
+        found.append((u_m, dither, share, peaks, by_sway > by_event, slowly))
         u = u_m - u_0
     return Reference(*(np.array(column) for column in zip(*found, strict=True)))
 

@@ -22,7 +22,7 @@ ENDLESS = {"dither_time": math.inf, "spent": 1.0, "sway": math.inf, "sway_share"
 ENDLESS |= {"peak_time": math.inf, "peak_regain": 0.0}
 """What SteadyLQG leaves out of RobustLQG, as if it were not there."""
 
-OWN = {"headroom", "threshold", "contrast", "dithered"}
+OWN = {"headroom", "threshold", "contrast", "dithered", "overload"}
 """Parameters with other values than those of RobustLQG."""
 
 
@@ -48,6 +48,7 @@ def test_torques_are_those_of_the_law(file):
     changed = {"jump": 1e-4, "jump_contrast": 1.5}
     expected = reference(signals, {**starts, **ENDLESS, **changed}, prolongs=False)
     assert np.count_nonzero(np.diff(expected.peak) > 0.5) > 2
+    assert expected.slowly.any() and not expected.slowly.all() and np.count_nonzero(np.diff(expected.slowly)) > 1
     assert (expected.event == 0).mean() > 0.3 and (expected.event == 1).any() and (expected.dither > 0).any()
     found = in_child(torques, file, signals, changed)
     drive = TORQUE_LIMIT / 2**11
@@ -60,6 +61,35 @@ def test_the_arm_on_which_robust_lqg_fails_a2_comes_to_rest(file):
     result = counterexamples.repeated(command, file)
     assert not counterexamples.fails(result, Benchmark("strict").rules)
     assert result.measurements.limit_cycle < 2e-6
+
+
+ATTACKED = (
+    "flexible-manipulator simulate SteadyLQG.fmu --protocol strict --system nominal --test delay_1 "
+    "--configuration -59.009 28.508 --phi-F 2.2732548191871786 --chirp-frequencies 15.0 0.0 --t-3 0.5 --plant-set "
+    "m[1]=46.363527424319855,m[2]=160.49122430069497,k_low[1]=400000.0,k_low[2]=160000.0,"
+    "k_high[1]=1200000.0,k_high[2]=240000.0,psi[1]=0.0006516475680428181,psi[2]=0.0009637707085206158,"
+    "d[1]=480.0,d[2]=160.0,f_d[1]=0.0011999999999999997,f_d[2]=0.0013689369827286156,"
+    "f_c[1]=0.29999999999999993,f_c[2]=0.19999999999999996,mu_k[1]=0.25,mu_k[2]=0.36006784214281534,"
+    "beta[1]=0.2,beta[2]=0.2,alpha[1]=7.41999736590937,alpha[2]=7.5,gamma[1]=1.1,gamma[2]=1.1"
+)
+"""The arm on which an independent search found A2 to fail before there was a slow feedback."""
+
+
+@needs_compiler
+def test_without_the_slow_feedback_an_arm_is_in_a_cycle_in_the_drives_limits_and_with_it_at_rest(file):
+    rules = Benchmark("strict").rules
+    without, with_it = (counterexamples.repeated(ATTACKED + more, file) for more in (" --set overload=2.0", ""))
+    assert counterexamples.fails(without, rules) and without.measurements.limit_cycle > 0.05
+    assert without.measurements.limit_cycle_frequency == pytest.approx(14.3, abs=0.1)
+    assert not counterexamples.fails(with_it, rules) and with_it.measurements.limit_cycle < 2e-6
+    assert with_it.measurements.recovery < 1.0
+
+
+@needs_compiler
+def test_the_slow_feedback_makes_robust_lqg_rest_as_well(fmu_folder):
+    (command,) = {claim.command for claim in claims() if claim.figure == "A2"}
+    result = counterexamples.repeated(command + " --set overload=0.6", built("RobustLQG", fmu_folder))
+    assert not counterexamples.fails(result, Benchmark("strict").rules) and result.measurements.limit_cycle < 2e-6
 
 
 SAME_FORCE = """extends = "repeated"
