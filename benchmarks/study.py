@@ -5,7 +5,7 @@
                                                    feedback (30 minutes on two cores)
     python benchmarks/study.py RobustLQG           one controller; the figures of the others stay
     python benchmarks/study.py --corners           only the draws from the corners
-    python benchmarks/study.py SteadyLQG --probability
+    python benchmarks/study.py RobustLQG --probability
                                                    as many draws of it from the box as bound a probability of failure
                                                    of 0.1 % (20 minutes), and 12,000 corners for A2 (half an hour)
     python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
@@ -56,8 +56,8 @@ MISSING = "—"
 RATIONED, UNLIMITED = "RobustLQG", {"peak_time": 1e6, "dither_time": 1e6}
 """The controller whose time is limited, and parameters [s] that do not limit it."""
 
-TOLD = (RATIONED, "SteadyLQG")
-"""The controllers that the page tells of: what was refuted, and what came after it."""
+TOLD = (RATIONED,)
+"""The controllers of the leaderboard whose figures the page tells of one by one."""
 
 CRITERIA = {"B5": 1e3, "B6": 1.0, "B7": 1e3}
 """The heaviest criteria, shown in mm, s and mm."""
@@ -110,8 +110,10 @@ def table(kept: Figures) -> str:
         "| controller | draws | A1 A2 A3 fail | at most | corners | A1 A2 A3 fail | at most | V, median | largest "
         "| B5 mm | B6 s | B7 mm | V, corners |\n"
     )
-    rows = [(name, kept["draws"][name], kept["corners"].get(name)) for name in ordered()]
-    more = [(larger(kept, name), own, kept["many_corners"].get(name)) for name, own in kept["many"].items()]
+    rows = [(dated(name, own := kept["draws"][name]), own, kept["corners"].get(name)) for name in ordered()]
+    more = [
+        (dated(f"{name}, more draws", own), own, kept["many_corners"].get(name)) for name, own in kept["many"].items()
+    ]
     lines = []
     for name, own, corners in (*rows, *more):
         medians = (f"{own['median'][key] * factor:.3g}" for key, factor in CRITERIA.items())
@@ -131,13 +133,10 @@ def _failing(own: Figures | None) -> tuple[str, str, str]:
     return str(own["draws"]), " ".join(failures), f"{100 * bound:.2g} %"
 
 
-def larger(kept: Figures, name: str) -> str:
-    """What the larger sample of a controller is called; with its version of the benchmark, if the other figures are of
-    another."""
-    version = kept["many"][name]["benchmark"]
-    return f"{name}, more draws" + (
-        "" if version == kept["draws"][name]["benchmark"] else f", {version.rpartition('-')[2]}"
-    )
+def dated(name: str, sample: Figures) -> str:
+    """The name of a sample, with its version of the benchmark if that is not the leaderboard's."""
+    version: str = sample["benchmark"]
+    return name if version == searched()[0]["benchmark"] else f"{name}, {version.rpartition('-')[2]}"
 
 
 def tail_table(kept: Figures) -> str:
@@ -154,7 +153,7 @@ def tail_table(kept: Figures) -> str:
         assert found is not None and found.level is not None and found.exceedance is not None
         level = found.level
         cells = (
-            larger(kept, name),
+            dated(name, own),
             own["draws"],
             f"{max(own['V']):.1f}",
             found.peaks,
