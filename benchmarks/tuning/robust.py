@@ -36,6 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.tuning.task import origin  # noqa: E402
+from controller_fmu.robust_c.interface import SLOW  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
 from orchestrator.benchmark.results import Judgement  # noqa: E402
@@ -59,7 +60,7 @@ CRITERIA = ("B5", "B6", "B7")
 UNSTABLE = {"B5": 0.1, "B6": 10.0, "B7": 0.02}
 """What counts for a criterion that a simulation does not come to [m, s, m]."""
 
-KEPT = ("T_s", "period", "headroom", "peak_time", "peak_regain", "dither_time", "spent")
+KEPT = ("T_s", "period", "headroom", "peak_time", "peak_regain", "dither_time", "spent", *(row.name for row in SLOW))
 """Parameters that are not varied: choices, and what A1 and A2 depend on beyond the time that a simulation shows."""
 
 LEAST = {"jump": 1e-3, "jump_contrast": 2.5, "dithered": 1.0}

@@ -65,12 +65,14 @@ def weights_for(prefix: str, when: str) -> tuple[Variable, ...]:
     )
 
 
+SLOW = parameters(Slow)
+
 ROWS = (
     *CONNECTORS,
     *parameters(Weights),
     *weights_for("event_", "After an event"),
     *weights_for("peak_", "In a first peak"),
     *parameters(Switching),
-    *parameters(Slow),
+    *SLOW,
 )
 """The variables in the order of their value references."""
