@@ -261,7 +261,7 @@ def main() -> None:
     given = parser.parse_args()
     parameters: dict[str, float] = json.loads(FILE.read_text(encoding="utf-8"))["parameters"]
     prefixes = tuple(given.vary.split(","))
-    chosen = (name for name in parameters if name.startswith(prefixes) and name not in KEPT)
+    chosen = (name for name in parameters if name.startswith(prefixes) and name.partition("[")[0] not in KEPT)
     vary = [name for name in chosen if parameters[name] > 0.0]
     known = list(given.known)
     for number in range(given.rounds):
