@@ -68,12 +68,24 @@ Figures = Mapping[str, Any]
 def drawn(name: str, draws: int, distribution: Distribution = "box", only: Sequence[str] = ()) -> dict[str, Any]:
     """What a sample of a controller comes to: its failures, and V and the heaviest criteria of the draws, if their
     tests are simulated."""
-    folder = RUNS / "-".join((name, str(draws), distribution, *only))
+    cases, folder = cases_of(name), RUNS / "-".join((name, str(draws), distribution, *only))
     found = Benchmark(seed=SEED).reliability(
         searched_as(name), draws=draws, distribution=distribution, only=only, confidence=CONFIDENCE, folder=folder
     )
-    head = {"benchmark": found.benchmark, "draws": draws, "guid": built(name).archive.description.guid}
-    return {**head, **_kept(found)}
+    return {"benchmark": found.benchmark, "draws": draws, "cases": cases, **_kept(found)}
+
+
+def cases_of(name: str) -> str:
+    """The hash of the leaderboard's cases of a controller. It tells what a controller does, and stays where a change of
+    its sources moves no bit.
+
+    Raises :class:`SystemExit` if the controller is not the leaderboard's.
+    """
+    figures = next((each for each in searched() if name_of(each) == name), None)
+    if figures is None or figures["guid"] != built(name).archive.description.guid:
+        raise SystemExit(f"{name} is not the leaderboard's: see python benchmarks/leaderboard.py --same {name}")
+    cases: str = figures["cases"]
+    return cases
 
 
 def _kept(found: Reliability) -> dict[str, Any]:

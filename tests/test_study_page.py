@@ -23,9 +23,9 @@ def test_every_controller_of_the_leaderboard_has_the_same_draws():
 
 def test_the_samples_are_of_the_controllers_on_the_leaderboard():
     """Else ``python benchmarks/study.py NAME`` measures one anew."""
-    guids = {name_of(each): each["guid"] for each in study.leaderboard()}
-    assert {name: own["guid"] for name, own in KEPT["draws"].items()} == guids
-    assert {name: own["guid"] for name, own in KEPT["corners"].items()}.items() <= guids.items()
+    cases = {name_of(each): each["cases"] for each in study.leaderboard()}
+    assert {name: own["cases"] for name, own in KEPT["draws"].items()} == cases
+    assert {name: own["cases"] for name, own in KEPT["corners"].items()}.items() <= cases.items()
 
 
 def test_what_was_not_measured_is_shown_as_missing():
@@ -58,6 +58,6 @@ def test_the_order_of_the_leaderboard_holds_for_draws_that_no_tuning_has_seen():
 def test_no_draw_of_a_larger_sample_fails_and_it_bounds_the_probability_that_the_study_states(name):
     """0.1 % at 99 % confidence; else ``python benchmarks/study.py NAME --probability`` measures it anew."""
     many = KEPT["many"][name]
-    assert many["guid"] == KEPT["draws"][name]["guid"] and len(many["V"]) == many["draws"]
+    assert many["cases"] == KEPT["draws"][name]["cases"] and len(many["V"]) == many["draws"]
     assert [entry["failures"] for entry in many["requirements"].values()] == [0, 0, 0]
     assert max(entry["bound"] for entry in many["requirements"].values()) <= study.PROBABILITY

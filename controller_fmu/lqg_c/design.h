@@ -3,6 +3,8 @@
 #ifndef DESIGN_H
 #define DESIGN_H
 
+#include <string.h>
+
 #include "matrix.h"
 #include "model.h"
 
@@ -29,14 +31,22 @@ static const double TORQUE_LIMIT[AXES] = {35.0, 20.0};
 bool design(const Weights *of, const double q_m_ref[AXES], const double u_m0[AXES], double T_s, Law *law,
             char message[MODEL_MESSAGE_SIZE]);
 
-/* next = law vector */
+/* Rows whose sums are taken side by side. */
+enum { ROWS = 8 };
+
+ASSERT_LAYOUT(rows_are_whole_blocks, LAW % ROWS == 0);
+
+/* next = law vector. In blocks, whose sums stay in registers: of one pair of loops over all rows GCC 12 made code that takes
+ * five times as long (221 ns, 47 ns in blocks; Clang 14: 44 and 48 ns). */
 static inline void apply(const Law *law, const double vector[LAW], double next[LAW])
 {
-    for (int row = 0; row < LAW; row++)
-        next[row] = 0.0;
-    for (int j = 0; j < LAW; j++)
-        for (int row = 0; row < LAW; row++)
-            next[row] += law->columns[j][row] * vector[j];
+    for (int first = 0; first < LAW; first += ROWS) {
+        double sums[ROWS] = {0.0};
+        for (int j = 0; j < LAW; j++)
+            for (int row = 0; row < ROWS; row++)
+                sums[row] += law->columns[j][first + row] * vector[j];
+        memcpy(next + first, sums, sizeof sums);
+    }
 }
 
 #endif
