@@ -133,6 +133,12 @@ def test_without_the_package_the_reason_is_told(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_folders_of_fmi_2_are_names_of_platforms_too():
+    assert build_fmus.platform_names("win64") == ("x86_64-windows",)
+    assert build_fmus.platform_names("darwin64,x86_64-darwin") == ("x86_64-darwin", "aarch64-darwin")
+    assert build_fmus.platform_names("amiga") == ("amiga",)  # which is refused by its name
+
+
 def test_an_unknown_platform_is_refused(tmp_path, capsys):
     with pytest.raises(errors.PlatformError) as refused:
         build_fmus.build("FlexibleManipulatorNative", tmp_path, ["win64"])

@@ -428,7 +428,7 @@ def test_what_is_not_shorter_is_no_short_simulation():
 
 @pytest.mark.parametrize(
     ("amplitude", "ratio", "near"),
-    [(12e-6, 1.0, True), (12e-6, 0.5, False), (6e-6, 1.0, False), (200e-6, 0.3, False)],
+    [(12e-6, 1.0, True), (56e-3, 0.67, True), (12e-6, 0.4, False), (6e-6, 1.0, False), (200e-6, 0.3, False)],
 )
 def test_a_small_motion_that_lasts_is_nearer_to_a_failure_than_a_large_one_that_dies(amplitude, ratio, near):
     def ended(amplitude, ratio):

@@ -193,7 +193,8 @@ exit codes: 0 built, 1 a build failed, 2 bad input""",
         "--platforms",
         default="",
         metavar="NAMES",
-        help="platforms of what is written in C, separated by commas, or 'all' (default: this machine's)",
+        help="platforms of what is written in C, separated by commas, such as linux64,win64, or 'all' (default: this "
+        "machine's)",
     )
     parser.add_argument(
         "--output-dir",
