@@ -201,6 +201,8 @@ TOLD = {
     "[criteria.B3]\ntarget = 1\nweight = 1\nunit = 'rad/s'\ntitle = 'x'": [
         "criteria: the unit of B3 is N.m, not rad/s"
     ],
+    "[uncertainty]\nmass = 0.1": ["uncertainty: there is no mass, only j_m, j, m, "],
+    "[systems.soft]\nmass = -1": ["the system soft: there is no mass, only m, k_low, "],
     NAMES.replace("'performance'", "'absent'"): ["no set of systems 'absent'. It has: performance, "],
 }
 """Wrong files, and what the message says of them."""

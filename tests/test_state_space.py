@@ -202,6 +202,14 @@ def test_what_is_refused(name, tmp_path, monkeypatch):
     assert error.value == value and not list(tmp_path.iterdir())
 
 
+def test_a_mat_file_that_ends_its_reader_is_refused(tmp_path, monkeypatch):
+    """SciPy dies of a segmentation fault at some damaged files; here the reader does at any."""
+    savemat(tmp_path / "gains.mat", NAMED)
+    monkeypatch.setattr(systems, "_READER", "import os\nos.kill(os.getpid(), 11)")
+    with pytest.raises(errors.SystemFileError, match="the file is damaged"):
+        systems.contents(tmp_path / "gains.mat")
+
+
 @pytest.mark.parametrize("kind", ["statespace", "mlp"])
 def test_without_a_compiler_the_command_names_the_remedy(kind, tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "")

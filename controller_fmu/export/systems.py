@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,26 +46,51 @@ def contents(file: Path) -> dict[str, Any]:
 
     Raises :class:`SystemFileError` if it cannot be read, or has no A, B, C.
     """
-    from scipy.io import loadmat
-
     try:
         if file.suffix == ".mat":
-            arrays = {name: value for name, value in loadmat(file).items() if not name.startswith("__")}
             arrays = {
-                name: np.moveaxis(value, -1, 0) if np.ndim(value) == 3 else value for name, value in arrays.items()
+                name: np.moveaxis(value, -1, 0) if np.ndim(value) == 3 else value
+                for name, value in _of_matlab(file).items()
             }
         elif file.suffix == ".npz":
             with np.load(file) as stored:
                 arrays = dict(stored)
         else:
             arrays = json.loads(file.read_text(encoding="utf-8"))
-    except Exception as problem:  # SciPy, NumPy and zipfile have all kinds for damaged files
+    except Exception as problem:  # NumPy and zipfile have all kinds for damaged files
         raise SystemFileError(f"cannot be read: {problem}", str(file)) from None
     missing = [name for name in MATRICES[:3] if not isinstance(arrays, Mapping) or name not in arrays]
     if missing:
         remedy = "save A, B, C, D and T_s under these names, in MATLAB as matrices: [A, B, C, D] = ssdata(K)"
         raise SystemFileError(f"has no {' and no '.join(missing)}", str(file), value=missing[0], remedy=remedy)
     return dict(arrays)
+
+
+_READER = """
+import io, sys
+import numpy as np
+from scipy.io import loadmat
+try:
+    read = loadmat(sys.argv[1]).items()
+except Exception as problem:
+    sys.exit(str(problem))
+plain = {name: value for name, value in read if not name.startswith("__") and np.asarray(value).dtype.kind in "biufcU"}
+stored = io.BytesIO()
+np.savez(stored, **plain)
+sys.stdout.buffer.write(stored.getvalue())
+"""
+
+
+def _of_matlab(file: Path) -> dict[str, Any]:
+    """The arrays of numbers in a ``.mat`` file by name."""
+    # In a process of its own, since a damaged file can end it: SciPy 1.17 died of a segmentation fault at one of 500.
+    reader = [sys.executable, "-c", _READER, str(file.resolve())]
+    done = subprocess.run(reader, capture_output=True, stdin=subprocess.DEVNULL, check=False)
+    if done.returncode:
+        told = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise ValueError(told[0] if told and done.returncode > 0 else "the file is damaged")
+    with np.load(io.BytesIO(done.stdout)) as stored:
+        return dict(stored)
 
 
 def stacked(

@@ -14,6 +14,8 @@ from typing import Protocol as Interface
 import msgspec
 from msgspec import inspect, structs
 
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
+
 from ..bounded import read_toml
 from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
 from ..errors import InputError
@@ -49,6 +51,9 @@ def _at(kind: inspect.Type, path: str) -> inspect.Type | None:
 
 
 FILES = resources.files(__package__) / "protocols"
+
+UNCERTAIN = tuple(dict.fromkeys(name.partition("[")[0] for name in NOMINAL if "[" in name))
+"""Symbols of the plant's parameters that each axis has its own value of."""
 
 Range = tuple[Finite, Finite]
 Bits = Annotated[int, msgspec.Meta(ge=0, le=52)]
@@ -248,6 +253,9 @@ def load(name: str | Path) -> Protocol:
         if not tests:
             raise Malformed("there are no tests")
         _check_criteria(protocol)
+        _check_names("uncertainty", protocol.uncertainty, UNCERTAIN)
+        for system, signs in protocol.systems.items():
+            _check_names(f"the system {system}", signs, protocol.uncertainty)
         for test in protocol.tests:
             _check(protocol, test)
     except Malformed as problem:
