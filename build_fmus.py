@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import itertools
 import json
 import sys
 import tempfile
@@ -329,17 +328,8 @@ def near(name: str) -> tuple[str, ...]:
 
 
 def platform_names(text: str) -> tuple[str, ...]:
-    """Names in PLATFORMS from a command line: separated by commas, or ``all``.
-
-    A folder of FMI 2 stands for the platforms whose binaries are in it: ``darwin64`` for both processors of macOS.
-    """
-    if text == "all":
-        return tuple(PLATFORMS)
-    named = (
-        [name] if name in PLATFORMS else [own for own, entry in PLATFORMS.items() if name in entry.folders] or [name]
-        for name in filter(None, text.split(","))
-    )
-    return tuple(dict.fromkeys(itertools.chain.from_iterable(named)))
+    """Names of platforms from a command line: separated by commas, or ``all``."""
+    return tuple(PLATFORMS) if text == "all" else tuple(filter(None, text.split(",")))
 
 
 def chosen(names: Sequence[str], variants: bool = False) -> Sequence[str]:

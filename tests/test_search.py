@@ -28,7 +28,7 @@ from orchestrator.loop.random_streams import stable_stream
 from orchestrator.loop.trajectory import Status
 from orchestrator.search import answers, moves
 from orchestrator.search.answers import costs, effects, requirements
-from orchestrator.search.by_pose import ELITE, Elites, Peak
+from orchestrator.search.by_pose import ELITE, Climb, Elites, Peak, generation
 from orchestrator.search.descent import Levels, descend, race
 from orchestrator.search.history import Ask, History
 from orchestrator.search.hunt import Hunt
@@ -420,6 +420,23 @@ def test_a_brisk_simulation_has_the_whole_disturbance_in_half_of_the_time():
     pauses = [one.scenario.pulse.start - one.scenario.chirp.stop for one in (case, whole)]
     assert pauses == [2.0, 2.0]  # in which a controller forgets the chirp
     assert case.scenario.pulse.stop - case.scenario.pulse.start == 0.5
+
+
+def test_children_of_the_largest_values_see_the_whole_chirp_and_those_of_a_niche_a_brisk_one():
+    """A controller may take a force for an event after a brisk chirp, and miss it after the whole one."""
+    member = spelled(Member(POSES[0], B6.test, system="sticky"), STRICT, B6.test)
+
+    def brisk_ones(niche):
+        climb = Climb(History(STRICT), [B6], POSES, {B6: 1.0}, 0, 0, 100.0)
+        for q_a in POSES:
+            climb.elites.take(Peak(B6, q_a), 1.0, replace(member, q_a=q_a))
+            climb.elites.take(Peak(B6, q_a, niche), 1.0, replace(member, q_a=q_a))
+        at_poses = [child for child in generation(climb, B6) if child.q_a in POSES]
+        return sum(child.short.t_1 is not None for child in at_poses), len(at_poses)
+
+    assert brisk_ones(0)[0] == 0
+    some, whole = brisk_ones(1)
+    assert 0 < some < whole
 
 
 def test_what_is_not_shorter_is_no_short_simulation():

@@ -37,19 +37,25 @@ processors of macOS in ``darwin64``."""
 
 
 def cross_compilers(platforms: Sequence[str]) -> dict[str, list[str]]:
-    """Return the commands of the C compilers for ``platforms``, names in PLATFORMS.
+    """Return the commands of the C compilers for ``platforms``, by their names in PLATFORMS.
 
+    A folder of FMI 2 stands for the platforms whose binaries are in it: ``darwin64`` for both processors of macOS.
     Raises :class:`PlatformError` for another name and :class:`NoCompilerError` without the package ``ziglang``.
     """
-    for platform in platforms:
-        if platform not in PLATFORMS:
-            raise PlatformError(f"no platform is named {platform!r}", value=platform, nearest=tuple(PLATFORMS))
+    named = [own for platform in platforms for own in _named(platform)]
     if platforms and find_spec("ziglang") is None:
         what = "binaries for other platforms need the package ziglang"
         raise NoCompilerError(what, value="ziglang", remedy=REMEDY)
     # With a target given, the code is for any processor of the platform, not for this machine's own.
     command = [sys.executable, "-m", "ziglang", "cc", "-target"]
-    return {platform: [*command, PLATFORMS[platform].target] for platform in platforms}
+    return {platform: [*command, PLATFORMS[platform].target] for platform in named}
+
+
+def _named(name: str) -> list[str]:
+    found = [name] if name in PLATFORMS else [own for own, platform in PLATFORMS.items() if name in platform.folders]
+    if not found:
+        raise PlatformError(f"no platform is named {name!r}", value=name, nearest=tuple(PLATFORMS))
+    return found
 
 
 def binaries(libraries: Mapping[str, bytes], identifier: str, version: int) -> dict[str, bytes]:

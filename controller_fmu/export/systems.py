@@ -68,6 +68,7 @@ def contents(file: Path) -> dict[str, Any]:
 
 _READER = """
 import io, sys
+sys.path = [folder for folder in sys.path if folder]  # not of the folder where the user is
 import numpy as np
 from scipy.io import loadmat
 try:

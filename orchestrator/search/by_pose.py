@@ -151,8 +151,8 @@ def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[lis
 
 
 def _looked_at(climb: Climb, target: Target, views: Sequence[Member]) -> Asking[list[CaseResult]]:
-    """The results of short simulations. Of those that are brisk, the best of each pose are repeated if they come near
-    its elite."""
+    """The results of short simulations. Of those that are brisk, the best of each pose are repeated if they exceed
+    the largest value of its elite."""
     results = yield from _try(climb, target, views)
     ranked = sorted(
         (
@@ -163,9 +163,9 @@ def _looked_at(climb: Climb, target: Target, views: Sequence[Member]) -> Asking[
     )
     taken, promising = Counter[Peak](), []
     for value, member in ranked:
-        peak = _peak(climb, target, member)
         if _is_exact(target, member):
             continue
+        peak = _peak(climb, target, member)
         taken[peak] += 1
         if taken[peak] <= REPEATED and value > climb.elites.largest(peak):
             promising.append(_seen(climb, target, member))
@@ -271,8 +271,8 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     if stream.uniform() < NICHE:
         peak = _niche(climb, peak, stream)
     # Children of the criterion's own elite see the whole chirp: after one of a second a controller takes forces for
-    # events that it misses after that. Of the worst arms known of SteadyLQG, 8 of 25 have B6 of 2.3 to 3.1 s, and 0.3
-    # to 0.8 s after the short one (counterexamples/steady.json).
+    # events that it misses after that. Of the worst arms known of SteadyLQG, 8 of 25 have B6 of 2.3 to 3.1 s, and of
+    # 0.3 to 0.8 s after the short one (counterexamples/steady.json).
     view = brisk if peak.niche else short
     elite = climb.elites.members(peak)
     kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
