@@ -195,6 +195,18 @@ def test_a_slider_simulates_by_the_keyboard_and_a_link_brings_it_back(html, open
     assert page.evaluate("data.answers") == after
 
 
+def test_the_keyboard_comes_to_the_results_past_the_sliders_and_what_was_set_stays(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"seed": 17})
+    page.locator("#lesson button").last.focus()
+    page.keyboard.press("Tab")
+    link = page.locator(":focus")
+    assert link.inner_text() == "Skip to the results" and link.bounding_box()["x"] >= 0.0
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    assert page.evaluate("[document.activeElement.closest('#results') !== null, state.seed]") == [True, 17]
+
+
 def test_a_seed_is_typed_and_stepped_by_the_keyboard(html, open_page):
     page = open_page(html, DESK)
     go_to(page, {})

@@ -572,7 +572,11 @@ function startPlayground() {
   $("#fmu").addEventListener("click", downloadFmu);
   for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
   $("#controls").addEventListener("submit", (event) => event.preventDefault());
-  window.addEventListener("hashchange", () => ((state = readLink()), showAll()));
+  window.addEventListener("hashchange", () => {
+    if (document.getElementById(location.hash.slice(1))) return; // a link to a place on the page is no state
+    state = readLink();
+    showAll();
+  });
   state = readLink();
   showAll();
 }
