@@ -21,7 +21,7 @@ given = fmpy.read_csv(inputs)
 found = fmpy.simulate_fmu(fmu, input=given, stop_time=given["time"][-1], output_interval=float(step))
 fmpy.write_csv(target, found)
 """
-# pythonfmu 0.7.0 writes to freed memory when its library is torn down at exit: one process in ten died there of SIGABRT.
+# pythonfmu 0.7.0 writes to freed memory when its library is torn down at exit: one process in ten died of SIGABRT.
 IN_PYTHON = """
 import os, sys, pathlib
 from controller_fmu.export.trajectories import reference
