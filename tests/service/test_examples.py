@@ -60,6 +60,14 @@ def test_the_lines_of_python_run(address, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out == "finished 88.125\n"
 
 
+@pytest.mark.needs("octave", "curl")
+def test_the_lines_of_octave_run(address, tmp_path):
+    (block,) = blocks("octave")
+    program = ["octave-cli", "--no-init-file", "--eval", block.replace(ADDRESS, address)]
+    run = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.stdout == "88.125\n", run
+
+
 def test_submit_tells_what_was_refused(address, tmp_path):
     (tmp_path / "b.fmu").write_bytes(fmu(checking={"kind": "refused", "reason": "no q_m\x1b[2J", "verdict": "error"}))
     finished = call("submit", "b.fmu", "--to", address, folder=tmp_path)

@@ -106,6 +106,7 @@ TOOLS: Mapping[str, Tool] = {
     # A script that calls gcc, which may be missing beside it.
     "musl-gcc": Tool("needs musl (musl-gcc, with gcc)", musl_gcc_works),
     "qemu-aarch64": _program("qemu-aarch64", "needs QEMU for programs of Linux on arm64 (qemu-aarch64)"),
+    "octave": _program("octave-cli", "needs Octave (octave-cli)"),
     "node": _program("node", "needs Node.js (node)"),
     "wine": _program("wine", "needs Wine (wine)"),
     "mingw": _program(MINGW, f"needs a C compiler for Windows (package mingw-w64, {MINGW})"),
