@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from .records import SHORT, Submission
+from .states import waits
 
 
 def chosen(
@@ -23,7 +24,7 @@ def chosen(
     if len(running) > evaluations:
         return None
     long = sum(run.stage not in SHORT for run in running)
-    ready = (run for run in waiting if run.not_before <= now and (run.stage in SHORT or long < evaluations))
+    ready = (run for run in waiting if not waits(run, now) and (run.stage in SHORT or long < evaluations))
     return min(ready, key=lambda run: (run.stage not in SHORT, served.get(run.owner, 0.0), run.created), default=None)
 
 

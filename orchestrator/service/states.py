@@ -28,6 +28,11 @@ Change = tuple[Submission, str]
 """The next form of a run, and what is told of the change."""
 
 
+def waits(run: Submission, now: float) -> bool:
+    """Whether its next attempt is too early. A clock that was set back by a day must not delay it by a day."""
+    return 0.0 < run.not_before - now <= max(DELAYS)
+
+
 def started(run: Submission, now: float) -> Change:
     """A process begins with its next stage."""
     assert run.stage is not None, run.state

@@ -1,5 +1,6 @@
 """The service from without: what it answers, whatever jobs do, and what it keeps."""
 
+import itertools
 import json
 import re
 import sqlite3
@@ -525,6 +526,25 @@ def test_a_full_disk_refuses_an_upload_in_a_sentence_and_loses_nothing(me, monke
         answer = me.post("/api/runs?name=a.fmu", fmu())
     assert answer.status_code == 503 and "No space left" in answer.json()["error"]
     assert me.until(me.submit()["id"])["state"] == "finished"
+
+
+def test_a_folder_that_cannot_be_written_delays_a_run_and_loses_nothing(me):
+    runs, aside = (me.client.app.state.service.files.root / name for name in ("runs", "aside"))
+    runs.rename(aside)
+    runs.write_text("no folder")
+    id = me.submit()["id"]
+    time.sleep(1.0)
+    assert not me.run(id)["is_final"] and me.run(id)["state"] == "received"
+    runs.unlink()
+    aside.rename(runs)
+    assert me.until(id)["state"] == "finished"
+
+
+def test_a_clock_that_jumps_by_days_loses_nothing(me, monkeypatch):
+    true, jumps = time.time, itertools.cycle((0.0, 86400.0, -2.6e6, 3600.0, -86400.0))
+    monkeypatch.setattr(time, "time", lambda: true() + next(jumps))
+    ids = [me.submit(fmu(), f"{number}.fmu")["id"] for number in range(4)]
+    assert [me.until(id)["state"] for id in ids] == 4 * ["finished"]
 
 
 def test_a_locked_database_loses_no_outcome(me, monkeypatch):

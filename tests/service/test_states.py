@@ -101,6 +101,7 @@ def test_who_has_to_wait_waits():
     (run,) = waiting(("ada", "received"))
     assert queue.chosen([replace(run, not_before=10.0)], [], {}, 1, 9.0) is None
     assert queue.chosen([replace(run, not_before=10.0)], [], {}, 1, 10.0) is not None
+    assert queue.chosen([replace(run, not_before=10.0)], [], {}, 1, -86400.0) is not None, "the clock was set back"
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from(["received", "quick", "evaluating"])), max_size=12))
