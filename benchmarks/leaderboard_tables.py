@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.claims import Claim, Figures, best_known, claims, counting, known, name_of  # noqa: E402
 from benchmarks.marked_tables import folded, with_table  # noqa: E402
 from benchmarks.submissions import BASELINE, LEGEND, SUBMISSIONS, VERIFIED, held, submissions, verified_table  # noqa: E402
-from orchestrator.views.units import SHOWN, number  # noqa: E402
+from orchestrator.views.units import SHOWN, amplitude, number  # noqa: E402
 
 README, BOARD, SEARCHES = ROOT / "README.md", ROOT / "docs" / "leaderboard.md", ROOT / "docs" / "robustness.md"
 """Where the short table stands, the whole one, and that of the starts of the searches."""
@@ -277,7 +277,7 @@ def broken(found: Mapping[str, Any], known: Mapping[str, Any]) -> str:
         )
     return "\n".join(
         f"**{' and '.join(names)} fail{'s' if len(names) == 1 else ''}** for a system within Table 1: {entry['kind']}, "
-        f"{number(1e6 * (entry['limit_cycle'] or math.nan))} µm at {number(entry['frequency'] or math.nan)} Hz"
+        f"{amplitude(entry['limit_cycle'] or math.nan)} at {number(entry['frequency'] or math.nan)} Hz"
         f"{_at_rest(entry)}, with {entry['seeds_failed']} of {entry['seeds_tried']} realizations of the noise:\n\n"
         f"```sh\n{command}\n```\n"
         for command, (entry, names) in failures.items()

@@ -70,7 +70,7 @@ from orchestrator.views.table import (
     shown,
 )
 from orchestrator.views.terminal import NARROW, show, terminal
-from orchestrator.views.units import MILLIMETRE, MILLISECOND, TORQUE
+from orchestrator.views.units import MILLIMETRE, MILLISECOND, TORQUE, amplitude
 
 DOCS = Path(__file__).parents[1] / "docs" / "report.md"
 EVIL = "=[red]1[/red]</script><script>alert(1)</script><img src=x onerror=alert(2)>\x1b[31m\u202e|$x_1$ & {50%}~^\\"
@@ -516,3 +516,10 @@ def test_conditions_and_a_controller_are_one_screen_each(pid_file, tmp_path):
     html = controller._repr_html_()
     assert "61.5" in html and "FMI 2.0" in html and "0.0005 s" in html
     assert "There is no file" in orchestrator.Controller(tmp_path / "none.fmu")._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("metres", "shown"), [(None, "-"), (1.24e-6, "1.24 µm"), (0.42103e-3, "421.0 µm"), (0.0400538, "40.1 mm")]
+)
+def test_a_limit_cycle_is_shown_in_the_unit_of_its_size(metres, shown):
+    assert amplitude(metres) == shown

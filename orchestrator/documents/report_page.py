@@ -26,7 +26,7 @@ from ..views.table import (
     Table,
     VerdictCell,
 )
-from ..views.units import MICROMETRE, SECOND, number
+from ..views.units import MICROMETRE, SECOND, amplitude, number
 from . import case_plots, scorecard
 from .case_plots import degrees
 from .commands import recording_command, simulate_command
@@ -201,7 +201,7 @@ def _cycles(sized: list[tuple[CaseResult, float]], test: str, place: int, count:
     """The limit cycles of one test, beside those of the others."""
     shown = [(case, size) for case, size in sized if case.test == test]
     x = [case.configuration.index + (place - (count - 1) / 2) * BESIDE for case, _ in shown]
-    words = tuple(f"{case.id}: {number(size, MICROMETRE.factor)} µm" for case, size in shown)
+    words = tuple(f"{case.id}: {amplitude(size)}" for case, size in shown)
     symbol = SYMBOLS[place % len(SYMBOLS)]
     return Scatter(test, x, [max(size, SMALLEST) for _, size in shown], HUES[place % 5], symbol, 9.0, words)
 

@@ -24,7 +24,7 @@ from ..views.table import (
     Value,
     VerdictCell,
 )
-from ..views.units import MICROMETRE, MILLIMETRE, SHOWN, number
+from ..views.units import MILLIMETRE, SHOWN, amplitude, number
 from . import conclusions
 from .commands import again, compare_command, simulate_command, study_command, tune_command
 from .conclusions import cost_words, costliest, decisive, overall, share_words, verdict_words
@@ -99,7 +99,7 @@ def _why(results: Results, passed: Mapping[str, bool | None]) -> str:
     case = results.case(entry.worst_case)
     figures, ended = case.measurements, outcome(case, results.rules.stability)
     size = {
-        "limit cycle": f" of {number(figures.limit_cycle, MICROMETRE.factor)} µm",
+        "limit cycle": f" of {amplitude(figures.limit_cycle)}",
         "no rest": f", {number(figures.rest_error, MILLIMETRE.factor)} mm away",
     }.get(ended, "")
     return f": {case.id} ({poses(results)[case.configuration.index]}) {VERBS[ended].replace('`', '')}{size}"

@@ -18,7 +18,7 @@ from ..loop.behaviour import WORDS, CarryOver
 from ..loop.trajectory import Status
 from ..text import shortened
 from ..views.table import VERDICTS, Note
-from ..views.units import number
+from ..views.units import amplitude, number
 from .head import ControllerRecord, Head
 from .results import LoopDelay, Results
 
@@ -67,7 +67,7 @@ class RequirementRow:
             return f"no rest: {number(judged.rest_error * 1e3)} mm"
         seeds = f", {judged.seeds_failed} of {judged.seeds_tried} seeds" if judged.seeds_tried > 1 else ""
         rings = " (ring-down)" if judged.kind == "ring-down" else ""
-        return f"{number(judged.limit_cycle * 1e6)} µm{rings}{seeds}"
+        return f"{amplitude(judged.limit_cycle)}{rings}{seeds}"
 
 
 def parameter_words(name: str) -> str:

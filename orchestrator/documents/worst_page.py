@@ -17,7 +17,7 @@ from ..views.table import (
     Value,
     VerdictCell,
 )
-from ..views.units import MILLISECOND, NONE, SHOWN, number
+from ..views.units import MILLISECOND, NONE, SHOWN, amplitude, number
 from .head import Head
 from .recording import BESIDE, Recording
 from .wording import REQUIREMENTS, head_facts
@@ -97,13 +97,13 @@ def requirements(rules: Rules, searched: Mapping[str, RequirementSearched], show
 def ending(requirement: RequirementSearched) -> str:
     """What the worst case of a requirement came to."""
     if requirement.passed:
-        return f"nearest: {requirement.kind}, {number(requirement.limit_cycle, 1e6)} µm"
+        return f"nearest: {requirement.kind}, {amplitude(requirement.limit_cycle)}"
     if requirement.passed is None:
         return "simulations were skipped or lost"
     if requirement.status not in (Status.DONE, Status.UNSTABLE):
         return f"a simulation ended with {requirement.status.value}"
     cycle = (
-        f", {number(requirement.limit_cycle, 1e6)} µm at {number(requirement.frequency)} Hz"
+        f", {amplitude(requirement.limit_cycle)} at {number(requirement.frequency)} Hz"
         if requirement.limit_cycle
         else ""
     )

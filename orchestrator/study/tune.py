@@ -21,6 +21,7 @@ from ..pairing.controller import Controller
 from ..pairing.testbed import Testbed
 from ..search.candidates import Range, Trial, check_range
 from ..search.proposals import SAMPLERS, STUDY, Proposals
+from ..views.units import amplitude
 from .declaration import Study, described, option
 from .evaluate import EvaluationStudy, SpreadStudy
 from .heads import head
@@ -235,7 +236,7 @@ def failure_reasons(head: Head, requirements: Mapping[str, Requirement]) -> tupl
             continue
         text = reason_text(name, entry.passed, f"in {head.protocol}", entry.reason)
         if entry.passed is False and entry.limit_cycle is not None:
-            text += f", {1e6 * entry.limit_cycle:.3g} µm, {entry.limit_cycle / allowed:.3g} times what is allowed"
+            text += f", {amplitude(entry.limit_cycle)}, {entry.limit_cycle / allowed:.3g} times what is allowed"
         told.append(text)
     return tuple(told)
 

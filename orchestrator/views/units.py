@@ -34,6 +34,14 @@ def number(value: float | None, factor: float = 1.0, exact: bool = False) -> str
     return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
 
 
+def amplitude(metres: float | None) -> str:
+    """A limit cycle with its unit: in micrometres, from 1 mm on in millimetres; a dash if there is none."""
+    if metres is None:
+        return number(metres)
+    unit = MILLIMETRE if abs(metres) >= 1e-3 else MICROMETRE
+    return f"{number(metres, unit.factor)} {unit.shown}"
+
+
 def heading(name: str, unit: Unit) -> str:
     """A name with the unit that its values are shown in, such as ``B5 [mm]``."""
     return f"{name} [{unit.shown}]" if unit.shown else name
