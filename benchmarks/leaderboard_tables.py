@@ -22,6 +22,7 @@ README, BOARD, SEARCHES = ROOT / "README.md", ROOT / "docs" / "leaderboard.md", 
 PICTURE = ROOT / "docs" / "pictures" / "pareto.png"
 
 PAGES = {
+    "SteadyLQG": "controller_fmu/steady_c",
     "RobustLQG": "controller_fmu/robust_c",
     "RobustLinearLQG": "controller_fmu/robust_linear",
     "DitheredLQG": "controller_fmu/friction",

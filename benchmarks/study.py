@@ -56,7 +56,7 @@ MISSING = "—"
 RATIONED, UNLIMITED = "RobustLQG", {"peak_time": 1e6, "dither_time": 1e6}
 """The controller whose time is limited, and parameters [s] that do not limit it."""
 
-TOLD = (RATIONED,)
+TOLD = (RATIONED, "SteadyLQG")
 """The controllers of the leaderboard whose figures the page tells of one by one."""
 
 CRITERIA = {"B5": 1e3, "B6": 1.0, "B7": 1e3}

@@ -70,8 +70,9 @@ class Reference(NamedTuple):
     slowly: np.ndarray
 
 
-def reference(signals, p, prolongs=True):
-    """``prolongs``: a jump while the third law acts begins its time anew."""
+def reference(signals, p, steady=False):
+    """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, and the threshold of
+    an event falls slowly after the dither."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
@@ -100,7 +101,7 @@ def reference(signals, p, prolongs=True):
         after = np.einsum("lij,lj->li", laws, now)
         states, feedback, error = after[:, :12], after[:, 12:14], after[1:, 14:]
         jump = np.linalg.norm(error[1] - fast)
-        if jump > max(p["jump"] / reach, p["jump_contrast"] * jumps) and peak_left > 0 and (prolongs or not peaks):
+        if jump > max(p["jump"] / reach, p["jump_contrast"] * jumps) and peak_left > 0 and not (steady and peaks):
             peak = k
         fast = error[1] + fading(p["jump_time"]) * (fast - error[1])
         jumps = jump + fading(p["average_time"]) * (jumps - jump)
@@ -109,7 +110,9 @@ def reference(signals, p, prolongs=True):
         moved = np.linalg.norm(mean - slow)
         slow = mean + fading(p["average_time"]) * (slow - mean)
 
-        factor = p["spent"] if dither_left <= 0 else p["dithered"] if (k - 1 - max(event, sway)) * T_S < over else 1.0
+        passed = (k - 1 - max(event, sway)) * T_S - over
+        still = math.exp(-max(passed, 0.0) / p["average_time"]) if steady else float(passed < 0)
+        factor = p["spent"] if dither_left <= 0 else 1.0 + (p["dithered"] - 1.0) * still
         if moved > factor * p["threshold"] / reach and moved > p["contrast"] * unrest:
             if (k - 1 - event) * T_S >= over:
                 first_event = k - 1

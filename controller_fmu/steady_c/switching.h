@@ -26,12 +26,11 @@ static inline void scale(Switching *by, double reach)
     by->jump /= reach;
 }
 
-/* At rest: no event and no peak yet. */
+/* At rest: no event and no peak ever. */
 static inline Watch watch(const Switching *by, double T_s)
 {
-    const double over = by->hold + by->decay;
-    return (Watch){.errors.window = (int)window_of(by->period, T_s), .since_event = over, .since_first = over,
-                   .since_peak = by->peak_hold + by->peak_decay};
+    return (Watch){.errors.window = (int)window_of(by->period, T_s), .since_event = INFINITY, .since_first = INFINITY,
+                   .since_peak = INFINITY};
 }
 
 /* How much of the third law acts, which a jump begins, as in RobustLQG. A jump while it acts does not prolong it: with the
@@ -53,8 +52,10 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
 {
     const double over = by->hold + by->decay, moved = motion(&on->errors, error, by->average_time, T_s);
-    /* The dither's end moves the arm, which must not wake it again. */
-    const double least = by->threshold * (on->since_event < over ? by->dithered : 1.0);
+    /* The dither's end moves the arm, which must not wake it again, nor may what that leaves behind: the motion is from a
+     * slow average, which forgets as the threshold falls. */
+    const double still = elementary_exp(-fmax(on->since_event - over, 0.0) / by->average_time);
+    const double least = by->threshold * (1.0 + (by->dithered - 1.0) * still);
     if (moved > least && moved > by->contrast * on->unrest) {
         /* A further event does not bring back the first law: the damping one acts already. */
         if (on->since_event >= over) on->since_first = 0.0;
