@@ -71,8 +71,8 @@ class Reference(NamedTuple):
 
 
 def reference(signals, p, steady=False):
-    """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, and the threshold of
-    an event falls slowly after the dither."""
+    """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, and the threshold
+    of an event falls slowly after the dither."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
