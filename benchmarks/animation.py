@@ -2,7 +2,7 @@
 docs/pictures/disturbance-NAME.gif one of the leaderboard.
 
     python benchmarks/animation.py          two simulations and the README's picture, a minute; needs a C compiler
-    python benchmarks/animation.py --each   six simulations and the pictures of the leaderboard
+    python benchmarks/animation.py --each   seven simulations and the pictures of the leaderboard
 
 Each arm is the trajectory of one simulation on the system ``compliant`` with the test ``disturbance``. The deviation of
 the link angles from rest is drawn MAGNIFIED times as large. The picture has SPEED seconds of the simulation per second.

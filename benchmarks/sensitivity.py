@@ -1,6 +1,6 @@
 """V and the requirements with a worse loop than the benchmark's: one more sample of delay, dropped samples, jitter.
 
-    python benchmarks/sensitivity.py                all controllers of the leaderboard: 9,720 cases, some ten minutes
+    python benchmarks/sensitivity.py                all controllers of the leaderboard: 11,340 cases, some ten minutes
                                                     on two cores
     python benchmarks/sensitivity.py RobustLQG      one: 1,620 cases, 1 min 10 s; the figures of the others stay
     python benchmarks/sensitivity.py --table        only write the table from the figures that are kept
