@@ -1,12 +1,12 @@
 """The README's leaderboard and the tables on the controllers' pages, from evaluations of these controllers.
 
     python benchmarks/leaderboard.py                evaluate all with both builds of the plant and search for their
-                                                    worst cases (two hours and a half), keep the figures, write the
-                                                    tables
+                                                    worst cases (a night: one took 41 minutes on two cores with a
+                                                    budget of 15,000), keep the figures, write the tables
     python benchmarks/leaderboard.py DiagonalPID    evaluate one; the figures of the others stay
     python benchmarks/leaderboard.py --search       after a change of search or verdicts: evaluate and search with the
                                                     native plant; spread over the seeds and computing time stay
-                                                    (two hours)
+                                                    (a little less)
     python benchmarks/leaderboard.py --evaluate     after a change of verdicts or of a protocol's cases: evaluate on
                                                     ``paper`` and ``strict`` with the native plant; the rest stays, and
                                                     is shown with the version that found it (ten minutes)
