@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hostile.commands import finished, kill, started, wait_for
 from hostile.fmus import Fault, hostile_fmu
+from service.unusual import BINDING, unusual
 from support.reports import unbroken
 
 from orchestrator import Benchmark, InputError, Spread
@@ -98,3 +99,26 @@ def test_draws_follow_from_all_files_and_the_entropy(rank) -> None:
     )
     assert one.seeds == rank.HandIn(dict(reversed(one.files.items())), "verification", one.entropy).seeds
     assert len({seed for each in (one, *others) for seed in each.seeds}) == 12
+
+
+@pytest.mark.needs("compiler", "bubblewrap", "posix")
+def test_a_mapping_beside_an_fmu_is_a_part_of_the_hand_in(rank, pid_c_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "hand-in"
+    folder.mkdir()
+    unusual(pid_c_file, folder / "Ada.fmu")
+    (folder / "other.toml").write_text("of no FMU")
+    (tmp_path / "small.toml").write_text(SMALL)
+    words = [str(folder), "--protocol", str(tmp_path / "small.toml"), "--output-dir"]
+    assert rank.main([*words, str(tmp_path / "without")]) == 0
+    assert "Not evaluated" in (tmp_path / "without" / "ranking.html").read_text()
+
+    lines = [f"{json.dumps(name)} = {json.dumps(variable)}" for name, variable in BINDING.items()]
+    (folder / "Ada.toml").write_text("\n".join(["[map]", *lines]))
+    with pytest.raises(InputError, match=r"Ada\.toml"):
+        rank.main([*words, str(tmp_path / "without")])
+    assert rank.main([*words, str(tmp_path / "with")]) == 0
+    assert json.loads((tmp_path / "with" / "hand-in.json").read_text())["files"].keys() == {"Ada.fmu", "Ada.toml"}
+    assert Spread.load(tmp_path / "with" / "runs" / "Ada.fmu").cost.mean is not None
+    shutil.copy(folder / "Ada.toml", folder / "Ada.ssm")
+    assert rank.main([*words, str(tmp_path / "both")]) == 0
+    assert "more than one mapping" in (tmp_path / "both" / "ranking.html").read_text()

@@ -3,6 +3,9 @@
 python examples/teaching/rank.py hand-in                       # writes ranking/ranking.html
 python examples/teaching/rank.py hand-in                       # once more, after a power cut: goes on
 
+An FMU whose variables have other names comes with a mapping file beside it, ada.toml or ada.ssm for ada.fmu, as the
+option --mapping of the other commands takes it.
+
 The first call closes the hand-in: it lists the files with their SHA-256 in hand-in.json, and draws 256 bits. The seeds
 follow from both. Each controller runs apart from plant, noise and judge, in the sandbox, as in a verification. What is
 finished is kept: a call that was killed costs the simulations that were under way.
@@ -15,7 +18,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,6 +52,11 @@ class HandIn(Struct):
     files: dict[str, str]
     protocol: str
     entropy: Entropy
+
+    @property
+    def fmus(self) -> list[str]:
+        """The names of the FMUs, without the mappings."""
+        return sorted(filter(is_fmu, self.files))
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -87,7 +95,7 @@ class Ranking(Displayable):
         """Facts, places, and why an FMU has none."""
         where = "in a sandbox" if self.sandbox else "WITHOUT A SANDBOX"
         told = (
-            ("FMUs", f"{len(self.entries)} of {len(self.hand_in.files)}"),
+            ("FMUs", f"{len(self.entries)} of {len(self.hand_in.fmus)}"),
             ("Controllers ran", f"apart from plant, noise and judge, {where}"),
             ("Entropy", self.hand_in.entropy.value),
             ("Seeds of the draws", ",".join(map(str, self.hand_in.seeds))),
@@ -135,15 +143,25 @@ class Apart(Benchmark):
 
 
 def handed_in(folder: Path) -> dict[str, str]:
-    """The SHA-256 of the FMUs in ``folder`` by name; raises :class:`InputError` if there are none. Links, which could
-    lead anywhere, are none."""
+    """The SHA-256 of the FMUs in ``folder`` by name, and of the mappings beside them; raises :class:`InputError` if
+    there are none. Links, which could lead anywhere, are none."""
     if not folder.is_dir():
         raise InputError(f"There is no folder {folder}.", "no-folder", folder)
-    files = [file for file in sorted(folder.iterdir()) if file.suffix.lower() == ".fmu" and not file.is_symlink()]
-    digests = {file.name: hashlib.sha256(read(file, MAX_FMU_BYTES)).hexdigest() for file in files if file.is_file()}
-    if not digests:
+    there = [file for file in sorted(folder.iterdir()) if file.is_file() and not file.is_symlink()]
+    fmus = [file for file in there if is_fmu(file.name)]
+    if not fmus:
         raise InputError(f"The folder {folder} holds no FMU.", "no-file", folder)
-    return digests
+    mappings = {file.with_suffix(suffix) for file in fmus for suffix in MAPPINGS} & {*there}
+    return {file.name: hashlib.sha256(read(file, MAX_FMU_BYTES)).hexdigest() for file in (*fmus, *mappings)}
+
+
+def is_fmu(name: str) -> bool:
+    """Whether the file of this name is an FMU, and not the mapping of one."""
+    return name.lower().endswith(".fmu")
+
+
+MAPPINGS = (".toml", ".ssm")
+"""How the name of a mapping ends, which is that of its FMU otherwise."""
 
 
 MAX_FMU_BYTES = 1 << 30
@@ -170,13 +188,22 @@ def closed(folder: Path, protocol: str, place: Path) -> HandIn:
     return before
 
 
-def entry(bench: Benchmark, file: Path, place: Path, drawn: Sequence[int]) -> Entry:
+def controller(file: Path, handed_in: Collection[str]) -> Controller:
+    """The controller of an FMU, with the mapping that was handed in beside it."""
+    beside = [mapping for suffix in MAPPINGS if (mapping := file.with_suffix(suffix)).name in handed_in]
+    if len(beside) > 1:
+        raise InputError(f"{file.name} has more than one mapping beside it.", "bad-mapping", file)
+    return Controller(file, mapping=beside[0]) if beside else Controller(file)
+
+
+def entry(bench: Benchmark, file: Path, place: Path, hand_in: HandIn) -> Entry:
     """The results of one FMU, those of an earlier call if they are there. Nothing that it does is raised."""
     try:
         known = Spread.load(place) if (place / Spread.FILE).is_file() else None
-        if known is None or not is_final(known, drawn):
-            known = bench.spread(Controller(file), drawn, folder=place, recordings=False)
-        return Entry(file.name, known, again=not is_final(known, drawn))
+        if known is None or not is_final(known, hand_in.seeds):
+            one = controller(file, hand_in.files)
+            known = bench.spread(one, hand_in.seeds, folder=place, recordings=False)
+        return Entry(file.name, known, again=not is_final(known, hand_in.seeds))
     except (InputError, FmuError, Crash) as problem:
         return Entry(file.name, None, str(problem), isinstance(problem, Crash) and problem.what == "killed")
     # All others must have their places in the morning, whatever this one has made of the machine or found in us.
@@ -209,12 +236,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _ranked(bench: Benchmark, folder: Path, place: Path) -> Ranking:
     hand_in = closed(folder, str(bench.protocol), place)
-    ranking = Ranking(hand_in, (), len(hand_in.files), bench.sandbox)
-    for name in sorted(hand_in.files):
-        found = entry(bench, folder / name, place / RUNS / name, hand_in.seeds)
+    ranking = Ranking(hand_in, (), len(hand_in.fmus), bench.sandbox)
+    for name in hand_in.fmus:
+        found = entry(bench, folder / name, place / RUNS / name, hand_in)
         ranking = replace(ranking, entries=(*ranking.entries, found), left=ranking.left - 1)
         ranking.report(place / PAGE)
-        print(f"{len(ranking.entries)} of {len(hand_in.files)}: {found.told}", file=sys.stderr, flush=True)
+        print(f"{len(ranking.entries)} of {len(hand_in.fmus)}: {found.told}", file=sys.stderr, flush=True)
     return ranking
 
 
