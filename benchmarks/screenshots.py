@@ -102,6 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     program = next(found for found in map(shutil.which, BROWSERS) if found)
     output = given.output_dir.absolute()
+    output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:
         os.chdir(scratch)  # the pages show the commands' paths as they are given
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])

@@ -229,6 +229,14 @@ def test_a_process_that_a_signal_ends_leaves_no_result_and_no_second_try(bench, 
     assert problem.what == "outside" and caplog.text.count("begins again, with other draws") == 2
 
 
+def test_a_controller_cannot_choose_among_the_draws_of_a_round_by_ending_itself(bench, faulty, caplog):
+    """One that did came before the same law without that: with the second draws it met better poses."""
+    drawn = Entropy("1" * 64, "round")
+    with caplog.at_level(logging.WARNING, "orchestrator"):
+        problem = refusal(verified, bench, Controller(faulty(Fault("kill:9"))), draws=drawn, kind=EnvironmentFault)
+    assert problem.what == "outside" and "other draws" not in caplog.text
+
+
 @pytest.mark.slow
 def test_cases_that_reach_their_time_limit_are_told_with_their_reason(bench, faulty):
     slow = replace(bench, timeout=1.0)

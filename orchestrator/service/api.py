@@ -93,8 +93,10 @@ async def _run(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
     since = request.query_params.get("since", "")
-    if since.isdecimal() and int(since[:15]) == run.revision and not run.state.is_final:
-        await service.runner.news(LOOK_TIME)
+    told = since.isdecimal() and int(since[:15]) == run.revision
+    if told and not run.state.is_final and service.may_follow(person.id):
+        with service.following(person.id):
+            await service.runner.news(LOOK_TIME)
         run = service.own(person, run.id)
     return _json(run_view(service, run))
 

@@ -25,6 +25,9 @@ MAX_FORM = 8 * 1024**2
 MAX_KEY_FORM = 4096
 """The same of a stranger [bytes], of whom there may be hundreds: what they send is in memory until it is whole."""
 
+KEY_TIME = 3.0
+"""Seconds that a stranger's request may take: as many as there may be connections lock everybody out meanwhile."""
+
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
     "connect-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
@@ -131,6 +134,11 @@ async def body(request: Request, most: int, patience: float, time: float) -> Asy
         yield piece
 
 
-async def whole_body(request: Request, patience: float, most: int = MAX_FORM) -> bytes:
+async def whole_body(request: Request, patience: float) -> bytes:
     """A small body at once; raises as :func:`body`."""
-    return b"".join([piece async for piece in body(request, most, patience, 4 * patience)])
+    return b"".join([piece async for piece in body(request, MAX_FORM, patience, 4 * patience)])
+
+
+async def key_body(request: Request) -> bytes:
+    """That of a stranger, who has brought a key or none; raises as :func:`body`."""
+    return b"".join([piece async for piece in body(request, MAX_KEY_FORM, KEY_TIME, KEY_TIME)])

@@ -215,7 +215,8 @@ class Database:
         with self._transaction() as connection:
             _change(connection, before, after, text, now)
         stored = self.run(before.id)
-        assert stored is not None
+        if stored is None:  # --remove is another process
+            raise Changed(before.id)
         return stored
 
     def run(self, id: str) -> Submission | None:
@@ -237,13 +238,18 @@ class Database:
     def finished(self) -> list[Submission]:
         """Finished runs, of each person's controllers of one name the latest alone: those that meet all requirements
         first, then by V."""
-        # Before the limit: who evaluates one controller 500 times would else push all others out of the table.
+        # Before the limit: who evaluates one controller 500 times would else push all others out of the table. Then
+        # everybody's first, everybody's second and so on, since whoever uploads it gives a controller its name.
         # Not by the state: a run that is verified for a round stays in the table meanwhile.
+        order = "remark <> '', holds = 0, cost"
         latest = (
-            "SELECT id FROM (SELECT id, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY created DESC) AS place "
-            "FROM runs WHERE cost IS NOT NULL) WHERE place = 1"
+            "SELECT *, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY created DESC) AS newer "
+            "FROM runs WHERE cost IS NOT NULL"
         )
-        return self._runs(f"WHERE id IN ({latest}) ORDER BY remark <> '', holds = 0, cost LIMIT {MAX_ROWS}")
+        place = f"ROW_NUMBER() OVER (PARTITION BY owner ORDER BY {order}) AS place"
+        best = f"SELECT *, {place} FROM ({latest}) WHERE newer = 1"
+        shown = f"SELECT id FROM ({best}) ORDER BY place, {order} LIMIT {MAX_ROWS}"
+        return self._runs(f"WHERE id IN ({shown}) ORDER BY {order}")
 
     def count(self, state: State) -> int:
         """How many runs are in a state. Each open page asks at each news, for which the table takes too long."""

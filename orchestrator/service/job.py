@@ -40,8 +40,8 @@ OUTCOME = "{}.json"
 LOCK = "job.lock"
 """Held by a job: one whose service was killed may last a little longer than the next service needs to start another."""
 
-SCRATCH = "scratch"
-"""The folder of a clean interpreter's cache, in that of a run: it goes with the run if its job is killed."""
+GIVEN, SCRATCH = "task.json", "scratch"
+"""The task and the cache of a clean interpreter, in the folder of a run: they go with the run if its job is killed."""
 
 LOCK_TIME = 120.0
 """Seconds to wait for it."""
@@ -87,14 +87,20 @@ def main() -> int:
 
     # A certificate counts only if the interpreter took no code but this package's.
     rmtree(SCRATCH, ignore_errors=True)
-    Path(SCRATCH).mkdir()
+    Path(SCRATCH).mkdir(mode=0o700)
+    given = Path(SCRATCH, GIVEN).absolute()
+    given.write_text(to_json(task, indent=None), encoding="utf-8")
     code = f"from {__package__}.job import run, task_given, work; raise SystemExit(run(lambda: work(task_given())))"
-    return run_clean(code, [to_json(task, indent=None)], Path(SCRATCH))
+    return run_clean(code, [str(given)], Path(SCRATCH))
 
 
 def task_given() -> Task:
-    """The task on the command line."""
-    return from_json(sys.argv[1], Task)
+    """The task in the file that the command line names. Everybody on this machine reads command lines, and a task has
+    the bits of its round."""
+    file = Path(sys.argv[1])
+    task = from_json(file.read_bytes(), Task)
+    file.unlink()
+    return task
 
 
 def run(act: Callable[[], int]) -> int:

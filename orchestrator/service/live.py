@@ -74,12 +74,11 @@ def _news(service: Service, id: str) -> News:
 
 def _stream(service: Service, person: str, news: Callable[[], News]) -> Response:
     """Server-sent events: a message whenever ``news()`` gives another one."""
-    if service.streams[person] >= service.settings.limits.streams:
+    if not service.may_follow(person):
         raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
 
     async def messages() -> AsyncIterator[str]:
-        service.streams[person] += 1
-        try:
+        with service.following(person):
             last = None
             while not service.closing:
                 told = news()
@@ -91,8 +90,6 @@ def _stream(service: Service, person: str, news: Callable[[], News]) -> Response
                     await asyncio.sleep(CALM)
                 elif not await service.runner.news(ALIVE):
                     yield ": alive\n\n"
-        finally:
-            service.streams[person] -= 1
 
     return StreamingResponse(messages(), media_type="text/event-stream")
 

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
-from .borders import MAX_KEY_FORM, REPORT_POLICY, Refusal, body, whole_body
+from .borders import REPORT_POLICY, Refusal, body, key_body, whole_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
@@ -347,7 +347,7 @@ async def join(request: Request) -> Response:
 async def come_in(request: Request) -> Response:
     """Come in by a key."""
     service = service_of(request)
-    sent = await whole_body(request, service.settings.limits.patience, MAX_KEY_FORM)
+    sent = await key_body(request)
     try:
         key = dict(parse_qsl(sent.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
     except ValueError:

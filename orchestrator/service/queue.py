@@ -18,14 +18,20 @@ def chosen(
     """The run whose next stage begins now; None if nothing may.
 
     There is room for as many ``evaluations`` at a time, and for one short stage more: who uploads an FMU has its check
-    and its first score while the evaluations of others last. Of those that wait, the person comes next who was
-    ``served`` longest ago: who uploads a hundred FMUs delays another one's first by one stage, not by a hundred.
+    and its first score while the evaluations of others last. Where no evaluation waits, its place is for short stages,
+    too. Of those that wait, the person comes next who was ``served`` longest ago: who uploads a hundred FMUs delays
+    another one's first by one stage, not by a hundred.
     """
     if len(running) > evaluations:
         return None
-    long = sum(run.stage not in SHORT for run in running)
-    ready = (run for run in waiting if not waits(run, now) and (run.stage in SHORT or long < evaluations))
-    return min(ready, key=lambda run: (run.stage not in SHORT, served.get(run.owner, 0.0), run.created), default=None)
+    ready = [run for run in waiting if not waits(run, now)]
+    short = [run for run in ready if run.stage in SHORT]
+    long = [run for run in ready if run.stage not in SHORT]
+    of_long = sum(run.stage not in SHORT for run in running)
+    # One short stage at a time while a long one may begin: the checks of 20 uploads would else hold it back.
+    if long and of_long < evaluations and (len(running) > of_long or not short):
+        short = long
+    return min(short, key=lambda run: (served.get(run.owner, 0.0), run.created), default=None)
 
 
 def places(waiting: Iterable[Submission], served: Mapping[str, float]) -> dict[str, int]:

@@ -102,9 +102,14 @@ class Runner:
             try:
                 while (run := self._next()) is not None:
                     self._start(run)
+            except Changed:  # cancelled or removed since it was looked for
+                continue
             except BenchmarkError as problem:
                 # A full disk or a locked database: it is looked for again, and nothing is lost.
                 logger.warning("%s", problem)
+                await asyncio.sleep(LOOK_EVERY)
+            except Exception:  # a mistake of ours, which costs a line in the log and not the queue of everybody
+                logger.exception("The queue has failed, and goes on.")
                 await asyncio.sleep(LOOK_EVERY)
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._woken.wait(), LOOK_EVERY)

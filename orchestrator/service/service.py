@@ -87,6 +87,19 @@ class Service:
             )
             raise Refusal(507, message)
 
+    def may_follow(self, person: str) -> bool:
+        """Whether one more request of somebody may wait for news: each takes one of the service's connections."""
+        return self.streams[person] < self.settings.limits.streams
+
+    @contextmanager
+    def following(self, person: str) -> Iterator[None]:
+        """While a request of somebody waits for news."""
+        self.streams[person] += 1
+        try:
+            yield
+        finally:
+            self.streams[person] -= 1
+
     @contextmanager
     def uploading(self, person: Person) -> Iterator[None]:
         """While an upload of ``person`` lasts. What is half uploaded is in no quota of the disk: there is a number of

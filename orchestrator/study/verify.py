@@ -53,7 +53,8 @@ class VerificationStudy(Study[Verification]):
     machine, and nothing is written.
 
     What comes from outside, such as a process that somebody else ends, ends a verification without a result: the
-    controller may have seen its draws. It is begun again with others, and the certificate counts that.
+    controller may have seen its draws. It is begun again with others, and the certificate counts that. With the draws
+    of a round it is not: a controller that ends its own process could so choose among draws.
     """
 
     command = "verify"
@@ -84,8 +85,9 @@ class VerificationStudy(Study[Verification]):
                 options = self.count, self.strict, tuple(self.beside), sandboxed
                 return (yield from _verified(same, controller, drawn, repetition, *options))
             except EnvironmentFault as problem:
-                # With other draws: those that a controller has seen, it could be prepared for.
-                if problem.what != NOT_BY_CONTROLLER or repetition == ATTEMPTS - 1:
+                # With other draws: those that a controller has seen, it could be prepared for. In a round, all have the
+                # same ones: a PID that killed itself at poses it disliked came before the same PID that did not.
+                if problem.what != NOT_BY_CONTROLLER or drawn.source == "round" or repetition == ATTEMPTS - 1:
                     raise
                 logger.warning("%s The verification begins again, with other draws.", problem)
         raise AssertionError("the last attempt raises or returns")

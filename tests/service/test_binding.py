@@ -83,6 +83,15 @@ def test_a_value_for_no_variable_is_refused_and_an_empty_form_is_no_file():
     assert binding.mapping_file(INTERFACE, {}, {"K": ""}) == ""
 
 
+@pytest.mark.parametrize("value", ["\x7f" * 10**6, ["\x7f" * 10**6], [1.0] * 10**6])
+def test_what_is_too_large_is_refused_before_it_is_written(value, monkeypatch):
+    """All people of the service wait while a binding is written: 11 s for a name of 8 MB."""
+    monkeypatch.setattr(binding, "_toml", lambda _: pytest.fail("it is written"))
+    with pytest.raises(InputError) as refused:
+        binding.written({"q_m[1]": "x"}, {"K": value})
+    assert refused.value.what == "file-limit"
+
+
 @given(st.dictionaries(st.text(st.characters(codec="utf-8"), min_size=1), st.text(st.characters(codec="utf-8"))))
 def test_any_text_is_read_as_it_was_written(names):
     text = binding.written(names, names)

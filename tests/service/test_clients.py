@@ -24,10 +24,10 @@ def address(tmp_path):
         yield url
 
 
-def connected(address: str, head: str) -> socket.socket:
+def connected(address: str, head: str, path: str = "/api/runs?name=a.fmu") -> socket.socket:
     parts = urlsplit(address)
     client = socket.create_connection((parts.hostname, parts.port), timeout=20)
-    client.sendall(f"POST /api/runs?name=a.fmu HTTP/1.1\r\nHost: {parts.netloc}\r\n{head}\r\n\r\n".encode())
+    client.sendall(f"POST {path} HTTP/1.1\r\nHost: {parts.netloc}\r\n{head}\r\n\r\n".encode())
     return client
 
 
@@ -98,6 +98,15 @@ def test_more_than_is_taken_is_refused_at_once(address, tmp_path, head):
                     break
         assert b" 413 " in answer(client)
     nothing_is_left(tmp_path, address)
+
+
+def test_a_stranger_keeps_a_connection_for_a_few_seconds_only(tmp_path):
+    """500 of them would lock everybody out: a key may not take as long as an upload."""
+    settings = replace(ALONE, limits=Allowance(patience=60.0, upload_time=60.0))
+    with served(tmp_path / "data", settings, FAKE) as url, connected(url, "Content-Length: 4000", "/join") as client:
+        client.sendall(b"k")
+        begin = time.monotonic()
+        assert b" 408 " in answer(client) and time.monotonic() - begin < 20
 
 
 def test_what_is_no_http_disturbs_nobody(address, tmp_path):

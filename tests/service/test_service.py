@@ -644,6 +644,55 @@ def test_what_is_no_address_is_none_of_this_service(me, headers):
     assert me.post("/api/runs?name=a.fmu", fmu(), **headers).status_code == 403
 
 
+def test_whoever_waits_for_news_more_often_than_allowed_is_answered_at_once(serve, limited, monkeypatch):
+    """Each of them takes a connection, of which the service has 500 for everybody."""
+    me = Asker(serve(limited(streams=0)))
+    run = me.submit(fmu(checking={"wait": 60}))
+    run = me.until(run["id"], "checking")
+    monkeypatch.setattr(me.client.app.state.service.runner, "news", lambda _: pytest.fail("it waits"))
+    assert me.get(f"/api/runs/{run['id']}?since={run['revision']}").json() == run
+
+
+def test_a_run_that_goes_as_its_stage_begins_stops_nothing(me, monkeypatch):
+    """``serve --remove`` is another process: the queue ended in silence."""
+    begin, gone = Files.begin, []
+
+    def removed(files, id, *rest):
+        folder = begin(files, id, *rest)
+        if not gone:
+            gone.append(id)
+            me.client.app.state.service.database.remove_run(id)
+        return folder
+
+    monkeypatch.setattr(Files, "begin", removed)
+    me.submit(name="a.fmu")
+    assert me.until(me.submit(name="b.fmu")["id"])["state"] == "finished" and gone
+
+
+def test_a_mistake_in_the_queue_is_logged_and_the_queue_goes_on(me, monkeypatch, caplog):
+    runner = me.client.app.state.service.runner
+    begin, failed = runner._start, []
+
+    def broken(run):
+        if not failed:
+            failed.append(run)
+            raise KeyError("a mistake")
+        begin(run)
+
+    monkeypatch.setattr(runner, "_start", broken)
+    assert me.until(me.submit()["id"])["state"] == "finished" and "goes on" in caplog.text
+
+
+def test_many_names_push_nobody_out_of_the_table(serve, monkeypatch):
+    monkeypatch.setattr(database, "MAX_ROWS", 2)
+    client = serve(SOME)
+    ada, ben = invited(client, "Ada"), invited(client, "Ben")
+    for number in range(3):
+        ada.until(ada.submit(fmu(evaluating={"cost": 50.0 + number}), f"{number}.fmu")["id"])
+    ben.until(ben.submit(fmu(evaluating={"cost": 200.0}), "b.fmu")["id"])
+    assert [(row["name"], row["cost"]) for row in ben.get("/api/table").json()] == [("0.fmu", 50.0), ("b.fmu", 200.0)]
+
+
 def test_one_controller_evaluated_many_times_pushes_nobody_out_of_the_table(me, monkeypatch):
     monkeypatch.setattr(database, "MAX_ROWS", 2)
     other = me.submit(fmu(evaluating={"cost": 200.0}), "other.fmu")["id"]

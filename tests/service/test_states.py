@@ -97,6 +97,16 @@ def test_short_stages_come_first_and_have_room_beside_evaluations():
     assert queue.chosen([long, short], [*under_way, replace(short, running=True)], {}, 1, 9.0) is None
 
 
+def test_short_stages_hold_back_no_evaluation():
+    """The checks of 20 uploads took both places until the last of them had ended."""
+    long, short, other = waiting(("ada", "evaluating"), ("ben", "received"), ("ben", "received"))
+    under_way = [replace(short, running=True)]
+    assert queue.chosen([long, other], under_way, {"ada": 8.0}, 1, 9.0) is long
+    assert queue.chosen([replace(long, not_before=10.0), other], under_way, {}, 1, 9.0) is other
+    assert queue.chosen([long, other], under_way * 2, {}, 1, 9.0) is None
+    assert queue.chosen([long, other], [replace(long, running=True)], {}, 2, 9.0) is other
+
+
 def test_who_has_to_wait_waits():
     (run,) = waiting(("ada", "received"))
     assert queue.chosen([replace(run, not_before=10.0)], [], {}, 1, 9.0) is None
