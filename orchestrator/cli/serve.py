@@ -190,26 +190,38 @@ def _address(host: str, port: int) -> str:
 def _copy(given: argparse.Namespace) -> int:
     """Copy what a service keeps; one that runs in the folder goes on."""
     files = Files(given.data.absolute())
-    if not files.database.is_file():
-        raise InputError(f"{given.data} is not the folder of a service: it has no {files.database.name}.", "no-folder")
+    if not os.access(files.database, os.R_OK | os.W_OK):
+        raise InputError(
+            f"{given.data} is not the folder of a service: it has no {files.database.name} that you may read.",
+            "no-folder",
+        )
     prepare_folder(given.backup)
     if any(given.backup.iterdir()):
         message = f"{given.backup} is not empty. Each copy has a folder of its own."
         raise InputError(message, "not-empty", given.backup)
     given.backup.chmod(0o700)
+    target = Files(given.backup)
+    part = target.database.with_suffix(".part")
     database = Database(files.database)
     try:
         # The rows first: each of them has its files then, but for what is deleted in between.
-        database.copy(Files(given.backup).database)
+        database.copy(part)
     finally:
         database.close()
     files.copy(given.backup)
+    copied = Database(part)
+    try:
+        copied.keep_runs_of({file.stem for file in (given.backup / "fmus").glob("*.fmu")})
+    finally:
+        copied.close()
+    part.replace(target.database)  # last of all: what has ended before that is no service
     return EXIT_OK
 
 
 def _manage(given: argparse.Namespace) -> int:
     """Invite, remove or list people; a service that runs in the folder finds them at once."""
     files = Files(given.data.absolute())
+    files.check_own()
     files.prepare()
     database = Database(files.database)
     try:

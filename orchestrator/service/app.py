@@ -18,7 +18,7 @@ from ..codec import to_json
 from ..errors import BenchmarkError, InputError
 from . import accounts, api, live, pages
 from .api import Problem
-from .borders import Borders, Refusal
+from .borders import HEADERS, POLICY, Borders, Refusal, closing
 from .database import Database
 from .files import Files
 from .records import Settings
@@ -37,6 +37,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
         files = Files(folder.absolute())
+        files.check_own()
         files.prepare()
         with files.taken():
             database = Database(files.database)
@@ -75,9 +76,14 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
 def check_folder(folder: Path) -> None:
     """Raise what the start of a service in ``folder`` would, before there is a server to say it."""
     files = Files(folder.absolute())
+    files.check_own()
     files.prepare()
     with files.taken():
-        Database(files.database).close()
+        database = Database(files.database)
+        try:
+            database.check()
+        finally:
+            database.close()
 
 
 async def _refused(request: Request, problem: Exception) -> Response:
@@ -98,10 +104,15 @@ async def _gone(request: Request, problem: Exception) -> Response:
 
 async def _broken(request: Request, problem: Exception) -> Response:
     logger.error("%s %s", request.method, request.url.path, exc_info=problem)
-    return _answer(request, 500, "The service has failed in answering this. Its log says more.")
+    answer = _answer(request, 500, "The service has failed in answering this. Its log says more.")
+    answer.headers.update({**HEADERS, "content-security-policy": POLICY})  # it does not pass the borders
+    return answer
 
 
 def _answer(request: Request, status: int, sentence: str) -> Response:
     if request.url.path.startswith("/api/"):
-        return Response(to_json(Problem(sentence)) + "\n", status, media_type="application/json")
-    return pages.page(request, "problem.html", status, sentence=sentence, is_stranger=status == 401)
+        text = to_json(Problem(sentence)) + "\n"
+        return Response(text, status, closing(request.method), media_type="application/json")
+    answer = pages.page(request, "problem.html", status, sentence=sentence, is_stranger=status == 401)
+    answer.headers.update(closing(request.method))
+    return answer

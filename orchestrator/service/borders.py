@@ -80,9 +80,14 @@ class Borders:
             await send(message)
 
         if problem:
-            await PlainTextResponse(f"{problem}\n", 403)(scope, receive, with_headers)
+            await PlainTextResponse(f"{problem}\n", 403, closing(scope["method"]))(scope, receive, with_headers)
             return
         await self._app(scope, receive, with_headers)
+
+
+def closing(method: str) -> dict[str, str]:
+    """Headers of a refusal: it ends the connection, on which the rest of a body could come for ever."""
+    return {} if method in READING else {"connection": "close"}
 
 
 def refusal(method: str, headers: Headers, local: bool) -> str:
@@ -91,9 +96,12 @@ def refusal(method: str, headers: Headers, local: bool) -> str:
     # A name that an attacker has pointed at this machine ("DNS rebinding") would make their page one of this service.
     if local and not is_loopback(_parts(f"//{host}").hostname or ""):
         return "This service has no accounts, and answers on this machine only: open it as http://127.0.0.1."
-    if method in READING:
-        return ""
     origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+    if method in READING:
+        # A page elsewhere may link here. What it loads in secret takes places of whoever looks at it, as live pages do.
+        if site in ("cross-site", "same-site") and headers.get("sec-fetch-mode") != "navigate":
+            return "This request comes from another site's page."
+        return ""
     if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
         return "This request comes from another site's page."
     if origin is None and "cookie" in headers:  # every browser says where a change comes from

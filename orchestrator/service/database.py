@@ -116,6 +116,14 @@ class Database:
         """End its use."""
         self._connection.close()
 
+    def check(self) -> None:
+        """Raise :class:`EnvironmentFault` for a file that is damaged, or cannot be written."""
+        (row,) = self._rows("PRAGMA quick_check(1)")
+        if row[0] != "ok":
+            raise EnvironmentFault(f"The service's database is damaged: {row[0]}.", "no-database")
+        with self._transaction() as connection:
+            connection.execute("UPDATE form SET number = number")
+
     def copy(self, file: Path) -> None:
         """Write all state as it is now to ``file``, while others read and write."""
         try:
@@ -134,7 +142,9 @@ class Database:
                 self._connection.execute("ROLLBACK")
                 raise
             self._connection.execute("COMMIT")
-        except sqlite3.OperationalError as problem:
+        except sqlite3.IntegrityError:
+            raise
+        except sqlite3.DatabaseError as problem:  # also of a file that is damaged
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise EnvironmentFault(f"The service's database cannot be written: {problem}.", "no-database") from problem
@@ -142,7 +152,7 @@ class Database:
     def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         try:
             return self._connection.execute(query, values).fetchall()
-        except sqlite3.OperationalError as problem:
+        except sqlite3.DatabaseError as problem:
             raise EnvironmentFault(f"The service's database cannot be read: {problem}.", "no-database") from problem
 
     # People
@@ -202,10 +212,13 @@ class Database:
     # Runs
 
     def add_run(self, run: Submission, text: str) -> None:
-        """Add a run, and the beginning of its history."""
-        with self._transaction() as connection:
-            connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
-            connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
+        """Add a run, and the beginning of its history; raises :class:`Changed` if its owner is no more."""
+        try:
+            with self._transaction() as connection:
+                connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
+                connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
+        except sqlite3.IntegrityError:
+            raise Changed(run.id) from None
 
     def change(self, before: Submission, after: Submission, text: str, now: float) -> Submission:
         """Replace a run by its next form, with a line of its history; returns what is stored.
@@ -289,6 +302,12 @@ class Database:
         with self._transaction() as connection:
             connection.execute("DELETE FROM runs WHERE id = ?", (id,))
 
+    def keep_runs_of(self, fmus: set[str]) -> None:
+        """Remove the runs of FMUs that are not among ``fmus``, by their hashes: they have been deleted."""
+        with self._transaction() as connection:
+            gone = self.files() - fmus
+            connection.executemany("DELETE FROM runs WHERE sha256 = ?", [(sha256,) for sha256 in gone])
+
     def _runs(self, condition: str, *values: object) -> list[Submission]:
         return [_run(row) for row in self._rows(f"SELECT {COLUMNS} FROM runs {condition}", *values)]
 
@@ -347,10 +366,10 @@ class Database:
         rows = self._rows("SELECT owner, run, person, name FROM entries WHERE round = ? ORDER BY owner", round)
         return [HandIn(*row) for row in rows]
 
-    def handed_in(self, round: Round, now: float) -> list[Submission]:
+    def handed_in(self, round: Round) -> list[Submission]:
         """Finished runs that were handed in while a round was open, the oldest first."""
-        condition = "WHERE state = 'finished' AND cost IS NOT NULL AND created >= ? AND created < ? ORDER BY created"
-        return self._runs(condition, round.opened, min(round.closes, now))
+        condition = "WHERE state = 'finished' AND cost IS NOT NULL AND created >= ? AND created < ? ORDER BY rowid"
+        return self._runs(condition, round.opened, round.closes)
 
     def in_round(self, round: str) -> list[Submission]:
         """The runs that count in a ``round`` that is closed."""

@@ -55,6 +55,10 @@ ID = re.compile(r"[0-9a-f]{24}")
 """An id, and the only form of one that becomes a path."""
 
 
+SHA256 = re.compile(r"[0-9a-f]{64}")
+"""The hash of an FMU, and the only form of one that becomes a path."""
+
+
 def new_id() -> str:
     """An id that nobody guesses."""
     return secrets.token_hex(12)
@@ -98,6 +102,21 @@ class Files:
             prepare_folder(self.root / name)
         prepare_folder(self.cache)
 
+    def check_own(self) -> None:
+        """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, and for one that has lost its
+        database: a service removes what its rows do not name."""
+        if self.database.exists() and self.database.stat().st_size > 0:
+            return
+        own = (*KINDS, "incoming", "cache", self.database.name, "lost+found")
+        there = {entry.name for entry in self.root.iterdir() if entry.name[0] != "."} if self.root.is_dir() else set()
+        filled = {kind for kind in KINDS if kind in there and any((self.root / kind).iterdir())}
+        if there - {*own} or filled:
+            message = (
+                f"{self.root} has files, but no {self.database.name} of a service. Choose an empty folder, or put a "
+            )
+            message += "whole copy of the service there (--backup)."
+            raise InputError(message, "no-service", self.root)
+
     def taken(self) -> FileLock:
         """The lock on the folder, taken; raises :class:`~orchestrator.errors.InputError` if another service has it."""
         lock = FileLock(self.root / ".lock")
@@ -110,7 +129,7 @@ class Files:
 
     def fmu(self, sha256: str) -> Path:
         """An FMU by the hash of its bytes."""
-        assert re.fullmatch("[0-9a-f]{64}", sha256)
+        assert SHA256.fullmatch(sha256)
         return self.root / "fmus" / f"{sha256}.fmu"
 
     def run(self, id: str) -> Path:
@@ -132,17 +151,19 @@ class Files:
     def begin(self, id: str, sha256: str, file_name: str, binding: str) -> Path:
         """The folder of a run as a job finds it: with its FMU and its mapping file.
 
-        Raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full, or the FMU is gone.
+        Raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full, or (``"no-file"``) the FMU is gone.
         """
-        folder = self.run(id)
+        folder, fmu = self.run(id), self.fmu(sha256)
+        if not fmu.is_file():
+            raise EnvironmentFault("The FMU is not there any more.", "no-file")
         try:
             folder.mkdir(exist_ok=True)
             file = folder / file_name
             if not file.exists():
                 try:
-                    os.link(self.fmu(sha256), file)
+                    os.link(fmu, file)
                 except OSError:  # file systems without hard links
-                    shutil.copy(self.fmu(sha256), file)
+                    shutil.copy(fmu, file)
             if binding:
                 (folder / BINDING).write_text(binding, encoding="utf-8")
             else:
@@ -169,15 +190,20 @@ class Files:
             raise EnvironmentFault(message, "not-written") from problem
 
     def forget(self, id: str, names: Iterable[str]) -> None:
-        """Remove files of a run that another binding makes anew."""
+        """Remove files of a run that another binding makes anew; raises as :meth:`forget_outcome`."""
         for name in names:
-            (self.run(id) / name).unlink(missing_ok=True)
+            self.forget_outcome(id, name)
         for folder in (QUICK, EVALUATION):
             shutil.rmtree(self.run(id) / folder, ignore_errors=True)
 
     def forget_outcome(self, id: str, name: str) -> None:
-        """Remove the outcome of a stage that is done again."""
-        (self.run(id) / name).unlink(missing_ok=True)
+        """Remove the outcome of a stage that is done again; raises
+        :class:`~orchestrator.errors.EnvironmentFault` if the disk does not let it."""
+        try:
+            (self.run(id) / name).unlink(missing_ok=True)
+        except OSError as problem:
+            message = f"The run's folder cannot be written: {problem.strerror}."
+            raise EnvironmentFault(message, "not-written") from problem
 
     def remove_run(self, id: str) -> None:
         """Remove the folder of a run."""
@@ -199,10 +225,10 @@ class Files:
         prepare_folder(self.root / "incoming")
         for kind in ("runs", "comparisons"):
             for entry in (self.root / kind).iterdir():
-                if entry.name not in ids:
+                if entry.name not in ids and ID.fullmatch(entry.name):
                     shutil.rmtree(entry, ignore_errors=True)
         for file in (self.root / "fmus").iterdir():
-            if file.stem not in fmus:
+            if file.stem not in fmus and SHA256.fullmatch(file.stem):
                 file.unlink(missing_ok=True)
                 shutil.rmtree(self.cache / "fmus" / file.stem, ignore_errors=True)
 

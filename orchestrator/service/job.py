@@ -167,6 +167,8 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     """The outcome of ``task``, whose files are in ``folder``."""
     act = {"checking": _checked, "verifying": _verified}.get(task.stage, _evaluated)
     try:
+        with Path(task.file).open("rb"):  # what this service may not read is no finding about the FMU
+            pass
         outcome = act(task, folder, tell)
     except EnvironmentFault as fault:
         outcome = Outcome(task.stage, "fault", str(fault))
@@ -174,7 +176,7 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
         outcome = Outcome(task.stage, "fault" if crash.what == "killed" else "failed", str(crash))
     except BenchmarkError as error:
         # This machine lacks it, whatever the controller is.
-        here = getattr(error, "what", "") in ("no-sandbox", "folder-in-use", "no-dask")
+        here = getattr(error, "what", "") in ("no-sandbox", "folder-in-use", "no-dask", "no-scheduler", "other-version")
         outcome = Outcome(task.stage, "fault" if here else "failed", str(error))
     except (OSError, MemoryError) as problem:
         outcome = Outcome(task.stage, "fault", str(problem) or type(problem).__name__)

@@ -78,9 +78,12 @@ def _stream(service: Service, person: str, news: Callable[[], News]) -> Response
         raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
 
     async def messages() -> AsyncIterator[str]:
+        # Once more: a hundred that are asked for at once have all passed above.
+        if not service.may_follow(person):
+            return
         with service.following(person):
             last = None
-            while not service.closing:
+            while not service.closing and service.database.person(person) is not None:
                 told = news()
                 if told != last:
                     last = told

@@ -92,6 +92,8 @@ async def submit(request: Request) -> Response:
         try:
             parser = MultiPartParser(request.headers, pieces, max_files=1, max_fields=2)
             form = await parser.parse()
+        except OSError as problem:  # it is spooled into the system's folder for temporary files
+            raise Refusal(503, f"The upload cannot be stored: {problem.strerror or problem}.") from None
         except MultiPartException as problem:
             raise Refusal(400, f"This is no upload: {problem.message}") from None
         except KeyError:

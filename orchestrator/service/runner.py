@@ -20,7 +20,7 @@ from pathlib import Path
 
 from ..cache import VARIABLE
 from ..codec import from_json, to_json
-from ..errors import BenchmarkError
+from ..errors import BenchmarkError, EnvironmentFault
 from ..execution.sandbox import PRIVATE
 from ..text import printable
 from . import queue, states
@@ -35,8 +35,13 @@ JOB = ("-m", f"{__package__}.job")
 LOOK_EVERY = 1.0
 """Seconds between two looks for what waits, beside those when something happens: a delay may have passed."""
 
+HOLD_TIME = 10.0
+"""Seconds that a run is passed over whose folder cannot be written."""
+
 END_TIME = 15.0
 """Seconds that a job has to end when it is told to."""
+
+GONE = "the FMU is not there any more: upload it again"
 
 MAX_LINE = 1 << 16
 """Longest message of a job [bytes]."""
@@ -66,6 +71,7 @@ class Runner:
     def __init__(self, database: Database, files: Files, conduct: Conduct, job: tuple[str, ...] = JOB) -> None:
         self._database, self._files, self._conduct, self._job = database, files, conduct, job
         self.live: dict[str, Live] = {}
+        self._held: dict[str, float] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._woken, self._news = asyncio.Event(), asyncio.Event()
         self._closing = False
@@ -156,8 +162,9 @@ class Runner:
 
     def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
-        after = self._database.change(run, *states.bound(run, binding), time.time())
+        # Before the change: else, after a power cut, the outcome with the former binding counts for this one.
         self._files.forget(run.id, map(OUTCOME.format, STAGES))
+        after = self._database.change(run, *states.bound(run, binding), time.time())
         self.wake()
         return after
 
@@ -172,37 +179,63 @@ class Runner:
     def _next(self) -> Submission | None:
         if self._closing:
             return None
+        now = time.monotonic()
         # One that was cancelled and begun again waits until its former process has ended.
-        waiting = [run for run in self._database.waiting() if run.id not in self.live]
+        waiting = [
+            run for run in self._database.waiting() if run.id not in self.live and self._held.get(run.id, 0.0) <= now
+        ]
         under_way = [live.run for live in self.live.values()]
         return queue.chosen(waiting, under_way, self._database.served(), self._conduct.evaluations, time.time())
 
     def _start(self, run: Submission) -> None:
         assert run.stage is not None
-        folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
-        run = self._database.change(run, *states.started(run, time.time()), time.time())
+        try:
+            folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
+        except EnvironmentFault as problem:
+            if problem.what != "no-file":
+                # All others go on: one run that cannot begin had stopped them.
+                self._held[run.id] = time.monotonic() + HOLD_TIME
+                raise
+            folder = None
+        self._held.pop(run.id, None)
+        # A clock that was set back must not have those wait for it who were served before.
+        now = max(time.time(), *(last + 1e-3 for last in self._database.served().values()))
+        run = self._database.change(run, *states.started(run, now), time.time())
         live = self.live[run.id] = Live(run)
         task = asyncio.create_task(self._watch(live, folder))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         self.wake()
 
-    async def _watch(self, live: Live, folder: Path) -> None:
-        """One stage from its start to its outcome."""
+    async def _watch(self, live: Live, folder: Path | None) -> None:
+        """One stage from its start to its outcome; without a ``folder`` the FMU is gone."""
         stage = live.run.stage
         assert stage is not None
         try:
-            outcome = outcome_of(folder, stage)
-            # An earlier service may have ended between the outcome and the change that tells of it.
-            if outcome is None:
-                outcome = await self._done(live, folder, stage)
+            if folder is None:
+                outcome = Outcome(stage, "fault", GONE)
+            else:
+                # An earlier service may have ended between the outcome and the change that tells of it.
+                outcome = outcome_of(folder, stage) or await self._done(live, folder, stage)
         except OSError as problem:
             outcome = Outcome(stage, "fault", f"the job could not be started: {problem.strerror or problem}")
+        except EnvironmentFault as problem:
+            outcome = Outcome(stage, "fault", str(problem))
         finally:
             _kill(live.process)
         await self._settle(live, stage, outcome)
 
     async def _settle(self, live: Live, stage: Stage, outcome: Outcome) -> None:
+        """Store the outcome, and have room for another run."""
+        try:
+            await self._stored(live, stage, outcome)
+        finally:
+            self.live.pop(live.run.id, None)
+            self.wake()
+        if self._database.run(live.run.id) is None:
+            self._clear(live.run)
+
+    async def _stored(self, live: Live, stage: Stage, outcome: Outcome) -> None:
         """Store the outcome, which is tried until it is stored: a full disk may have room again."""
         while not (live.unwanted or self._closing):
             try:
@@ -211,16 +244,12 @@ class Runner:
                     # Before the change: else the next attempt would take this outcome for its own.
                     self._files.forget_outcome(live.run.id, OUTCOME.format(stage))
                 self._database.change(live.run, after, text, time.time())
-                break
+                return
             except Changed:  # cancelled or removed meanwhile
-                break
+                return
             except BenchmarkError as problem:
                 logger.warning("%s", problem)
                 await asyncio.sleep(LOOK_EVERY)
-        self.live.pop(live.run.id, None)
-        if self._database.run(live.run.id) is None:
-            self._clear(live.run)
-        self.wake()
 
     async def _done(self, live: Live, folder: Path, stage: Stage) -> Outcome:
         log = folder / LOG

@@ -125,13 +125,25 @@ class Service:
             shown = printable(name).strip()[-MAX_NAME:] or "controller.fmu"
             sha256 = incoming.kept()
             run = Submission(
-                new_id(), person.id, shown, plain_name(name), sha256, incoming.size, time.time(), binding=text
+                new_id(), person.id, shown, plain_name(name), sha256, incoming.size, self._now(), binding=text
             )
-            self.database.add_run(run, "received")
+            self._add(run, "received")
         finally:
             incoming.close()
         self.runner.wake()
         return run
+
+    def _now(self) -> float:
+        """The time of what is handed in: not before the round was opened, though the clock was set back since."""
+        return max(time.time(), *(round.opened for round in self.database.rounds() if round.closed is None), 0.0)
+
+    def _add(self, run: Submission, text: str) -> None:
+        try:
+            self.database.add_run(run, text)
+        except Changed:  # --remove is another process
+            if not self.database.is_used(run.sha256):
+                self.files.remove_fmu(run.sha256)
+            raise Refusal(401, "You have been removed from this service.") from None
 
     def bind(self, run: Submission, text: str) -> Submission:
         """Use another mapping file: a refused run begins again, of any other one a second run is made."""
@@ -139,9 +151,9 @@ class Service:
             return self._moved(lambda: self.runner.begin_anew(run, text))
         self.check_quota(Person(run.owner, ""), run.size)
         again = Submission(
-            new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, time.time(), binding=text
+            new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, self._now(), binding=text
         )
-        self.database.add_run(again, "received, with another binding")
+        self._add(again, "received, with another binding")
         self.runner.wake()
         return again
 
@@ -270,10 +282,9 @@ class Service:
 
     def choose(self, person: Person, round: Round, run: Submission) -> None:
         """Have a run count for its owner in a round that is open."""
-        now = time.time()
-        if round.closed is not None or now >= round.closes:
+        if round.closed is not None or time.time() >= round.closes:
             raise Refusal(409, CLOSED)
-        if run not in self.database.handed_in(round, now):
+        if run not in self.database.handed_in(round):
             raise Refusal(409, "What counts is a finished run with a V that was handed in since the round was opened.")
         try:
             self.database.choose(round.id, HandIn(person.id, run.id))
@@ -282,7 +293,7 @@ class Service:
 
     def counted(self, round: Round) -> dict[str, Submission]:
         """What counts in a round that is open, by its owner, if it were closed now."""
-        return rounds.counted(self.database.entries(round.id), self.database.handed_in(round, time.time()))
+        return rounds.counted(self.database.entries(round.id), self.database.handed_in(round))
 
     def close_round(self, person: Person, round: Round) -> Round:
         """Close a round before its date."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from datetime import datetime, timezone
 from typing import Literal
 
@@ -195,7 +194,7 @@ def round_view(service: Service, round: Round, person_id: str) -> RoundView:
     runs = {run.id: run for run in service.database.in_round(round.id)}
     phase = rounds.phase(round, runs.values())
     if phase == "open":
-        handed_in = service.database.handed_in(round, time.time())
+        handed_in = service.database.handed_in(round)
         counting = rounds.counted(service.database.entries(round.id), handed_in)
         names = {person.id: person.name for person in service.database.people()}
         entries = [HandIn(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items()]

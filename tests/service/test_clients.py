@@ -9,6 +9,7 @@ import pytest
 from browser.test_service_in_browser import served
 from support.tools import require
 
+from orchestrator.service import server
 from orchestrator.service.client import Client
 from orchestrator.service.files import Files
 from orchestrator.service.records import Allowance
@@ -107,6 +108,37 @@ def test_a_stranger_keeps_a_connection_for_a_few_seconds_only(tmp_path):
         client.sendall(b"k")
         begin = time.monotonic()
         assert b" 408 " in answer(client) and time.monotonic() - begin < 20
+
+
+def test_connections_without_a_request_are_closed(address, tmp_path, monkeypatch):
+    """1,100 of them kept jobs from being started, as their process had no files left to open."""
+    monkeypatch.setattr(server, "HEAD_TIME", 0.5)
+    with connected(address, "Content-Length: 0", "/none") as one, connected(address, "", "/none") as other:
+        parts = urlsplit(address)
+        with socket.create_connection((parts.hostname, parts.port), timeout=20) as silent:
+            assert silent.recv(1) == b""
+        with socket.create_connection((parts.hostname, parts.port), timeout=20) as half:
+            half.sendall(b"GET / HTTP/1.1\r\nHost: ")
+            assert half.recv(1) == b""
+        assert answer(one) and answer(other)
+    nothing_is_left(tmp_path, address)
+
+
+def test_more_connections_than_there_may_be_are_closed_at_once(address, tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "MAX_CONNECTIONS", 2)
+    monkeypatch.setattr(server, "SPARE", 1)
+    parts = urlsplit(address)
+    clients = [socket.create_connection((parts.hostname, parts.port), timeout=20) for _ in range(5)]
+    closed = 0
+    for client in clients[3:]:
+        try:
+            closed += client.recv(1) == b""
+        except ConnectionError:
+            closed += 1
+    for client in clients:
+        client.close()
+    assert closed == 2
+    nothing_is_left(tmp_path, address)
 
 
 def test_what_is_no_http_disturbs_nobody(address, tmp_path):

@@ -1,0 +1,253 @@
+"""What an operator and a machine do to a service: nothing of anybody else's is lost, and no run stops the others."""
+
+import os
+import sqlite3
+import time
+from pathlib import Path
+
+import pytest
+from support.command_lines import call
+from support.refusals import refusal
+from support.tools import require
+
+from orchestrator.errors import EnvironmentFault
+from orchestrator.service import accounts
+from orchestrator.service.database import Database
+from orchestrator.service.files import Files
+from orchestrator.service.records import Task
+from service.conftest import SOME, Asker, fmu
+from service.test_rounds import Course, handed_in, verified
+
+require("starlette", "uvicorn", "python_multipart", "httpx2")
+
+
+def everything_below(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("name", ["thesis.tex", "runs/thesis/results.json", "fmus/controller.fmu"])
+def test_a_folder_of_somebody_else_stays_as_it_is(name, tmp_path):
+    """Whatever no row named was removed, such as the user's own folder ``runs``."""
+    file = tmp_path / "mine" / name
+    file.parent.mkdir(parents=True)
+    file.write_text("my own")
+    for words in (("--port", "0"), ("--invite", "Ada")):
+        refused = call("serve", "--data", "mine", *words, folder=tmp_path)
+        assert refused.code == 2 and "Choose an empty folder" in refused.err
+    assert everything_below(tmp_path / "mine") == {name}
+
+
+@pytest.mark.parametrize("loss", ["missing", "empty"])
+def test_a_service_without_its_database_does_not_start_and_removes_nothing(loss, serve, tmp_path):
+    client = serve()
+    me = Asker(client)
+    me.until(me.submit()["id"])
+    client.__exit__(None, None, None)
+    file = tmp_path / "data" / "service.sqlite"
+    file.unlink() if loss == "missing" else file.write_bytes(b"")
+    before = everything_below(tmp_path / "data")
+    refused = call("serve", "--data", "data", "--port", "0", folder=tmp_path)
+    assert refused.code == 2 and "no service.sqlite" in refused.err
+    assert everything_below(tmp_path / "data") == before
+
+
+def test_a_damaged_database_is_told_in_a_sentence(serve, tmp_path):
+    client = serve()
+    Asker(client).submit()
+    client.__exit__(None, None, None)
+    file = tmp_path / "data" / "service.sqlite"
+    content = bytearray(file.read_bytes())
+    content[4096 : 4096 * 3] = bytes(4096 * 2)
+    file.write_bytes(content)
+    refused = call("serve", "--data", "data", "--port", "0", folder=tmp_path)
+    assert refused.code == 1 and "service's database" in refused.err and "Traceback" not in refused.err
+
+
+def test_a_run_whose_fmu_is_gone_stops_nobody(me):
+    service = me.client.app.state.service
+    first = me.submit(fmu(checking={"wait": 1.0}), "a.fmu")
+    gone = me.submit(fmu(x=1), "gone.fmu")
+    service.files.fmu(service.database.run(gone["id"]).sha256).unlink()
+    later = me.submit(fmu(x=2), "later.fmu")
+    assert me.until(later["id"])["state"] == me.until(first["id"])["state"] == "finished"
+    told = me.until(gone["id"])
+    assert told["state"] == "failed" and "upload it again" in told["reason"] and "nothing is held" in told["reason"]
+
+
+def test_a_run_whose_folder_cannot_be_written_stops_nobody(me, monkeypatch):
+    begin = Files.begin
+
+    def refused(files, id, sha256, file_name, binding):
+        if file_name == "bad.fmu" and not mended:
+            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+        return begin(files, id, sha256, file_name, binding)
+
+    mended: list[bool] = []
+    monkeypatch.setattr(Files, "begin", refused)
+    monkeypatch.setattr("orchestrator.service.runner.HOLD_TIME", 1.5)
+    bad = me.submit(fmu(), "bad.fmu")["id"]
+    assert me.until(me.submit(fmu(x=1), "good.fmu")["id"])["state"] == "finished"
+    assert me.run(bad)["state"] == "received"
+    mended.append(True)
+    assert me.until(bad)["state"] == "finished"
+
+
+def test_an_outcome_that_cannot_be_removed_keeps_no_place(me, monkeypatch):
+    forget, failed = Files.forget_outcome, []
+
+    def refused(files, id, name):
+        if len(failed) < 2:
+            failed.append(name)
+            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+        forget(files, id, name)
+
+    monkeypatch.setattr(Files, "forget_outcome", refused)
+    id = me.submit(fmu(checking={"exit": 3, "times": 1}))["id"]
+    assert me.until(id)["state"] == "finished" and len(failed) == 2
+
+
+def test_a_mistake_in_storing_an_outcome_keeps_no_place(me, monkeypatch):
+    def broken(files, id, name):
+        raise KeyError("a mistake")
+
+    monkeypatch.setattr(Files, "forget_outcome", broken)
+    runs = [me.submit(fmu(checking={"exit": 3, "times": 1}, x=number), f"{number}.fmu")["id"] for number in range(2)]
+    assert me.until(me.submit(fmu(x=9), "good.fmu")["id"])["state"] == "finished"
+    service = me.client.app.state.service
+    assert not {*runs} & {*service.runner.live}
+
+
+def test_a_binding_that_is_cut_short_is_not_decided_by_the_former_outcome(me, monkeypatch):
+    id = me.submit(fmu(checking={"kind": "refused", "reason": "no q_m"}))["id"]
+    me.until(id, "refused")
+
+    def cut(files, id, names):
+        raise EnvironmentFault("The disk is full.", "not-written")
+
+    monkeypatch.setattr(Files, "forget", cut)
+    answer = me.put(f"/api/runs/{id}/binding", {"map": {"q_m[1]": "x"}})
+    assert answer.status_code == 503 and me.run(id)["state"] == "refused"
+
+
+def test_somebody_who_is_removed_during_an_upload_leaves_nothing(serve, monkeypatch):
+    client = serve(SOME)
+    service = client.app.state.service
+    ada = Asker(client, accounts.invited(service.database, "Ada"))
+    add = Database.add_run
+
+    def late(database, run, text):
+        database.remove_person(run.owner)
+        add(database, run, text)
+
+    monkeypatch.setattr(Database, "add_run", late)
+    answer = ada.post("/api/runs?name=a.fmu", fmu())
+    assert answer.status_code == 401 and "removed" in answer.json()["error"]
+    assert list((service.files.root / "fmus").iterdir()) == []
+
+
+def test_a_clock_that_is_set_back_changes_neither_what_counts_nor_whose_turn_it_is(serve, monkeypatch):
+    true, ahead = time.time, [3600.0]
+    monkeypatch.setattr(time, "time", lambda: true() + ahead[0])
+    course = Course(serve(SOME))
+    ada, ben = course.person("Ada"), course.person("Ben")
+    round = course.open(days=30)
+    handed_in(ada, fmu(verifying=verified(90.0), x=1), "first.fmu")
+    ahead[0] = 0.0
+    handed_in(ada, fmu(verifying=verified(95.0), x=2), "second.fmu")
+    handed_in(ben, fmu(verifying=verified(99.0), x=3), "ben.fmu")
+    served = course.people.served()
+    assert served[id_of(course, "Ben")] > served[id_of(course, "Ada")]
+    course.close(round)
+    view = course.until(round)
+    assert [(row["name"], row["place"]) for row in view["entries"]].count(("second.fmu", 1)) == 1
+    assert {row["name"] for row in view["entries"]} == {"second.fmu", "ben.fmu"}
+
+
+def id_of(course: Course, name: str) -> str:
+    return next(person.id for person in course.people.people() if person.name == name)
+
+
+def test_a_copy_that_failed_is_no_service(serve, tmp_path, monkeypatch):
+    me = Asker(serve())
+    me.until(me.submit()["id"])
+
+    def full(files, folder):
+        raise EnvironmentFault("The copy cannot be written: No space left on device.", "not-written")
+
+    monkeypatch.setattr(Files, "copy", full)
+    made = call("serve", "--data", "data", "--backup", "copy", folder=tmp_path)
+    assert made.code == 1 and not (tmp_path / "copy" / "service.sqlite").exists()
+
+
+def test_a_copy_has_no_run_without_its_fmu(serve, tmp_path, monkeypatch):
+    me = Asker(serve())
+    kept, deleted = (me.until(me.submit(fmu(x=name), f"{name}.fmu")["id"])["id"] for name in "ab")
+    copy = Files.copy
+
+    def late(files, folder):
+        assert me.delete(f"/api/runs/{deleted}").status_code == 204
+        copy(files, folder)
+
+    monkeypatch.setattr(Files, "copy", late)
+    assert call("serve", "--data", "data", "--backup", "copy", folder=tmp_path).code == 0
+    other = Asker(serve(folder=tmp_path / "copy"))
+    assert [run["id"] for run in other.get("/api/runs").json()] == [kept]
+
+
+def test_what_the_service_may_not_read_is_no_fault_of_the_fmu(tmp_path):
+    from orchestrator.service.job import done
+
+    task = Task("checking", "gone.fmu", "", "quick", 1, False, sha256="0" * 64)
+    here = os.getcwd()
+    os.chdir(tmp_path)
+    try:
+        assert done(task, tmp_path, lambda *_: None).kind == "fault"
+    finally:
+        os.chdir(here)
+
+
+def test_a_page_elsewhere_loads_nothing_in_secret(me):
+    for site in ("cross-site", "same-site"):
+        for mode in ("no-cors", "cors"):
+            assert me.get("/events", **{"sec-fetch-site": site, "sec-fetch-mode": mode}).status_code == 403
+        assert me.get("/", **{"sec-fetch-site": site, "sec-fetch-mode": "navigate"}).status_code == 200
+
+
+def test_a_refusal_ends_the_connection_of_a_body(serve, me):
+    stranger = Asker(serve(SOME, me.client.app.state.service.files.root.parent / "other"))
+    assert stranger.post("/api/runs?name=a.fmu", fmu()).headers["connection"] == "close"
+    assert me.post("/api/runs?name=a.fmu", fmu(), origin="http://evil.example").headers["connection"] == "close"
+    assert "connection" not in me.get("/api/runs/x").headers
+
+
+def test_a_failure_has_the_headers_of_all_answers(me, monkeypatch):
+    def broken(owner, most=200):
+        raise KeyError("a mistake")
+
+    monkeypatch.setattr(me.client.app.state.service.database, "runs_of", broken)
+    answer = me.get("/api/runs")
+    assert answer.status_code == 500 and answer.headers["x-content-type-options"] == "nosniff"
+    assert "content-security-policy" in answer.headers and answer.headers["cache-control"] == "no-store"
+
+
+def test_an_upload_by_a_form_that_cannot_be_spooled_is_told(me, monkeypatch):
+    from starlette.formparsers import MultiPartParser
+
+    async def full(parser):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(MultiPartParser, "parse", full)
+    own = {"origin": "http://127.0.0.1:8080"}
+    answer = me.client.post("/runs", files={"file": ("f.fmu", fmu())}, headers=own)
+    assert answer.status_code == 503 and "No space left" in answer.text
+
+
+def test_the_database_refuses_what_it_cannot_write(tmp_path):
+    database = Database(tmp_path / "x.sqlite")
+    database.check()
+    other = sqlite3.connect(tmp_path / "x.sqlite", isolation_level=None)
+    database._connection.execute("PRAGMA busy_timeout = 100")
+    other.execute("BEGIN IMMEDIATE")
+    assert refusal(database.check, kind=EnvironmentFault).what == "no-database"
+    other.close()
+    database.close()
