@@ -407,3 +407,12 @@ def test_no_force_is_pulled_where_none_acts(html, open_page):
     go_to(page, {"protocolCase": "c05.compliant.noise"})
     assert page.locator("#pull").count() == 0
     assert page.locator("#pull-text").inner_text() == "In this test no force acts."
+
+
+def test_a_circle_larger_than_the_drawing_ends_at_its_frame(html, open_page):
+    """It ran over the whole page where the errors are of a micrometre, and the arm's motion is magnified by 1000."""
+    page = open_page(html, DESK)
+    go_to(page, {"protocolCase": "c05.compliant.noise"})
+    circle = "document.querySelector('#stage svg svg circle')"
+    assert page.evaluate(f"{circle}.getBoundingClientRect().width > $('#stage').getBoundingClientRect().width")
+    assert page.evaluate(f"getComputedStyle({circle}.ownerSVGElement).overflowX") == "hidden"

@@ -29,7 +29,10 @@ function stage(links, label) {
       drawn("text", { x: -reach + 0.04, y: -metre - 0.03, "font-size": 0.12, fill: colour("soft") }, String(metre)),
     ])
   );
-  return { svg, world: flipped };
+  // What would reach beyond the frame: the playground shows what is drawn there, for the end of a pull.
+  const framed = drawn("svg", { x: box[0], y: box[1], width: box[2], height: box[3], viewBox: box.join(" ") });
+  flipped.append(framed);
+  return { svg, world: flipped, framed };
 }
 
 /** A drawing of the arm; `pose` moves it. */

@@ -33,14 +33,15 @@ function motionPlayer(stand, { links, circles: radii, circleWords }, moved) {
   const [[t, x, z, dq_1, dq_2], torque] = [moved.motion, moved.torque].map((columns) => columns.map(column));
   const bent = (factor, changes) => moved.rest.map((angle, axis) => angle + factor * changes[axis]);
   const home = joints(links, moved.rest).tcp;
-  const { svg, world } = stage(links, "The arm in motion; the figures stand below");
+  const { svg, world, framed } = stage(links, "The arm in motion; the figures stand below");
   const circles = radii.map(([name, radius]) =>
     [radius, drawn("circle", { cx: home[0], cy: home[1], fill: "none", stroke: colour(name), "stroke-width": 0.015, "stroke-dasharray": "0.05 0.04" })]);
   const resting = armDrawing(links, colour("soft"), 0.04, 0.45);
   const moving = armDrawing(links, colour("accent"));
   const trace = drawn("path", { fill: "none", stroke: colour("two"), "stroke-width": 0.012 });
   const arrow = drawn("path", { fill: "none", stroke: colour("limit"), "stroke-width": 0.04, "stroke-linecap": "round" });
-  world.append(...circles.map((entry) => entry[1]), resting.group, moving.group, trace, arrow);
+  framed.append(...circles.map((entry) => entry[1]));
+  world.append(resting.group, moving.group, trace, arrow);
   resting.pose(moved.rest);
   stand.replaceChildren(svg);
 
