@@ -1,5 +1,6 @@
 """The playground in a real browser: its numbers are those of this program, to the last bit."""
 
+import base64
 import json
 import shlex
 import zipfile
@@ -46,6 +47,10 @@ STATES = {
         "chosen": {"name": "RobustLinearLQG", "values": {}},
     },
     "matrices": {"chosen": {"name": "linear", "matrices": LEAD}, "protocolCase": "c05.compliant.noise"},
+    "only the force": {"force": 340},
+    "only its direction": {"phi": 2.0, "protocolCase": "c08.sticky.gain_2"},
+    "a corner of the workspace": {"pose": [-90.0, -180.0], "force": None, "phi": None},
+    "small numbers": {"pose": [1e-7, -1e-7], "phi": -3e-7},
 }
 
 
@@ -94,6 +99,70 @@ def test_the_command_gives_the_same_numbers(name, html, folder, open_page):
     assert (found["time"], found["until"]) == (wanted["time"], wanted.get("judged_until"))
     assert {key: figures[key] for key in wanted["measurements"]} == wanted["measurements"]
     assert set(found["figures"]) == set(wanted["measurements"])
+
+
+HOSTILE = {
+    "text behind a gain": {"gain": [1, 1, "$(touch PWN)"]},
+    "text as a delay": {"delay": [0.00025, "0.00025; touch PWN"]},
+    "text as a seed": {"seed": "1; touch PWN #"},
+    "text as a force that no test uses": {"protocolCase": "c05.compliant.noise", "force": "1\ntouch PWN"},
+    "text in a pose": {"pose": [12, "30; touch PWN"]},
+    "text as the name of a parameter": {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]'; touch PWN '": 1}}},
+    "text as a name": {"chosen": {"name": "'; touch PWN '", "values": {}}},
+    "a start of the arm as a parameter": {"arm": {"q_a_start[1]": 0.1}},
+    "a delay between two steps": {"delay": [0.0003, 0.0003]},
+    "a seed that is none": {"seed": -1},
+    "a pose outside": {"pose": [500, 1e5]},
+    "no values": {"chosen": {"name": "DiagonalPID_C"}},
+    "matrices of another controller": {"chosen": {"name": "DiagonalPID_C", "values": {}, "matrices": LEAD}},
+    "a prototype": {"__proto__": {"seed": 3}, "constructor": 1, "chosen": {"name": "__proto__", "values": {}}},
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_link_that_is_no_state_of_the_page_begins_anew(name, html, open_page):
+    """Its command is pasted into a shell: it ran what stood in the place of a seed."""
+    page = open_page(html, DESK)
+    go_to(page, {"seed": 17})
+    link = base64.urlsafe_b64encode(json.dumps(HOSTILE[name]).encode()).decode().rstrip("=")
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(link)}")
+    finish(page)
+    assert page.evaluate("state") == page.evaluate("structuredClone(BEGIN)")
+    assert "PWN" not in page.locator("#command").inner_text() and "Two cases" in page.locator("#state").inner_text()
+
+
+def test_what_a_link_holds_beside_a_state_is_left_out(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"seed": 17})
+    state = base64.urlsafe_b64encode(json.dumps({"seed": 5, "zz": "\u4e2d"}).encode()).decode().rstrip("=")
+    page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(state)}")
+    finish(page)
+    assert page.evaluate("state.seed") == 5 and not page.evaluate("'zz' in state")
+
+
+def test_large_entries_of_a_matrix_reach_the_fmu(html, open_page, tmp_path):
+    """1e20 was written as an integer of C, which is too large for one: another controller, without a word."""
+    page = open_page(html, DESK)
+    law = {"A": [[0.0]], "B": [[1e20, 0.0]], "C": [[3e-18], [0.0]], "D": [[0.0, 0.0], [0.0, 100.0]]}
+    go_to(page, {"chosen": {"name": "linear", "matrices": law}})
+    with page.expect_download() as download:
+        page.locator("#fmu").click()
+    download.value.save_as(tmp_path / "MyLinear.fmu")
+    case = page.evaluate("state.protocolCase")
+    done = call("simulate", "MyLinear.fmu", "--case", case, "--plant", "native", "--json", folder=tmp_path)
+    assert page.evaluate("data.answers[0].figures.B5") == json.loads(done.out)["measurements"]["B5"]
+
+
+def test_a_scorecard_of_a_former_controller_says_so(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": 44}}})
+    page.locator('[data-protocol="quick"]').click()
+    page.locator("#scorecard .hero").wait_for(timeout=600_000)
+    assert "with changed gains on quick" in page.locator("#scorecard").inner_text()
+    assert page.locator("#former").inner_text() == ""
+    page.locator("#gain-K_p-1").focus()
+    page.keyboard.press("ArrowRight")
+    assert "former" in page.locator("#former").inner_text()
 
 
 RECORDED = """async () => {

@@ -33,6 +33,9 @@ function zipped(files) {
 
 const MODEL = "sources/model.c", DESCRIPTION = "modelDescription.xml", GAINS = "sources/gains.h";
 
+/** A number as C has it: without a point or an exponent, one of 1e20 would be an integer, which is too large for one. */
+const double = (value) => (/[.e]/.test(String(value)) ? String(value) : `${Object.is(value, -0) ? "-0" : value}.0`);
+
 /** With other start values: those of the description, and of the model, whose variables stand at their value references. */
 function withStarts(files, values, references) {
   if (!Object.keys(values).length) return files;
@@ -41,7 +44,7 @@ function withStarts(files, values, references) {
     const value = values[variable.getAttribute("name")];
     if (value !== undefined) variable.querySelector("Real").setAttribute("start", value);
   }
-  const lines = Object.entries(values).map(([name, value]) => `    ((double *)model)[${references[name]}] = ${value}; /* ${name} */`);
+  const lines = Object.entries(values).map(([name, value]) => `    ((double *)model)[${references[name]}] = ${double(value)}; /* ${name} */`);
   const model = ["#define model_start usual_start", files[MODEL], "#undef model_start", "", "/* The start values that were chosen in the playground. */", "void model_start(void *model)", "{", "    usual_start(model);", ...lines, "}", ""];
   return { ...files, [DESCRIPTION]: new XMLSerializer().serializeToString(description), [MODEL]: model.join("\n") };
 }
@@ -49,7 +52,7 @@ function withStarts(files, values, references) {
 /** With other matrices, by columns as the build writes them. */
 function withMatrices(files, { A, B, C, D }) {
   const rows = [...A.map((row, place) => [...row, ...B[place]]), ...C.map((row, place) => [...row, ...D[place]])];
-  const braced = (value) => (Array.isArray(value) ? `{${value.map(braced).join(", ")}}` : String(value));
+  const braced = (value) => (Array.isArray(value) ? `{${value.map(braced).join(", ")}}` : double(value));
   const columns = rows.map((_, column) => rows.map((row) => row[column]));
   const gains = files[GAINS]
     .replace(/ROWS = \d+/, `ROWS = ${rows.length}`)

@@ -48,8 +48,11 @@ function drawPull(place) {
   };
   // A finger on the ring does not scroll the page; the style touch-action has no effect inside a drawing.
   handle.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
+  // The state may be another since this was drawn: a slider or a list has changed it, and the case is still simulated.
+  const begins = () => (now = pulled()) !== null;
   handle.addEventListener("pointerdown", (event) => {
     event.preventDefault();
+    if (!begins()) return;
     handle.focus();
     handle.setPointerCapture(event.pointerId);
     handle.addEventListener("pointermove", follow);
@@ -59,6 +62,7 @@ function drawPull(place) {
   handle.addEventListener("keydown", (event) => {
     if (!(event.key in KEYS)) return;
     event.preventDefault();
+    if (!begins()) return;
     const [more, further] = KEYS[event.key];
     show([Math.min(MOST_FORCE, Math.max(0, now[0] + more)), turned(now[1] + further)]);
     put();

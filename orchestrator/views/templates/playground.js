@@ -34,17 +34,57 @@ let state = structuredClone(BEGIN);
 const encoded = (value) => btoa(JSON.stringify(value)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 const decoded = (text) => JSON.parse(atob(text.replaceAll("-", "+").replaceAll("_", "/")));
 
+/** The state of a link; the first one for a link of another version, or one that is none. */
 function readLink() {
   try {
-    const found = { ...structuredClone(BEGIN), ...decoded(location.hash.slice(1)) };
-    caseOf(found); // a state of another version is refused as a whole
-    blockOf(found, found.chosen);
-    blockOf(found, found.beside);
-    if (found.lesson) lessonState(...found.lesson);
-    return found;
+    return stateOf(decoded(location.hash.slice(1)));
   } catch {
     return structuredClone(BEGIN);
   }
+}
+
+const need = (holds) => {
+  if (!holds) throw new Error("no state of this page");
+};
+const between = (low, high) => (value) => Number.isFinite(value) && value >= low && value <= high;
+const isPair = (value, holds) => Array.isArray(value) && value.length === 2 && value.every(holds);
+
+/** A state of what a link holds, and no more than that. Whoever made the link chose it, and the command is pasted into
+    a shell: text in the place of a seed would be run there. Throws an Error for anything else. */
+function stateOf(given) {
+  const found = Object.fromEntries(Object.entries(BEGIN).map(([key, first]) => [key, Object.hasOwn(given, key) ? given[key] : structuredClone(first)]));
+  const { pose, arm, force, phi, gain, delay, seed, lesson } = found;
+  const { rate } = single.imperfections;
+  need(protocolCase(single, found.protocolCase));
+  need(pose === null || (isPair(pose, Number.isFinite) && [data.workspace.q_a1_deg, data.workspace.q_a2_deg].every(([low, high], axis) => between(low, high)(pose[axis]))));
+  need(gain === null || isPair(gain, between(0, 100)));
+  need(delay === null || isPair(delay, (value) => between(0, 1)(value) && Math.abs(value * rate - Math.round(value * rate)) < 1e-6));
+  need(force === null || between(0, MOST_FORCE)(force));
+  need(phi === null || between(-1e3, 1e3)(phi));
+  need(Number.isSafeInteger(seed) && seed >= 0);
+  if (arm !== null) found.arm = namedNumbers(arm, new Set(data.table.flatMap(({ symbol }) => [`${symbol}[1]`, `${symbol}[2]`])));
+  for (const key of ["chosen", "beside"]) found[key] = lawOf(found[key]);
+  need(lesson === null || isPair(lesson, Number.isSafeInteger));
+  if (lesson) lessonState(...lesson);
+  for (const one of [found.chosen, found.beside]) blockOf(found, one);
+  return found;
+}
+
+function namedNumbers(given, names) {
+  need(given && typeof given === "object" && Object.entries(given).every(([name, value]) => names.has(name) && Number.isFinite(value)));
+  return { ...given };
+}
+
+function lawOf({ name, values, matrices }) {
+  if (matrices !== undefined) {
+    need(name === "linear");
+    const { A, B, C, D } = matrices;
+    matrixNumbers({ A, B, C, D });
+    return { name, matrices: { A, B, C, D } };
+  }
+  const known = data.controllers.find((one) => one.name === name);
+  need(known);
+  return law(name, namedNumbers(values, new Set(Object.keys(units[unitNumber(known.unit)].references).filter((one) => one !== "T_s"))));
 }
 
 // ---- The noise: the seeding of NumPy's PCG64 ----
@@ -128,7 +168,8 @@ function caseOf(given) {
     if (given.delay) imperfections[`drive_delay[${axis}]`] = Math.round(given.delay[axis - 1] * imperfections.rate);
   }
   const pushed = imperfections["force[1]"] !== 0 || imperfections["force[2]"] !== 0;
-  values.force = pushed && (given.force !== null || given.phi !== null) ? [given.force ?? single.force, given.phi ?? one.phi] : null;
+  const changed = isOwn(given) || given.force !== null || given.phi !== null;
+  values.force = pushed && changed ? [given.force ?? single.force, given.phi ?? one.phi] : null;
   return values;
 }
 
@@ -221,6 +262,7 @@ function shownByMotors([t, ...turned]) {
 }
 
 const label = ({ name, matrices }) => (matrices ? "linear controller" : name);
+const longLabel = (one) => `${label(one)}${Object.keys(one.values ?? {}).length ? " with changed gains" : ""}`;
 
 function showFigures(answers) {
   const outcomes = answers.map(({ outcome }) => named(outcome));
@@ -235,14 +277,14 @@ function showFigures(answers) {
     const values = outcomes.map(({ figures: { [name]: value } }) => (value === undefined ? cell("-") : cell(`${figures(factor * value)} ${unit}`, value <= spec.target ? "good" : "bad")));
     return element("tr", {}, element("th", { scope: "row" }, `${name} ${spec.title}`), ...values, cell(`${figures(factor * spec.target)} ${unit}`));
   });
-  const shown = answers.map(({ motors }) => cell(motors ? `${figures(1e3 * shownByMotors(motors))} mm` : "-"));
+  const shown = answers.map(({ motors }, which) => cell(motors && "B5" in outcomes[which].figures ? `${figures(1e3 * shownByMotors(motors))} mm` : "-"));
   if (outcomes.some(({ figures: values }) => "B5" in values)) rows.splice(rows.findIndex((row) => row.textContent.startsWith("B5")) + 1, 0, element("tr", {}, element("th", { scope: "row" }, "B5 as the motor angles show it"), ...shown, cell("-")));
   const test = single.tests[protocolCase(single, state.protocolCase).test];
+  const ends = outcomes.map(({ reason, time }) => `${reason} at ${figures(time)} s`);
+  if (!test.requirements.length && outcomes.some(({ reason }) => reason !== "finished"))
+    rows.push(element("tr", {}, element("th", { scope: "row" }, "Its end"), ...ends.map((words) => cell(words)), cell("finished")));
   if (test.requirements.length) {
-    const verdicts = outcomes.map(({ reason, verdict, time }) => {
-      const words = REQUIREMENT[verdict] ?? `${reason} at ${figures(time)} s`;
-      return cell(words, verdict === "quiet" || verdict === "ring-down" ? "good" : "bad");
-    });
+    const verdicts = outcomes.map(({ verdict }, which) => cell(REQUIREMENT[verdict] ?? ends[which], verdict === "quiet" || verdict === "ring-down" ? "good" : "bad"));
     rows.push(element("tr", {}, element("th", { scope: "row" }, `${test.requirements.join(", ")} at the end`), ...verdicts, cell("still")));
     for (const [words, name] of [["Amplitude at the end", "limit_cycle"], ["Error at the end", "rest_error"]]) {
       const values = outcomes.map(({ figures: { [name]: value } }) => cell(lengthWords(value)));
@@ -298,6 +340,7 @@ async function update() {
   history.replaceState(null, "", `#${encoded(state)}`);
   showLesson();
   showCommand();
+  showFormer();
   again = true;
   if (busy) return;
   busy = true;
@@ -372,8 +415,8 @@ async function evaluate(name) {
     }
   }));
   workers.forEach((worker) => worker.end());
-  data.scorecard = { protocol: name, outcomes, ...score(protocol, protocol.cases, outcomes) };
-  showScorecard(protocol, label(chosenLaw), (performance.now() - begin) / 1000);
+  data.scorecard = { protocol: name, law: chosenLaw, outcomes, ...score(protocol, protocol.cases, outcomes) };
+  showScorecard(protocol, longLabel(chosenLaw), (performance.now() - begin) / 1000);
   progress.hidden = true;
   buttons.forEach((button) => (button.disabled = false));
 }
@@ -388,34 +431,55 @@ function showScorecard(protocol, controller, seconds) {
   const badges = Object.entries(failed).map(([requirement, ids]) =>
     element("span", { class: `badge ${ids.length ? "not-met" : "met"}` }, ids.length ? `✗ ${requirement}: ${ids.length} cases fail, such as ${ids[0]}` : `✓ ${requirement}`));
   $("#scorecard").replaceChildren(
+    element("p", { id: "former", class: "reason", role: "status" }),
     element("p", { class: "hero" }, cost === null ? "-" : cost.toFixed(1)),
     element("p", {}, `V of ${controller} on ${name}: ${protocol.cases.length} cases in ${seconds.toFixed(1)} s. 100 means that every target is just met; less is better.`),
     element("p", { class: "bar" }, ...badges),
     element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...["Criterion", "value", "target"].map((words, place) => element("th", { scope: "col", class: place ? "figure" : "" }, words)))), element("tbody", {}, ...rows))));
+  showFormer();
+}
+
+/** Say so where the scorecard is that of another controller than the chosen one. */
+function showFormer() {
+  const former = $("#former");
+  if (former) former.textContent = JSON.stringify(data.scorecard.law) === JSON.stringify(state.chosen) ? "" : "The controller has been changed since: this is the scorecard of the former one.";
 }
 
 // ---- Command and link ----
+
+/** A number without an exponent: a command line takes -1e-7 for an option. */
+function plain(value) {
+  const [mantissa, exponent] = String(Math.abs(value)).split("e");
+  const sign = value < 0 ? "-" : "";
+  if (exponent === undefined) return sign + mantissa;
+  const [whole, part = ""] = mantissa.split(".");
+  const place = whole.length + Number(exponent);
+  const digits = whole + part;
+  return sign + (place > 0 ? digits.padEnd(place, "0") : `0.${"0".repeat(-place)}${digits}`);
+}
+
+const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
 function showCommand() {
   const one = protocolCase(single, state.protocolCase);
   const { name, values, matrices } = state.chosen;
   const own = isOwn(state);
-  const { plant, imperfections } = caseOf(state);
-  const words = ["flexible-manipulator simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
-  if (!matrices) for (const [parameter, value] of Object.entries(values)) words.push(`--set '${parameter}=${value}'`);
+  const { plant, imperfections, force } = caseOf(state);
+  const words = ["flexible-manipulator", "simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
+  if (!matrices) for (const [parameter, value] of Object.entries(values)) words.push("--set", `${parameter}=${value}`);
   if (own) {
     const arm = Object.entries(plant).filter(([parameter, value]) => value !== data.nominal[parameter] && !parameter.startsWith("q_a_start"));
-    words.push(`--configuration ${degreesOf(state).join(" ")} --system nominal --test ${one.test}`);
-    if (arm.length) words.push(`--plant-set '${arm.map((entry) => entry.join("=")).join(",")}'`);
-    if (state.seed) words.push(`--seed ${state.seed}`);
-    if (one.test === "disturbance") words.push(`--t-3 ${imperfections.chirp_start} --chirp-frequencies ${imperfections.chirp_f_start} ${imperfections.chirp_f_stop}`);
-  } else words.push(`--case ${one.id}`);
-  if (state.force !== null) words.push(`--force ${state.force}`);
-  if (one.test !== "noise" && (state.phi !== null || own)) words.push(`--phi-F ${state.phi ?? one.phi}`);
-  if (state.gain) words.push(`--gain ${state.gain.join(" ")}`);
-  if (state.delay) words.push(`--delay ${state.delay.join(" ")}`);
-  $("#command").textContent = words.join(" ");
-  $("#copy-command").dataset.copy = words.join(" ");
+    words.push("--configuration", ...degreesOf(state).map(plain), "--system", "nominal", "--test", one.test);
+    if (arm.length) words.push("--plant-set", arm.map((entry) => entry.join("=")).join(","));
+    if (state.seed) words.push("--seed", plain(state.seed));
+    if (one.test === "disturbance") words.push("--t-3", plain(imperfections.chirp_start), "--chirp-frequencies", ...[imperfections.chirp_f_start, imperfections.chirp_f_stop].map(plain));
+  } else words.push("--case", one.id);
+  if (force) words.push("--force", plain(force[0]), "--phi-F", plain(force[1])); // both, or the force has other last bits
+  if (state.gain) words.push("--gain", ...state.gain.map(plain));
+  if (state.delay) words.push("--delay", ...state.delay.map(plain));
+  const command = words.map(quoted).join(" ");
+  $("#command").textContent = command;
+  $("#copy-command").dataset.copy = command;
   $("#copy-command").setAttribute("aria-label", "Copy the command");
   $("#link").href = `#${encoded(state)}`;
   $("#copy-link").dataset.copy = `${location.href.split("#")[0]}#${encoded(state)}`;
@@ -426,16 +490,21 @@ function showCommand() {
 
 /** A slider with its value in words; `set` is told the number. */
 function slider(id, words, { low, high, step, value, shown = figures, unit = "" }, set) {
-  const output = element("output", { for: id }, `${shown(value)} ${unit}`);
+  const output = element("output", { for: id });
+  const tell = (number) => {
+    output.textContent = `${shown(number)} ${unit}`;
+    input.setAttribute("aria-valuetext", output.textContent);
+  };
   const input = element("input", {
     type: "range", id, min: low, max: high, step,
     oninput: () => {
-      output.textContent = `${shown(Number(input.value))} ${unit}`;
+      tell(Number(input.value));
       set(Number(input.value));
       update();
     },
   });
   input.value = String(value);
+  tell(value);
   return element("p", { class: "slide" }, element("label", { for: id }, words), input, output);
 }
 
@@ -449,7 +518,8 @@ function showGains() {
   const { name, values, matrices } = state.chosen;
   const known = data.controllers.find((one) => one.name === name);
   $("#matrices").hidden = !matrices;
-  if (matrices && document.activeElement !== $("#law")) $("#law").value = JSON.stringify(matrices, null, 1).replace(/\[\s+([^[\]]*?)\s+\]/g, (_, row) => `[${row.replace(/\s+/g, " ")}]`);
+  $("#law-problem").textContent = "";
+  if (matrices) $("#law").value = JSON.stringify(matrices, null, 1).replace(/\[\s+([^[\]]*?)\s+\]/g, (_, row) => `[${row.replace(/\s+/g, " ")}]`);
   const isPid = known?.unit === "DiagonalPID_C";
   $("#gains").replaceChildren(...(isPid ? data.gains : []).flatMap(({ name: gain, values: own, most }) => [1, 2].map((axis) => {
     const parameter = `${gain}[${axis}]`;
@@ -457,7 +527,7 @@ function showGains() {
     const high = gain === "z_p" ? 0.995 : most * own[axis - 1];
     return slider(`gain-${gain}-${axis}`, `${gain} ${axis}`, { low: 0, high, step: high / 200, value }, (number) => (state.chosen.values[parameter] = number));
   })));
-  $("#kept").textContent = `Beside: ${label(state.beside)}${Object.keys(state.beside.values ?? {}).length ? " with changed gains" : ""}.`;
+  $("#kept").textContent = `Beside: ${longLabel(state.beside)}.`;
 }
 
 function showCase() {
@@ -482,13 +552,12 @@ function showCase() {
     slider("force", "Force", { low: 0, high: MOST_FORCE, step: 10, value: state.force ?? single.force, unit: "N" }, (number) => (state.force = number)),
     slider("direction", "Its direction", { low: 0, high: 360, step: 0.1, value: turned((state.phi ?? one.phi) / RADIAN), unit: "°" }, (number) => (state.phi = number * RADIAN)),
   ] : []));
-  const tick = 1 / imperfections.rate;
   $("#loop").replaceChildren(
     ...[1, 2].map((axis) => slider(`loop-gain-${axis}`, `Gain of axis ${axis}`, { low: 0.1, high: 5, step: 0.05, value: imperfections[`gain[${axis}]`], unit: "×" }, (number) => {
       state.gain ??= [1, 2].map((each) => imperfections[`gain[${each}]`]);
       state.gain[axis - 1] = number;
     })),
-    ...[1, 2].map((axis) => slider(`delay-${axis}`, `Delay of axis ${axis}`, { low: 1, high: 16, step: 1, value: imperfections[`drive_delay[${axis}]`], shown: (ticks) => String(ticks * tick * 1e3), unit: "ms" }, (ticks) => {
+    ...[1, 2].map((axis) => slider(`delay-${axis}`, `Delay of axis ${axis}`, { low: 1, high: 16, step: 1, value: imperfections[`drive_delay[${axis}]`], shown: (ticks) => String((1e3 * ticks) / imperfections.rate), unit: "ms" }, (ticks) => {
       state.delay ??= [1, 2].map((each) => imperfections[`drive_delay[${each}]`] / imperfections.rate);
       state.delay[axis - 1] = ticks / imperfections.rate;
     })),
@@ -558,7 +627,7 @@ function startPlayground() {
   });
   $("#law").addEventListener("input", ({ target }) => {
     try {
-      const { A, B, C, D } = JSON.parse(target.value);
+      const { A, B, C, D } = JSON.parse(target.value) ?? {};
       matrixNumbers({ A, B, C, D });
       state.chosen = { name: "linear", matrices: { A, B, C, D } };
       $("#law-problem").textContent = "";
@@ -573,7 +642,10 @@ function startPlayground() {
   for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
   $("#controls").addEventListener("submit", (event) => event.preventDefault());
   window.addEventListener("hashchange", () => {
-    if (document.getElementById(location.hash.slice(1))) return; // a link to a place on the page is no state
+    if (document.getElementById(location.hash.slice(1))) {
+      history.replaceState(null, "", `#${encoded(state)}`); // a link to a place on the page is no state, and loses none
+      return;
+    }
     state = readLink();
     showAll();
   });
