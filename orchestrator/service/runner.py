@@ -199,7 +199,7 @@ class Runner:
             folder = None
         self._held.pop(run.id, None)
         # A clock that was set back must not have those wait for it who were served before.
-        now = max(time.time(), *(last + 1e-3 for last in self._database.served().values()))
+        now = max([time.time(), *(last + 1e-3 for last in self._database.served().values())])
         run = self._database.change(run, *states.started(run, now), time.time())
         live = self.live[run.id] = Live(run)
         task = asyncio.create_task(self._watch(live, folder))
@@ -229,6 +229,10 @@ class Runner:
         """Store the outcome, and have room for another run."""
         try:
             await self._stored(live, stage, outcome)
+        except Exception:  # a mistake of ours: the stage begins again, a limited number of times
+            logger.exception("The outcome of a run could not be stored.")
+            with contextlib.suppress(Changed, BenchmarkError):
+                self._database.change(live.run, *states.interrupted(live.run), time.time())
         finally:
             self.live.pop(live.run.id, None)
             self.wake()
