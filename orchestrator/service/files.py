@@ -114,7 +114,7 @@ class Files:
             message = (
                 f"{self.root} has files, but no {self.database.name} of a service. Choose an empty folder, or put a "
             )
-            message += "whole copy of the service there (--backup)."
+            message += "whole copy of the service there."
             raise InputError(message, "no-service", self.root)
 
     def taken(self) -> FileLock:
