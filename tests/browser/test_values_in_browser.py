@@ -133,7 +133,7 @@ def test_the_arm_in_motion_is_bent_by_the_magnified_angles_and_so_are_the_circle
     np.testing.assert_allclose(points(page, "#stage g[opacity='1'] path")[2], kinematics.tcp(ARM, *bent), atol=1e-4)
     resting = points(page, "#stage g[opacity='0.45'] path")[2]
     np.testing.assert_allclose(resting, kinematics.tcp(ARM, *SHOWN.about.q_a), atol=1e-6)
-    drawn = circles(page, "#stage g > circle[stroke-dasharray]")
+    drawn = circles(page, "#stage svg svg circle[stroke-dasharray]")
     np.testing.assert_allclose(drawn, [[*resting, 0.7], [*resting, 0.01]], atol=1e-6)
     error, torque = 1e3 * math.hypot(*SHOWN.motion[row, 1:3]), SHOWN.torque[row, 1]
     assert f"TCP error {error:.3f} mm, u_m1 {torque:.3g} Nm" in text(page, "#motion-text")
