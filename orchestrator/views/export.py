@@ -12,8 +12,9 @@ from ..text import printable
 from .table import Cell, Quantity, Table, Value, shown
 from .units import NONE, Unit, heading, si_heading
 
-FORMULA = ("=", "+", "-", "@", "\t")
-"""First characters by which a spreadsheet takes a text for a formula."""
+FORMULA = re.compile(r'(^|[;\t])(?=[ "]*[=+\-@\t][\s\S])', re.MULTILINE)
+"""Before what a spreadsheet takes for a formula, which has more than one character: at the beginning of a text, and, as
+some split rows at semicolons or tabs and know nothing of the quotes then, behind these and in each line."""
 
 
 def csv(tables: Sequence[Table]) -> str:
@@ -37,7 +38,7 @@ def inert(cell: Any) -> Any:
     if not isinstance(cell, str):
         return cell
     text = printable(cell.replace("\r\n", "\n").replace("\r", "\n"))  # an unquoted lone carriage return ends a row
-    return f"'{text}" if text.startswith(FORMULA) and len(text) > 1 else text  # a dash alone stands for nothing
+    return FORMULA.sub(r"\1'", text)  # a dash alone stands for nothing
 
 
 def _csv_table(table: Table) -> str:
