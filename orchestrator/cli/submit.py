@@ -6,10 +6,12 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ..codec import to_json
+from ..errors import BenchmarkError
 from ..service.client import Answer, Client
 from ..text import printable
 from ..views.units import number
@@ -64,7 +66,14 @@ def _parser() -> Parser:
 
 def _bound(client: Client, run: Answer, given: argparse.Namespace) -> Answer:
     """The run with its binding: the first look at the FMU may have refused it already, or not have begun."""
-    bound = client.bind(run["id"], {"map": dict(given.connections), "parameters": dict(given.controller_parameters)})
+    try:
+        bound = client.bind(
+            run["id"], {"map": dict(given.connections), "parameters": dict(given.controller_parameters)}
+        )
+    except BenchmarkError:  # nobody would look after it
+        with suppress(BenchmarkError):
+            client.ask("DELETE", f"/api/runs/{run['id']}")
+        raise
     if bound["id"] != run["id"]:
         client.ask("DELETE", f"/api/runs/{run['id']}")
     return bound

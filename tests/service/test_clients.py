@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from browser.test_service_in_browser import served
+from support.command_lines import call
 from support.tools import require
 
 from orchestrator.service import server
@@ -138,6 +139,13 @@ def test_more_connections_than_there_may_be_are_closed_at_once(address, tmp_path
     for client in clients:
         client.close()
     assert closed == 2
+    nothing_is_left(tmp_path, address)
+
+
+def test_a_run_whose_binding_is_refused_waits_for_nobody(address, tmp_path):
+    (tmp_path / "my.fmu").write_bytes(fmu(checking={"wait": 60}))
+    refused = call("submit", "my.fmu", "--to", address, "--set", f"K={'x' * 600_000}", folder=tmp_path)
+    assert refused.code == 2 and "is not taken" in refused.err
     nothing_is_left(tmp_path, address)
 
 
