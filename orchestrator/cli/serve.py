@@ -163,7 +163,7 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
     from ..service.app import application, check_folder
     from ..service.server import Server
 
-    check_folder(given.data)
+    check_folder(given.data, settings.conduct)
     family = socket.AF_INET6 if ":" in given.host else socket.AF_INET
     try:
         listening = socket.create_server((given.host, given.port), family=family, backlog=512)

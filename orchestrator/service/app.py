@@ -8,21 +8,23 @@ import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+from msgspec import structs
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from ..codec import to_json
+from ..benchmark import protocol
+from ..codec import Malformed, from_json, to_json
 from ..errors import BenchmarkError, InputError
 from . import accounts, api, live, pages
 from .api import Problem
 from .borders import HEADERS, POLICY, Borders, Refusal, closing
 from .database import Database
 from .files import Files
-from .records import Settings
-from .runner import JOB, Runner
+from .records import Conduct, Settings, Stage
+from .runner import JOB, Runner, protocol_of
 from .service import Service
 
 logger = logging.getLogger(__name__)
@@ -31,7 +33,8 @@ logger = logging.getLogger(__name__)
 def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) -> Starlette:
     """The service with all its state in ``folder``, as an ASGI application.
 
-    Its start raises :class:`InputError` if another service has the folder, or it cannot be used.
+    Its start raises :class:`InputError` if another service has the folder, it cannot be used, or has results by
+    another protocol.
     """
 
     @contextlib.asynccontextmanager
@@ -42,6 +45,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
         with files.taken():
             database = Database(files.database)
             try:
+                hold_protocols(database, settings.conduct)
                 runner = Runner(database, files, settings.conduct, job)
                 runner.recover()
                 if not settings.accounts:
@@ -73,7 +77,34 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
     )
 
 
-def check_folder(folder: Path) -> None:
+PROTOCOLS: dict[Stage, str] = {"evaluating": "finished runs", "verifying": "a round that is not verified to its end"}
+"""Stages with a protocol that an operator chooses, and what the folder has when it must stay."""
+
+
+def hold_protocols(database: Database, conduct: Conduct) -> None:
+    """Go on by the protocols of ``conduct``; raises :class:`InputError` if one table would have results by two."""
+    for stage, what in PROTOCOLS.items():
+        name = protocol_of(conduct, stage)
+        # Not the description: that it is worded anew in another version changes no result.
+        now = structs.replace(protocol.load(name), description="")
+        former = database.held_protocol(stage)
+        if former is not None and not _equal(former[1], now):
+            message = f"The service's folder has {what} by the protocol {former[0]}. {Path(name).stem} is another one, "
+            message += "or has changed since: one table would have results by both."
+            raise InputError(message, "other-protocol", name)
+        database.use_protocol(stage, Path(name).stem, to_json(now, indent=None))
+
+
+def _equal(contents: str, now: protocol.Protocol) -> bool:
+    """Whether a protocol is that of these contents. An earlier version wrote those that it knew: what has come since is
+    as nothing was there."""
+    try:
+        return from_json(contents, protocol.Protocol) == now
+    except Malformed:
+        return False
+
+
+def check_folder(folder: Path, conduct: Conduct) -> None:
     """Raise what the start of a service in ``folder`` would, before there is a server to say it."""
     files = Files(folder.absolute())
     files.check_own()
@@ -82,6 +113,7 @@ def check_folder(folder: Path) -> None:
         database = Database(files.database)
         try:
             database.check()
+            hold_protocols(database, conduct)
         finally:
             database.close()
 

@@ -7,15 +7,15 @@ It is used by one thread. Other processes may read and write beside it, such as 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .records import FINAL, HandIn, Person, Round, State, Submission
+from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
-FORM = 2
+FORM = 3
 """Of the tables. A later version that changes them reads this number."""
 
 LEAST = 100_000
@@ -70,12 +70,19 @@ CREATE TABLE entries (
     round TEXT NOT NULL REFERENCES rounds ON DELETE CASCADE, owner TEXT NOT NULL, run TEXT NOT NULL,
     person TEXT NOT NULL, name TEXT NOT NULL, PRIMARY KEY (round, owner)
 ) STRICT;
+CREATE TABLE protocols (stage TEXT PRIMARY KEY, name TEXT NOT NULL, contents TEXT NOT NULL) STRICT;
 CREATE TABLE form (number INTEGER NOT NULL) STRICT;
 """
 
 COLUMNS = ", ".join(field.name for field in fields(Submission))
 MARKS = ", ".join("?" for _ in fields(Submission))
 FINALS = ", ".join(f"'{state.value}'" for state in FINAL)
+
+HELD: Mapping[Stage, str] = {
+    "evaluating": "cost IS NOT NULL OR state = 'evaluating'",
+    "verifying": "round <> '' AND state <> 'finished'",
+}
+"""The runs for which a stage must keep its protocol: those of one table, and those of one round."""
 
 
 class Changed(Exception):
@@ -131,6 +138,18 @@ class Database:
                 self._connection.backup(other)
         except sqlite3.Error as problem:
             raise EnvironmentFault(f"The copy {file} cannot be written: {problem}.", "not-written") from problem
+
+    def held_protocol(self, stage: Stage) -> tuple[str, str] | None:
+        """The name and the contents of the protocol that a stage was done by so far, and must be done by from now on;
+        None if it may be another one."""
+        held = f"EXISTS (SELECT 1 FROM runs WHERE {HELD[stage]})"
+        rows = self._rows(f"SELECT name, contents FROM protocols WHERE stage = ? AND {held}", stage)
+        return (str(rows[0][0]), str(rows[0][1])) if rows else None
+
+    def use_protocol(self, stage: Stage, name: str, contents: str) -> None:
+        """Keep by which protocol a stage is done from now on."""
+        with self._transaction() as connection:
+            connection.execute("INSERT OR REPLACE INTO protocols VALUES (?, ?, ?)", (stage, name, contents))
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:

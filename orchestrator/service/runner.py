@@ -314,15 +314,18 @@ class Runner:
             stage=stage,
             file=run.file_name,
             binding=BINDING if run.binding else "",
-            protocol={"quick": conduct.quick_protocol, "verifying": conduct.drawn_protocol}.get(
-                stage, conduct.protocol
-            ),
+            protocol=protocol_of(conduct, stage),
             processes=conduct.processes,
             sandbox=conduct.sandbox,
             scheduler=conduct.scheduler if stage == "evaluating" else "",
             sha256=run.sha256,
             bits=round.bits if round is not None else "",
         )
+
+
+def protocol_of(conduct: Conduct, stage: Stage) -> str:
+    """The name or the file of the protocol that a stage is done by."""
+    return {"quick": conduct.quick_protocol, "verifying": conduct.drawn_protocol}.get(stage, conduct.protocol)
 
 
 def environment(files: Files) -> Mapping[str, str]:

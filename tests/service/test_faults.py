@@ -3,6 +3,7 @@
 import os
 import sqlite3
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,10 @@ from orchestrator.service import accounts
 from orchestrator.service.database import Database
 from orchestrator.service.files import Files
 from orchestrator.service.records import Task
-from service.conftest import SOME, Asker, fmu
+from service.conftest import ALONE, SOME, Asker, fmu
+from service.test_jobs import ONE_POSE
 from service.test_rounds import Course, handed_in, verified
+from service.test_service import under_way
 
 require("starlette", "uvicorn", "python_multipart", "httpx2")
 
@@ -165,6 +168,52 @@ def test_a_clock_that_is_set_back_changes_neither_what_counts_nor_whose_turn_it_
     view = course.until(round)
     assert [(row["name"], row["place"]) for row in view["entries"]].count(("second.fmu", 1)) == 1
     assert {row["name"] for row in view["entries"]} == {"second.fmu", "ben.fmu"}
+
+
+def ended(client) -> None:
+    """End a service, so that another one may have its folder."""
+    client.__exit__(None, None, None)
+    client.__exit__ = lambda *_: None
+
+
+def test_a_table_is_of_one_protocol(serve, tmp_path):
+    file = tmp_path / "mine.toml"
+
+    def written(pose: int, description: str) -> None:
+        text = ONE_POSE.format("mine").replace("poses = [0]", f"poses = [{pose}]").replace("points = 1", "points = 2")
+        file.write_text(f'description = "{description}"\n{text}', encoding="utf-8")
+
+    written(0, "")
+    mine = replace(ALONE, conduct=replace(ALONE.conduct, protocol=str(file)))
+    client = serve(mine)
+    me = Asker(client)
+    id = me.until(me.submit()["id"])["id"]
+    ended(client)
+    assert "finished runs by the protocol mine. paper is" in str(refusal(serve))
+    command = call("serve", "--data", "data", "--protocol", "quick", "--trust", "--port", "0", folder=tmp_path)
+    assert command.code == 2 and "results by both. Go on with that one (--protocol" in command.err
+    written(1, "")
+    assert refusal(lambda: serve(mine)).what == "other-protocol"
+    written(0, "Other words change no result.")
+    client = serve(mine)
+    assert Asker(client).delete(f"/api/runs/{id}").status_code == 204
+    ended(client)
+    serve()
+
+
+def test_a_round_is_verified_by_one_protocol(serve):
+    course = Course(serve(SOME))
+    ada, round = course.person("Ada"), course.open()
+    id = handed_in(ada, fmu(verifying={"wait": 60, "times": 1}))
+    course.close(round)
+    under_way(ada, id)
+    ended(course.client)
+    other = replace(SOME, conduct=replace(SOME.conduct, drawn_protocol="quick"))
+    assert "a round that is not verified to its end" in str(refusal(lambda: serve(other)))
+    again = Course(serve(SOME))
+    again.until(round)
+    ended(again.client)
+    serve(other)
 
 
 def id_of(course: Course, name: str) -> str:
