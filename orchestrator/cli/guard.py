@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
+import io
 import logging
 import os
 import sys
@@ -38,7 +39,7 @@ REMEDIES = {
     "fixed-step": "Change --sample-time, or leave it out.",
     "bad-sample-time": "Export it with another one, or overrule it: --sample-time 0.00025.",
     "ambiguous-sample-time": "Set one yourself, such as --set {nearest[0]}=0.00025, or rename it to {value}.",
-    "folder-not-writable": "Choose another folder with --output-dir.",
+    "folder-not-writable": "Choose another folder with --output-dir (serve: --data, --backup).",
     "folder-in-use": "Wait for it, or choose another folder with --output-dir.",
     "no-sandbox": "Install bubblewrap, or leave out --sandbox.",
     "no-dask": "It is needed for --scheduler only.",
@@ -83,6 +84,9 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
+    # A name in a list ended a command on a terminal of ASCII. What is drawn has look-alikes: views/terminal.py.
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a notebook's stream is none, and takes every character
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = command(arguments)
         sys.stdout.flush()

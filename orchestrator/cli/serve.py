@@ -195,6 +195,9 @@ def _copy(given: argparse.Namespace) -> int:
             f"{given.data} is not the folder of a service: it has no {files.database.name} that you may read.",
             "no-folder",
         )
+    if given.backup.resolve().is_relative_to(given.data.resolve()):
+        message = f"{given.backup} is within {given.data}: a copy there is lost with what it is a copy of."
+        raise InputError(message, "not-apart", given.backup)
     prepare_folder(given.backup)
     if any(given.backup.iterdir()):
         message = f"{given.backup} is not empty. Each copy has a folder of its own."

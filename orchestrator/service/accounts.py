@@ -33,6 +33,7 @@ def invited(database: Database, name: str) -> str:
 
     Raises :class:`InputError` for a name that cannot be.
     """
+    name = name.strip()  # "Ada " would be somebody else than "Ada", and nobody would see it
     if not NAME.fullmatch(name):
         message = f"{name!r} cannot be a name: up to 60 letters, digits, blanks, dots, dashes and apostrophes."
         raise InputError(message, "bad-name", "", name)
@@ -58,7 +59,7 @@ def made_organizer(database: Database, name: str) -> None:
 
 def _called(database: Database, name: str) -> Person:
     for person in database.people():
-        if person.name == name:
+        if person.name == name.strip():
             return person
     raise InputError(f"There is nobody called {name}.", "no-person", "", name)
 

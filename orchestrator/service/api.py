@@ -14,9 +14,9 @@ from starlette.routing import Route
 from ..codec import Malformed, from_json, to_json
 from ..version import __version__
 from . import binding
-from .borders import Refusal, body, whole_body
+from .borders import MAX_BINDING_FORM, MAX_FORM, Refusal, body
 from .files import SHOWN
-from .people import asking, service_of
+from .people import asking, sent
 from .records import Interface
 from .shown import RoundView, RowView, RunView, round_csv, round_view, run_view, table
 
@@ -129,11 +129,10 @@ async def _interface(request: Request) -> Response:
     return _json(found)
 
 
-async def _asked(request: Request, kind: type[T], what: str) -> T:
+async def _asked(request: Request, kind: type[T], what: str, most: int = MAX_FORM) -> T:
     """What the body of a request says; ``what`` it has to be."""
     try:
-        patience = service_of(request).settings.limits.patience
-        return from_json(await whole_body(request, patience), kind)
+        return from_json(await sent(request, most), kind)
     except Malformed as problem:
         raise Refusal(400, f"This is no {what}: {problem}.") from None
 
@@ -141,7 +140,7 @@ async def _asked(request: Request, kind: type[T], what: str) -> T:
 async def _bind(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    asked = await _asked(request, Bind, "binding")
+    asked = await _asked(request, Bind, "binding", MAX_BINDING_FORM)
     return _json(run_view(service, service.bind(run, binding.written(asked.map, asked.parameters))))
 
 

@@ -19,8 +19,11 @@ from .accounts import is_loopback
 
 READING = ("GET", "HEAD", "OPTIONS")
 
-MAX_FORM = 8 * 1024**2
+MAX_BINDING_FORM = 8 * 1024**2
 """Largest request [bytes] that is no upload: a binding of two thousand variables."""
+
+MAX_FORM = 64 * 1024
+"""The same of all others [bytes]: choices, comparisons and rounds."""
 
 MAX_KEY_FORM = 4096
 """The same of a stranger [bytes], of whom there may be hundreds: what they send is in memory until it is whole."""
@@ -142,11 +145,11 @@ async def body(request: Request, most: int, patience: float, time: float) -> Asy
         yield piece
 
 
-async def whole_body(request: Request, patience: float) -> bytes:
+async def whole_body(request: Request, most: int, patience: float, time: float) -> bytes:
     """A small body at once; raises as :func:`body`."""
-    return b"".join([piece async for piece in body(request, MAX_FORM, patience, 4 * patience)])
+    return b"".join([piece async for piece in body(request, most, patience, time)])
 
 
 async def key_body(request: Request) -> bytes:
     """That of a stranger, who has brought a key or none; raises as :func:`body`."""
-    return b"".join([piece async for piece in body(request, MAX_KEY_FORM, KEY_TIME, KEY_TIME)])
+    return await whole_body(request, MAX_KEY_FORM, KEY_TIME, KEY_TIME)

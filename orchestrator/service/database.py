@@ -386,9 +386,13 @@ class Database:
         return [HandIn(*row) for row in rows]
 
     def handed_in(self, round: Round) -> list[Submission]:
-        """Finished runs that were handed in while a round was open, the oldest first."""
-        condition = "WHERE state = 'finished' AND cost IS NOT NULL AND created >= ? AND created < ? ORDER BY rowid"
-        return self._runs(condition, round.opened, round.closes)
+        """Finished runs that were handed in while a round was open, and count in no other one, the oldest first."""
+        own = "state = 'finished' AND cost IS NOT NULL AND round = ''"
+        return self._runs(f"WHERE {own} AND created >= ? AND created < ? ORDER BY rowid", round.opened, round.closes)
+
+    def latest(self) -> float:
+        """When the latest run was handed in; 0 if there is none."""
+        return float(self._rows("SELECT COALESCE(MAX(created), 0.0) FROM runs")[0][0])
 
     def in_round(self, round: str) -> list[Submission]:
         """The runs that count in a ``round`` that is closed."""

@@ -14,7 +14,7 @@ import re
 import secrets
 import shutil
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -50,6 +50,9 @@ SCORECARD, FINDINGS, INTERFACE, BINDING, LOG = (
     "log.txt",
 )
 """What a job writes for the pages, the mapping file that it is given, and what it said."""
+
+PART = "fmu.part"
+"""An FMU in a run's folder as long as it is no whole copy."""
 
 ID = re.compile(r"[0-9a-f]{24}")
 """An id, and the only form of one that becomes a path."""
@@ -124,7 +127,7 @@ class Files:
             lock.acquire(timeout=0)
         except Timeout:
             message = f"Another service works in {self.root}. One folder is for one service."
-            raise InputError(message, "folder-in-use", self.root) from None
+            raise InputError(message, "service-in-use", self.root) from None
         return lock
 
     def fmu(self, sha256: str) -> Path:
@@ -154,16 +157,16 @@ class Files:
         Raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full, or (``"no-file"``) the FMU is gone.
         """
         folder, fmu = self.run(id), self.fmu(sha256)
-        if not fmu.is_file():
-            raise EnvironmentFault("The FMU is not there any more.", "no-file")
         try:
+            if not fmu.is_file():
+                raise EnvironmentFault("The FMU is not there any more.", "no-file")
             folder.mkdir(exist_ok=True)
             file = folder / file_name
             if not file.exists():
                 try:
                     os.link(fmu, file)
                 except OSError:  # file systems without hard links
-                    shutil.copy(fmu, file)
+                    _copied(fmu, folder / PART, file)
             if binding:
                 (folder / BINDING).write_text(binding, encoding="utf-8")
             else:
@@ -179,7 +182,7 @@ class Files:
         Raises :class:`~orchestrator.errors.EnvironmentFault` if that fails.
         """
         try:
-            for file in (each for kind in KINDS for each in (self.root / kind).rglob("*")):
+            for file in (each for kind in KINDS for each in _files_below(self.root / kind)):
                 target = folder / file.relative_to(self.root)
                 with contextlib.suppress(FileNotFoundError):
                     if file.is_file() and not file.is_symlink():
@@ -189,15 +192,13 @@ class Files:
             message = f"The copy in {folder} cannot be written: {problem.strerror}."
             raise EnvironmentFault(message, "not-written") from problem
 
-    def forget(self, id: str, names: Iterable[str]) -> None:
-        """Remove files of a run that another binding makes anew; raises as :meth:`forget_outcome`."""
-        for name in names:
-            self.forget_outcome(id, name)
+    def forget_results(self, id: str) -> None:
+        """Remove the results of a run, which another binding makes anew."""
         for folder in (QUICK, EVALUATION):
             shutil.rmtree(self.run(id) / folder, ignore_errors=True)
 
     def forget_outcome(self, id: str, name: str) -> None:
-        """Remove the outcome of a stage that is done again; raises
+        """Remove an outcome that was left of a stage which begins; raises
         :class:`~orchestrator.errors.EnvironmentFault` if the disk does not let it."""
         try:
             (self.run(id) / name).unlink(missing_ok=True)
@@ -231,6 +232,27 @@ class Files:
             if file.stem not in fmus and SHA256.fullmatch(file.stem):
                 file.unlink(missing_ok=True)
                 shutil.rmtree(self.cache / "fmus" / file.stem, ignore_errors=True)
+
+
+def _copied(source: Path, part: Path, target: Path) -> None:
+    """Copy a file, first under the name ``part``: what a power cut leaves of it would else be taken for the whole."""
+    with source.open("rb") as whole, part.open("wb") as copy:
+        shutil.copyfileobj(whole, copy)
+        copy.flush()
+        os.fsync(copy.fileno())
+    part.replace(target)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """All files below a folder. What is deleted meanwhile is left out, where ``rglob`` of Python 3.11 ends with an
+    error, and the copy with it."""
+
+    def on_error(problem: OSError) -> None:
+        if not isinstance(problem, FileNotFoundError):
+            raise problem
+
+    for place, _, names in os.walk(folder, onerror=on_error):
+        yield from (Path(place, name) for name in names)
 
 
 def packed(files: Mapping[str, Path]) -> bytes:
@@ -290,6 +312,8 @@ class Incoming:
 
     def close(self) -> None:
         """Remove what was not kept."""
+        # Each for itself: on a full disk, closing fails, and what was sent would keep it full.
         with contextlib.suppress(OSError):
             self._stream.close()
+        with contextlib.suppress(OSError):
             self._file.unlink(missing_ok=True)

@@ -54,6 +54,9 @@ GRACE = 10.0
 
 EXIT_ORPHANED = 75
 
+FAULTS = ("no-sandbox", "folder-in-use", "folder-not-writable", "no-dask", "no-scheduler", "other-version")
+"""Codes of errors that are those of this machine."""
+
 ADVICE = {
     "connector-missing": "Choose its variables in the form below.",
     "connector-half": "Choose both variables in the form below.",
@@ -176,8 +179,7 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
         outcome = Outcome(task.stage, "fault" if crash.what == "killed" else "failed", str(crash))
     except BenchmarkError as error:
         # This machine lacks it, whatever the controller is.
-        here = getattr(error, "what", "") in ("no-sandbox", "folder-in-use", "no-dask", "no-scheduler", "other-version")
-        outcome = Outcome(task.stage, "fault" if here else "failed", str(error))
+        outcome = Outcome(task.stage, "fault" if getattr(error, "what", "") in FAULTS else "failed", str(error))
     except (OSError, MemoryError) as problem:
         outcome = Outcome(task.stage, "fault", str(problem) or type(problem).__name__)
     from msgspec.structs import replace

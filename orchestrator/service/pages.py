@@ -20,9 +20,9 @@ from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
-from .borders import REPORT_POLICY, Refusal, body, key_body, whole_body
+from .borders import MAX_BINDING_FORM, MAX_FORM, REPORT_POLICY, Refusal, body, key_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
-from .people import COOKIE, asking, person_asking, service_of
+from .people import COOKIE, asking, person_asking, sent, service_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
@@ -184,7 +184,7 @@ async def bind(request: Request) -> Response:
     """Bind by the form."""
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    typed = await _typed(request)
+    typed = await _typed(request, MAX_BINDING_FORM)
     chosen, given = (
         {name.removeprefix(kind): value for name, value in typed.items() if name.startswith(kind)}
         for kind in ("map:", "set:")
@@ -196,9 +196,9 @@ async def bind(request: Request) -> Response:
     return RedirectResponse(f"/runs/{bound.id}", 303)
 
 
-async def _typed(request: Request) -> dict[str, str]:
+async def _typed(request: Request, most: int = MAX_FORM) -> dict[str, str]:
     """The fields of a form."""
-    text = (await whole_body(request, service_of(request).settings.limits.patience)).decode("utf-8", "replace")
+    text = (await sent(request, most)).decode("utf-8", "replace")
     try:
         return dict(parse_qsl(text, max_num_fields=MAX_FIELDS, keep_blank_values=True))
     except ValueError:
@@ -247,7 +247,7 @@ async def mapping(request: Request) -> Response:
 async def compare(request: Request) -> Response:
     """Compare the runs that were ticked."""
     service, person = asking(request)
-    text = (await whole_body(request, service.settings.limits.patience)).decode("utf-8", "replace")
+    text = (await sent(request)).decode("utf-8", "replace")
     try:
         ids = [value for name, value in parse_qsl(text, max_num_fields=300) if name == "run"]
     except ValueError:
@@ -349,9 +349,9 @@ async def join(request: Request) -> Response:
 async def come_in(request: Request) -> Response:
     """Come in by a key."""
     service = service_of(request)
-    sent = await key_body(request)
+    brought = await key_body(request)
     try:
-        key = dict(parse_qsl(sent.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
+        key = dict(parse_qsl(brought.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
     except ValueError:
         raise Refusal(400, "This form has too many fields.") from None
     person = accounts.known(service.database, key[:200])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from starlette.requests import Request
 
 from . import accounts
-from .borders import Refusal
+from .borders import MAX_FORM, Refusal, whole_body
 from .records import Person
 from .service import Service
 
@@ -37,3 +37,11 @@ def asking(request: Request) -> tuple[Service, Person]:
     if person is None:
         raise Refusal(401, "Come in by your invitation first.")
     return service_of(request), person
+
+
+async def sent(request: Request, most: int = MAX_FORM) -> bytes:
+    """What somebody has sent that is no upload, of ``most`` bytes; raises as :func:`.body`, and :func:`asking`."""
+    service, person = asking(request)
+    patience = service.settings.limits.patience
+    with service.sending(person):
+        return await whole_body(request, most, patience, 4 * patience)

@@ -136,13 +136,15 @@ class HandIn:
 @dataclass(frozen=True)
 class Allowance:
     """What one person may have: ``queue`` runs that have not ended, ``disk`` [bytes] of all runs; ``upload`` is the
-    largest FMU [bytes], ``uploads`` and ``streams`` are uploads and live pages at a time. ``patience`` [s] is how long
-    a client may be silent, and ``upload_time`` [s] how long an upload may take."""
+    largest FMU [bytes]; ``uploads``, ``forms`` and ``streams`` are uploads, other requests that bring something, and
+    live pages at a time. ``patience`` [s] is how long a client may be silent, and ``upload_time`` [s] how long an
+    upload may take."""
 
     queue: int = 20
     disk: int = 4 * 1024**3
     upload: int = 256 * 1024**2
     uploads: int = 4
+    forms: int = 4
     streams: int = 12
     patience: float = 30.0
     upload_time: float = 900.0

@@ -27,7 +27,7 @@ from . import queue, states
 from .database import Changed, Database
 from .files import BINDING, LOG, Files
 from .job import OUTCOME, outcome_of
-from .records import STAGES, Conduct, Outcome, Progress, Stage, Submission, Task
+from .records import Conduct, Outcome, Progress, Stage, Submission, Task
 
 JOB = ("-m", f"{__package__}.job")
 """What the interpreter is started with."""
@@ -142,6 +142,8 @@ class Runner:
     def remove(self, run: Submission) -> None:
         """Remove a run and all that is its own. What a job may still write into its folder goes when it has ended."""
         comparisons = self._database.comparisons_with(run.id)
+        # Its results before its row: on a full disk they make the room that the database needs for that.
+        self._files.remove_run(run.id)
         self._database.remove_run(run.id)
         for id in comparisons:  # they show its results
             self._database.remove_comparison(id)
@@ -162,16 +164,14 @@ class Runner:
 
     def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
-        # Before the change: else, after a power cut, the outcome with the former binding counts for this one.
-        self._files.forget(run.id, map(OUTCOME.format, STAGES))
+        # The change first: who comes too late, with a form that was sent slowly, takes nobody's results away.
         after = self._database.change(run, *states.bound(run, binding), time.time())
+        self._files.forget_results(run.id)
         self.wake()
         return after
 
     def retry(self, run: Submission) -> Submission:
         """Begin again with a run that failed or was cancelled; raises :class:`.Changed` if it is another by now."""
-        for stage in STAGES:
-            self._files.forget_outcome(run.id, OUTCOME.format(stage))
         after = self._database.change(run, *states.retried(run), time.time())
         self.wake()
         return after
@@ -191,11 +191,16 @@ class Runner:
         assert run.stage is not None
         try:
             folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
+            # An outcome is taken over only if a service has ended during this very stage: one of a former attempt,
+            # binding or round, or one that the FMU itself has written there, decides nothing.
+            if not run.interruptions:
+                self._files.forget_outcome(run.id, OUTCOME.format(run.stage))
         except EnvironmentFault as problem:
             if problem.what != "no-file":
-                # All others go on: one run that cannot begin had stopped them.
+                # All others go on, at once: a dozen runs that could not begin had stopped them.
+                logger.warning("%s", problem)
                 self._held[run.id] = time.monotonic() + HOLD_TIME
-                raise
+                return
             folder = None
         self._held.pop(run.id, None)
         # A clock that was set back must not have those wait for it who were served before.
@@ -223,12 +228,12 @@ class Runner:
             outcome = Outcome(stage, "fault", str(problem))
         finally:
             _kill(live.process)
-        await self._settle(live, stage, outcome)
+        await self._settle(live, outcome)
 
-    async def _settle(self, live: Live, stage: Stage, outcome: Outcome) -> None:
+    async def _settle(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, and have room for another run."""
         try:
-            await self._stored(live, stage, outcome)
+            await self._stored(live, outcome)
         except Exception:  # a mistake of ours: the stage begins again, a limited number of times
             logger.exception("The outcome of a run could not be stored.")
             with contextlib.suppress(Changed, BenchmarkError):
@@ -239,15 +244,11 @@ class Runner:
         if self._database.run(live.run.id) is None:
             self._clear(live.run)
 
-    async def _stored(self, live: Live, stage: Stage, outcome: Outcome) -> None:
+    async def _stored(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, which is tried until it is stored: a full disk may have room again."""
         while not (live.unwanted or self._closing):
             try:
-                after, text = states.ended(live.run, outcome, time.time())
-                if not after.state.is_final and after.state is live.run.state:
-                    # Before the change: else the next attempt would take this outcome for its own.
-                    self._files.forget_outcome(live.run.id, OUTCOME.format(stage))
-                self._database.change(live.run, after, text, time.time())
+                self._database.change(live.run, *states.ended(live.run, outcome, time.time()), time.time())
                 return
             except Changed:  # cancelled or removed meanwhile
                 return

@@ -8,7 +8,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -63,6 +63,7 @@ class Service:
     runner: Runner
     streams: Counter[str] = field(default_factory=Counter)
     uploads: Counter[str] = field(default_factory=Counter)
+    forms: Counter[str] = field(default_factory=Counter)
     comparisons: Counter[str] = field(default_factory=Counter)
     closing: bool = False
     comparing: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
@@ -91,26 +92,23 @@ class Service:
         """Whether one more request of somebody may wait for news: each takes one of the service's connections."""
         return self.streams[person] < self.settings.limits.streams
 
-    @contextmanager
-    def following(self, person: str) -> Iterator[None]:
+    def following(self, person: str) -> AbstractContextManager[None]:
         """While a request of somebody waits for news."""
-        self.streams[person] += 1
-        try:
-            yield
-        finally:
-            self.streams[person] -= 1
+        return _counted(self.streams, person)
 
-    @contextmanager
-    def uploading(self, person: Person) -> Iterator[None]:
+    def uploading(self, person: Person) -> AbstractContextManager[None]:
         """While an upload of ``person`` lasts. What is half uploaded is in no quota of the disk: there is a number of
         them instead."""
         if self.uploads[person.id] >= self.settings.limits.uploads:
             raise Refusal(429, f"{self.uploads[person.id]} of your uploads are under way. Wait for one of them.")
-        self.uploads[person.id] += 1
-        try:
-            yield
-        finally:
-            self.uploads[person.id] -= 1
+        return _counted(self.uploads, person.id)
+
+    def sending(self, person: Person) -> AbstractContextManager[None]:
+        """While ``person`` sends something else, which is in memory until it is whole: hundreds of bindings would
+        fill it."""
+        if self.forms[person.id] >= self.settings.limits.forms:
+            raise Refusal(429, f"{self.forms[person.id]} requests of yours are on their way. Wait for one of them.")
+        return _counted(self.forms, person.id)
 
     async def accept(self, person: Person, name: str, pieces: AsyncIterator[bytes], text: str = "") -> Submission:
         """Take an upload, with the ``text`` of a mapping file if there is one; returns the run that waits."""
@@ -147,9 +145,10 @@ class Service:
 
     def bind(self, run: Submission, text: str) -> Submission:
         """Use another mapping file: a refused run begins again, of any other one a second run is made."""
-        if run.state is State.REFUSED:
+        anew = run.state is State.REFUSED
+        self.check_quota(Person(run.owner, ""), 0 if anew else run.size)
+        if anew:
             return self._moved(lambda: self.runner.begin_anew(run, text))
-        self.check_quota(Person(run.owner, ""), run.size)
         again = Submission(
             new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, self._now(), binding=text
         )
@@ -232,8 +231,7 @@ class Service:
         # Else one person could keep all others from comparing: a request goes on when its client has left.
         if self.comparisons[person.id] >= MAX_COMPARING:
             raise Refusal(429, "Comparisons of yours are under way. Wait for one of them.")
-        self.comparisons[person.id] += 1
-        try:
+        with _counted(self.comparisons, person.id):
             async with self.comparing:
                 await compared(self.files, id, [self.files.run(run.id) / EVALUATION for run in runs])
             # Deleted meanwhile: the page shows results that nobody has any more.
@@ -243,8 +241,6 @@ class Service:
             if self.database.comparison(id) is None:
                 for old in self.database.add_comparison(id, person.id, [run.id for run in runs], time.time()):
                     self.files.remove_comparison(old)
-        finally:
-            self.comparisons[person.id] -= 1
         return id
 
     def comparison(self, person: Person, id: str) -> tuple[Submission, ...]:
@@ -266,12 +262,14 @@ class Service:
     def open_round(self, person: Person, name: str, closes: str) -> Round:
         """Open a round until ``closes`` (ISO 8601, UTC if it names no zone)."""
         _check_organizer(person)
-        shown, now = printable(name).strip()[:MAX_NAME], time.time()
+        # A run that was handed in while the clock was ahead is not handed in to this round.
+        shown, now = printable(name).strip()[:MAX_NAME], max(time.time(), self.database.latest() + 1e-3)
         if not shown:
             raise Refusal(400, "A round needs a name.")
         end = draws.moment(closes).timestamp()
         if not now < end < now + LONGEST_ROUND:
-            raise Refusal(400, "A round closes in the future, within ten years. Times are in UTC.")
+            sentence = "A round closes in the future, within ten years, and after all that was handed in before it."
+            raise Refusal(400, f"{sentence} Times are in UTC.")
         round = Round(new_id(), shown, now, end)
         try:
             self.database.add_round(round)
@@ -342,6 +340,16 @@ class Service:
         # One at a time, beside this thread: many large ones take a while.
         async with self.comparing:
             return await anyio.to_thread.run_sync(packed, files)
+
+
+@contextmanager
+def _counted(under_way: Counter[str], person: str) -> Iterator[None]:
+    """While one more thing of ``person`` is ``under_way``."""
+    under_way[person] += 1
+    try:
+        yield
+    finally:
+        under_way[person] -= 1
 
 
 def _check_organizer(person: Person) -> None:

@@ -45,7 +45,10 @@ def ended(run: Submission, outcome: Outcome, now: float) -> Change:
     """The stage has ended with an ``outcome``. What the machine lost is tried again, while the controller's own faults
     are final: they would only be repeated."""
     disk = outcome.disk or run.disk
-    if outcome.kind == "fault" or (outcome.lost and run.attempts + 1 < MAX_ATTEMPTS):
+    # What is left of an evaluation are results, with a remark. Of a verification it is none, and nobody would see that
+    # it can be done again.
+    final = outcome.stage != "verifying" and run.attempts + 1 >= MAX_ATTEMPTS
+    if outcome.kind == "fault" or (outcome.lost and not final):
         return _again(replace(run, disk=disk), outcome.reason or "cases were lost to this machine", now)
     at_rest = replace(run, running=False, attempts=0, interruptions=0, not_before=0.0, disk=disk, reason="")
     if outcome.stage == "verifying":
@@ -86,7 +89,8 @@ def _again(run: Submission, reason: str, now: float) -> Change:
         text = f"{reason} (this machine failed {attempts} times; nothing is held against the controller)"
         return replace(run, state=State.FAILED, running=False, attempts=0, reason=text), f"failed: {text}"
     delay = DELAYS[min(attempts, len(DELAYS)) - 1]
-    waiting = replace(run, running=False, attempts=attempts, not_before=now + delay, reason=reason)
+    # The next attempt is not the one that a service may have left under way: its outcome is another.
+    waiting = replace(run, running=False, attempts=attempts, interruptions=0, not_before=now + delay, reason=reason)
     return waiting, f"a fault of this machine: {reason}; it is tried again in {delay:g} s"
 
 

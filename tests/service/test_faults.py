@@ -1,6 +1,8 @@
 """What an operator and a machine do to a service: nothing of anybody else's is lost, and no run stops the others."""
 
+import io
 import os
+import shutil
 import sqlite3
 import time
 from dataclasses import replace
@@ -11,14 +13,16 @@ from support.command_lines import call
 from support.refusals import refusal
 from support.tools import require
 
-from orchestrator.errors import EnvironmentFault
-from orchestrator.service import accounts
+from orchestrator.cli import guard
+from orchestrator.errors import EnvironmentFault, InputError
+from orchestrator.service import accounts, states
+from orchestrator.service.borders import Refusal
 from orchestrator.service.database import Database
 from orchestrator.service.files import Files
-from orchestrator.service.records import Task
+from orchestrator.service.records import Round, Task
 from service.conftest import ALONE, SOME, Asker, fmu
 from service.test_jobs import ONE_POSE
-from service.test_rounds import Course, handed_in, verified
+from service.test_rounds import RUN, Course, handed_in, verified
 from service.test_service import under_way
 
 require("starlette", "uvicorn", "python_multipart", "httpx2")
@@ -95,45 +99,93 @@ def test_a_run_whose_folder_cannot_be_written_stops_nobody(me, monkeypatch):
     assert me.until(bad)["state"] == "finished"
 
 
+def test_many_runs_whose_folders_cannot_be_written_stop_nobody(me, monkeypatch):
+    """Each of a dozen was waited for by all others, until the first of them was tried again."""
+    begin = Files.begin
+
+    def refused(files, id, sha256, file_name, binding):
+        if file_name.startswith("bad"):
+            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+        return begin(files, id, sha256, file_name, binding)
+
+    monkeypatch.setattr(Files, "begin", refused)
+    bad = [me.submit(fmu(x=number), f"bad{number}.fmu")["id"] for number in range(12)]
+    assert me.until(me.submit(fmu(x="good"), "good.fmu")["id"])["state"] == "finished"
+    assert {me.run(id)["state"] for id in bad} == {"received"}
+
+
 def test_an_outcome_that_cannot_be_removed_keeps_no_place(me, monkeypatch):
-    forget, failed = Files.forget_outcome, []
+    """It was tried without end, and the place of an evaluation was its own meanwhile."""
+    forget, mended = Files.forget_outcome, list[bool]()
 
     def refused(files, id, name):
-        if len(failed) < 2:
-            failed.append(name)
+        if id in bad and not mended:
             raise EnvironmentFault("The run's folder cannot be written.", "not-written")
         forget(files, id, name)
 
+    bad = [me.submit(fmu(checking={"wait": 0.5, "exit": 3, "times": 1}, x=number))["id"] for number in range(2)]
     monkeypatch.setattr(Files, "forget_outcome", refused)
-    id = me.submit(fmu(checking={"exit": 3, "times": 1}))["id"]
-    assert me.until(id)["state"] == "finished" and len(failed) == 2
+    monkeypatch.setattr("orchestrator.service.runner.HOLD_TIME", 1.0)
+    assert me.until(me.submit(fmu(x="good"), "good.fmu")["id"])["state"] == "finished"
+    mended.append(True)
+    assert [me.until(id)["state"] for id in bad] == ["finished"] * 2
 
 
 def test_a_mistake_in_storing_an_outcome_keeps_no_place(me, monkeypatch):
-    forget, failed = Files.forget_outcome, []
+    ended, failed = states.ended, []
 
-    def broken(files, id, name):
+    def broken(*given):
         if len(failed) < 3:
-            failed.append(name)
+            failed.append(given)
             raise KeyError("a mistake")
-        forget(files, id, name)
+        return ended(*given)
 
-    monkeypatch.setattr(Files, "forget_outcome", broken)
+    monkeypatch.setattr(states, "ended", broken)
     runs = [me.submit(fmu(checking={"exit": 3, "times": 1}, x=number), f"{number}.fmu")["id"] for number in range(2)]
     runs.append(me.submit(fmu(x=9), "good.fmu")["id"])
     assert [me.until(id)["state"] for id in runs] == 3 * ["finished"]
 
 
-def test_a_binding_that_is_cut_short_is_not_decided_by_the_former_outcome(me, monkeypatch):
+def test_a_binding_is_not_decided_by_the_former_outcome(me):
+    """Nor is it when the power goes as it is bound."""
+    id = me.submit(fmu(checking={"kind": "refused", "reason": "no q_m", "times": 1}))["id"]
+    me.until(id, "refused")
+    assert (me.client.app.state.service.files.run(id) / "checking.json").exists()
+    me.put(f"/api/runs/{id}/binding", {"map": {"q_m[1]": "x"}})
+    assert me.until(id, least=4)["state"] == "finished"
+
+
+def test_a_binding_that_comes_too_late_takes_no_results_away(me):
+    """A form that is sent slowly may be whole when the run has been bound, and has finished."""
+    stages = {"checking": {"kind": "refused", "times": 1}, "evaluating": {"files": {"evaluation/results.json": "{}"}}}
+    id = me.submit(fmu(**stages))["id"]
+    me.until(id, "refused")
+    service = me.client.app.state.service
+    late = service.database.run(id)
+    me.put(f"/api/runs/{id}/binding", {"map": {"q_m[1]": "x"}})
+    me.until(id, "finished")
+    assert refusal(lambda: service.bind(late, "[map]\n"), kind=Refusal).status == 409
+    assert me.get(f"/api/runs/{id}/files/evaluation/results.json").status_code == 200
+
+
+def test_a_binding_of_a_refused_run_is_in_the_quota_of_the_queue(serve, limited):
+    me = Asker(serve(limited(queue=1)))
     id = me.submit(fmu(checking={"kind": "refused", "reason": "no q_m"}))["id"]
     me.until(id, "refused")
+    me.submit(fmu(checking={"wait": 60}), "waits.fmu")
+    assert me.put(f"/api/runs/{id}/binding", {"map": {"q_m[1]": "x"}}).status_code == 429
 
-    def cut(files, id, names):
-        raise EnvironmentFault("The disk is full.", "not-written")
 
-    monkeypatch.setattr(Files, "forget", cut)
-    answer = me.put(f"/api/runs/{id}/binding", {"map": {"q_m[1]": "x"}})
-    assert answer.status_code == 503 and me.run(id)["state"] == "refused"
+def test_so_many_forms_at_a_time_and_small_ones_where_little_is_asked(me):
+    """Hundreds of bindings of 8 MB at a time would fill the memory of the service."""
+    service, most = me.client.app.state.service, "x" * 100_000
+    for path in ("/api/comparisons", "/comparisons", "/api/rounds"):
+        assert me.post(path, most.encode()).status_code == 413, path
+    id = me.until(me.submit()["id"])["id"]
+    assert me.put(f"/api/runs/{id}/binding", {"map": {"q_m": most}}).status_code == 200
+    service.forms[accounts.LOCAL.id] = service.settings.limits.forms
+    assert me.put(f"/api/runs/{id}/binding", {"map": {"q_m": "x"}}).status_code == 429
+    assert me.post("/comparisons").status_code == 429
 
 
 def test_somebody_who_is_removed_during_an_upload_leaves_nothing(serve, monkeypatch):
@@ -168,6 +220,39 @@ def test_a_clock_that_is_set_back_changes_neither_what_counts_nor_whose_turn_it_
     view = course.until(round)
     assert [(row["name"], row["place"]) for row in view["entries"]].count(("second.fmu", 1)) == 1
     assert {row["name"] for row in view["entries"]} == {"second.fmu", "ben.fmu"}
+
+
+def test_a_round_begins_after_all_that_was_handed_in_before_it(serve, monkeypatch):
+    true, ahead = time.time, [3600.0]
+    monkeypatch.setattr(time, "time", lambda: true() + ahead[0])
+    course = Course(serve(SOME))
+    ada, ben = course.person("Ada"), course.person("Ben")
+    handed_in(ada, fmu(), "early.fmu")
+    ahead[0] = 0.0
+    round = course.open(days=30)
+    handed_in(ben, fmu(x=1), "ben.fmu")
+    assert [row["name"] for row in course.until(round, "open")["entries"]] == ["ben.fmu"]
+
+
+def test_a_run_counts_in_one_round(tmp_path):
+    database = Database(tmp_path / "x.sqlite")
+    database.add_person(accounts.LOCAL, "", 0.0)
+    for number, round in enumerate(("", "d" * 24)):
+        run = replace(RUN, id=f"{number:024}", owner=accounts.LOCAL.id, created=15.0, round=round)
+        database.add_run(run, "received")
+    handed = database.handed_in(Round("c" * 24, "x", 10.0, 20.0))
+    assert [run.round for run in handed] == [""]
+
+
+def test_an_outcome_that_lies_there_before_its_stage_decides_nothing(serve):
+    course = Course(serve(SOME))
+    ada = course.person("Ada")
+    round = course.open()
+    id = handed_in(ada, fmu(verifying=verified(95.0)))
+    forged = course.client.app.state.service.files.run(id) / "verifying.json"
+    forged.write_text('{"stage": "verifying", "kind": "done", "cost": 1.0, "holds": true}')
+    course.close(round)
+    assert [row["drawn_cost"] for row in course.until(round)["entries"]] == [95.0]
 
 
 def ended(client) -> None:
@@ -220,6 +305,99 @@ def id_of(course: Course, name: str) -> str:
     return next(person.id for person in course.people.people() if person.name == name)
 
 
+def test_half_a_copy_of_an_fmu_is_not_taken_for_the_whole(tmp_path, monkeypatch):
+    """Where there are no hard links, and the power goes."""
+
+    def half(source, target):
+        target.write(source.read(3))
+        raise KeyboardInterrupt
+
+    def none(*_):
+        raise OSError
+
+    files, sha256, id = Files(tmp_path), "0" * 64, "a" * 24
+    files.prepare()
+    files.fmu(sha256).write_bytes(fmu())
+    monkeypatch.setattr("os.link", none)
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("shutil.copyfileobj", half)
+        files.begin(id, sha256, "my.fmu", "")
+    assert (files.begin(id, sha256, "my.fmu", "") / "my.fmu").read_bytes() == fmu()
+
+
+def test_half_an_upload_leaves_a_full_disk(tmp_path):
+    files = Files(tmp_path)
+    files.prepare()
+    incoming = files.incoming()
+    incoming.add(bytes(100_000))
+    stream = incoming._stream
+
+    class Full:
+        def close(self):
+            stream.close()
+            raise OSError(28, "No space left on device")
+
+    incoming._stream = Full()
+    incoming.close()
+    assert list((tmp_path / "incoming").iterdir()) == []
+
+
+def test_what_is_deleted_on_a_full_disk_makes_the_room_for_that(me, monkeypatch):
+    files, remove = me.client.app.state.service.files, Database.remove_run
+
+    def full(database, id):
+        if files.run(id).exists():
+            raise EnvironmentFault("The service's database cannot be written: database or disk is full.", "no-database")
+        remove(database, id)
+
+    id = me.until(me.submit()["id"])["id"]
+    monkeypatch.setattr(Database, "remove_run", full)
+    assert me.delete(f"/api/runs/{id}").status_code == 204 and me.get("/api/runs").json() == []
+
+
+def test_a_copy_leaves_out_what_vanishes_while_it_is_made(tmp_path, monkeypatch):
+    files, copied = Files(tmp_path / "data"), []
+    files.prepare()
+    for number in range(5):
+        (files.root / "runs" / str(number)).mkdir()
+        (files.root / "runs" / str(number) / "results.json").write_text("{}")
+
+    def first(file, target):
+        copied.append(file)
+        for other in (files.root / "runs").iterdir():
+            if other != file.parent:
+                shutil.rmtree(other)
+
+    monkeypatch.setattr("shutil.copy2", first)
+    files.copy(tmp_path / "copy")
+    assert len(copied) == 1
+
+
+@pytest.mark.parametrize("data", ["data", "."])
+def test_a_copy_stands_apart(data, serve, tmp_path):
+    serve(folder=tmp_path / data)
+    made = call("serve", "--data", data, "--backup", tmp_path / "data" / "copy", folder=tmp_path)
+    assert made.code == 2 and "is within" in made.err and not (tmp_path / "data" / "copy").exists()
+
+
+def test_remedies_are_options_of_the_service(serve, tmp_path):
+    serve()
+    (tmp_path / "file").touch()
+    for data in ("data", "file"):
+        refused = call("serve", "--data", data, "--trust", "--port", "0", folder=tmp_path)
+        assert refused.code == 2 and "--data" in refused.err, refused.err
+
+
+def test_people_are_listed_on_a_terminal_of_ascii(tmp_path, monkeypatch):
+    call("serve", "--invite", " Zoë Ångström ", folder=tmp_path)
+    call("serve", "--invite", "Zoë Ångström", folder=tmp_path)
+    terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdout", terminal)
+    assert guard.run("serve", ["--people"]) == 0
+    assert terminal.buffer.getvalue() == b"Zo\\xeb \\xc5ngstr\\xf6m\n"
+
+
 def test_a_copy_that_failed_is_no_service(serve, tmp_path, monkeypatch):
     me = Asker(serve())
     me.until(me.submit()["id"])
@@ -257,6 +435,18 @@ def test_what_the_service_may_not_read_is_no_fault_of_the_fmu(tmp_path):
         assert done(task, tmp_path, lambda *_: None).kind == "fault"
     finally:
         os.chdir(here)
+
+
+def test_a_folder_that_cannot_be_written_is_no_fault_of_the_fmu(tmp_path, monkeypatch):
+    from orchestrator.service import job
+
+    def refused(*_):
+        raise InputError("The folder quick cannot be written to: No space left on device.", "folder-not-writable")
+
+    (tmp_path / "my.fmu").write_bytes(fmu())
+    monkeypatch.setattr(job, "_evaluated", refused)
+    monkeypatch.chdir(tmp_path)
+    assert job.done(Task("quick", "my.fmu", "", "quick", 1, False), tmp_path, lambda *_: None).kind == "fault"
 
 
 def test_a_page_elsewhere_loads_nothing_in_secret(me):

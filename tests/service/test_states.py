@@ -153,6 +153,14 @@ def test_a_verification_that_the_machine_failed_begins_again_as_one():
     assert (run.state, run.running, run.round) == (State.VERIFYING, False, VERIFYING.round)
 
 
+def test_a_verification_that_lost_cases_each_time_can_begin_again():
+    run = VERIFYING
+    for _ in range(states.MAX_ATTEMPTS):
+        run = done(run, cost=101.0, lost=True, remark="cases were lost")
+    assert run.state is State.FAILED and run.drawn_cost is None and "cases were lost to this machine" in run.reason
+    assert states.retried(run)[0].state is State.VERIFYING
+
+
 def test_every_state_is_final_or_has_a_stage():
     for state in State:
         assert state.is_final == (replace(RUN, state=state).stage is None)
