@@ -70,7 +70,7 @@ _EXPORTS = ("block", "outcome", "record", "simulate_case", "force", "force_of")
 
 
 class Unit(NamedTuple):
-    """One FMU of a program: its name there, and the value references of its variables by name."""
+    """One FMU of a program: its name there, and the value references of its parameters by name."""
 
     name: str
     references: Mapping[str, int]
@@ -93,10 +93,10 @@ def write_sources(files: Mapping[str, Path], linear: Path, folder: Path) -> tupl
 def _write_unit(name: str, file: Path, states: int, folder: Path) -> Unit:
     """The unit of an FMU, whose matrices are read with a case if it has up to so many ``states``."""
     contents = unpack(file)
-    references = {
-        variable.attrib["name"]: int(variable.attrib["valueReference"])
-        for variable in parse(contents["modelDescription.xml"]).iter("ScalarVariable")
-    }
+    variables = list(parse(contents["modelDescription.xml"]).iter("ScalarVariable"))
+    references = {variable.attrib["name"]: int(variable.attrib["valueReference"]) for variable in variables}
+    # A link to the playground sets what is listed here: of an input it would say nothing.
+    parameters = {variable.attrib["name"] for variable in variables if variable.attrib.get("causality") == "parameter"}
     sources = {path.removeprefix("sources/"): text for path, text in contents.items() if path.startswith("sources/")}
     sources[_NAMING] = sources[_NAMING].replace(
         b"fmi2FullName(name) name", b"fmi2FullName(name) %b_##name" % name.encode()
@@ -115,7 +115,7 @@ def _write_unit(name: str, file: Path, states: int, folder: Path) -> Unit:
     matrices = "read_matrices" if states else "NULL"
     lines += [f"extern const Slave {name};", f"const Slave {name} = {{FUNCTIONS, {{{signals}}}, {matrices}}};", ""]
     (folder / f"{name}.c").write_text("\n".join(lines), encoding="utf-8")
-    return Unit(name, references)
+    return Unit(name, {each: place for each, place in references.items() if each in parameters})
 
 
 def _signals(references: Mapping[str, int]) -> Iterable[str]:

@@ -51,6 +51,7 @@ STATES = {
     "only its direction": {"phi": 2.0, "protocolCase": "c08.sticky.gain_2"},
     "a corner of the workspace": {"pose": [-90.0, -180.0], "force": None, "phi": None},
     "small numbers": {"pose": [1e-7, -1e-7], "phi": -3e-7},
+    "a pose close to one of the grid": {"pose": [146.25, -179.99999993]},
 }
 
 
@@ -68,8 +69,25 @@ def folder(tmp_path_factory):
     fmus.mkdir(parents=True)
     for name in ("DiagonalPID_C", "TunedPID", "RobustLQG", "RobustLinearLQG"):
         build_fmus.build(name, fmus)
-    controller_from_state_space(*LEAD.values(), T_s=0.25e-3, out=fmus / "MyLinear.fmu")
+    controller_from_state_space(*LEAD.values(), T_s=0.25e-3, out=made / "MyLinear.fmu")  # as a download would be
     return made
+
+
+@pytest.fixture
+def own_page(chromium, html, tmp_path):
+    """Opens the page for this test alone, which may spoil it: the others share one. A script may run before its own."""
+    file, pages = tmp_path / "page.html", []
+    file.write_text(html, encoding="utf-8")
+
+    def opened(script=""):
+        pages.append(chromium.new_page(viewport={"width": DESK[0], "height": DESK[1]}))
+        pages[0].add_init_script(script)
+        pages[0].goto(file.as_uri())
+        return pages[0]
+
+    yield opened
+    for page in pages:
+        page.close()
 
 
 def finish(page):
@@ -111,6 +129,10 @@ HOSTILE = {
     "text as a name": {"chosen": {"name": "'; touch PWN '", "values": {}}},
     "a start of the arm as a parameter": {"arm": {"q_a_start[1]": 0.1}},
     "a delay between two steps": {"delay": [0.0003, 0.0003]},
+    "a delay close to a step": {"delay": [0.00050000001, 0.00025]},
+    "no delay": {"delay": [0, 0.00025]},
+    "a delay that no slider has": {"delay": [0.3, 0.00025]},
+    "an input of the controller": {"chosen": {"name": "DiagonalPID_C", "values": {"q_m_ref[1]": 0.1}}},
     "a seed that is none": {"seed": -1},
     "a pose outside": {"pose": [500, 1e5]},
     "no values": {"chosen": {"name": "DiagonalPID_C"}},
@@ -128,7 +150,10 @@ def test_a_link_that_is_no_state_of_the_page_begins_anew(name, html, open_page):
     page.evaluate(f"$('#results').setAttribute('aria-busy', 'true'); location.hash = {json.dumps(link)}")
     finish(page)
     assert page.evaluate("state") == page.evaluate("structuredClone(BEGIN)")
-    assert "PWN" not in page.locator("#command").inner_text() and "Two cases" in page.locator("#state").inner_text()
+    said = page.locator("#state").inner_text()
+    assert "PWN" not in page.locator("#command").inner_text() and "The link is damaged" in said and "Two cases" in said
+    go_to(page, {})
+    assert "The link" not in page.locator("#state").inner_text()
 
 
 def test_what_a_link_holds_beside_a_state_is_left_out(html, open_page):
@@ -155,7 +180,7 @@ def test_large_entries_of_a_matrix_reach_the_fmu(html, open_page, tmp_path):
 
 def test_a_scorecard_of_a_former_controller_says_so(html, open_page):
     page = open_page(html, DESK)
-    go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": 44}}})
+    go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": 46.8}}})
     page.locator('[data-protocol="quick"]').click()
     page.locator("#scorecard .hero").wait_for(timeout=600_000)
     assert "with changed gains on quick" in page.locator("#scorecard").inner_text()
@@ -163,6 +188,103 @@ def test_a_scorecard_of_a_former_controller_says_so(html, open_page):
     page.locator("#gain-K_p-1").focus()
     page.keyboard.press("ArrowRight")
     assert "former" in page.locator("#former").inner_text()
+    page.keyboard.press("ArrowLeft")
+    assert page.locator("#former").inner_text() == ""
+
+
+LIMITED = """(() => {
+  const [replace, times] = [history.replaceState, []];
+  history.replaceState = function (...given) {
+    const now = performance.now();
+    while (times[0] < now - 30e3) times.shift();
+    if (times.push(now) > 100) throw new DOMException("too often", "SecurityError");
+    return replace.apply(this, given);
+  };
+})()"""
+"""The limit of Safari."""
+
+
+def test_a_slider_that_is_drawn_for_long_is_simulated_to_its_end(own_page):
+    """The address could not be written any more, and the figures of a former value stayed beside the slider."""
+    page = own_page(LIMITED)
+    go_to(page, {})
+    page.evaluate("""async () => {
+      const input = $("#gain-K_d-1");
+      for (let turn = 0; turn < 150; turn += 1) {
+        input.value = String(Number(input.max) * (150 - turn) / 150);
+        input.dispatchEvent(new Event("input"));
+        await new Promise((done) => setTimeout(done, 5));
+      }
+    }""")
+    finish(page)
+    found, values = page.evaluate("[data.answers[0].figures, state.chosen.values]")
+    page.wait_for_timeout(1000)
+    assert page.evaluate("location.hash === `#${encoded(state)}`")
+    go_to(page, {})
+    go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": values}})
+    assert page.evaluate("data.answers[0].figures") == found
+
+
+FAILING = "pair.forEach((worker) => (worker.run = () => Promise.reject(new Error('out of memory'))))"
+
+
+def test_what_is_not_simulated_has_no_figures(own_page):
+    page = own_page()
+    go_to(page, {})
+    page.evaluate(FAILING)
+    page.locator("#gain-K_p-1").press("ArrowRight")
+    page.locator("#results").wait_for(state="hidden")
+    assert page.locator("#state").inner_text() == "Not simulated: out of memory."
+
+
+def test_an_evaluation_that_fails_says_so_and_can_be_asked_for_again(own_page):
+    page = own_page()
+    go_to(page, {})
+    page.evaluate("(newWorker = () => ({ run: () => Promise.reject(new Error('out of memory')), end: () => {} }))")
+    page.locator('[data-protocol="quick"]').click()
+    assert page.locator("#scorecard").inner_text() == "Not evaluated: out of memory."
+    assert page.locator('[data-protocol="quick"]').is_enabled() and not page.locator("#progress").is_visible()
+
+
+def test_a_controller_with_errors_is_told_from_one_that_fails(html, open_page):
+    """Cases that had ended with an error counted as failures of A1 to A3, without a word of why."""
+    page = open_page(html, DESK)
+    law = {"A": [[1e200]], "B": [[1.0, 0.0]], "C": [[1e200], [0.0]], "D": [[0.0, 0.0], [0.0, 100.0]]}
+    go_to(page, {"chosen": {"name": "linear", "matrices": law}})
+    page.locator('[data-protocol="quick"]').click()
+    page.locator("#scorecard .hero").wait_for(timeout=600_000)
+    said = page.locator("#scorecard .bad").inner_text()
+    assert said.startswith("24 of 24 cases ended with an error of the controller, such as c")
+
+
+@pytest.mark.parametrize("missing", ["WebAssembly", "Worker"])
+def test_a_browser_that_cannot_simulate_is_told_so(missing, own_page):
+    page = own_page(f"delete window.{missing}")
+    said = page.locator("#state").inner_text()
+    assert said.startswith("The page does not work in this browser: ") and f"{missing} is not defined" in said
+    assert not page.locator("#results").is_visible()
+
+
+def test_a_download_that_the_browser_cannot_make_says_so(own_page):
+    page = own_page("delete window.DecompressionStream")
+    finish(page)
+    page.locator("#fmu").click()
+    page.get_by_text("Not downloaded: ").wait_for()
+
+
+def test_gains_and_matrices_are_there_again_after_another_law_was_chosen(html, open_page):
+    page = open_page(html, DESK)
+    go_to(page, {"chosen": {"name": "DiagonalPID_C", "values": {"K_p[1]": 44}}})
+    law = page.locator("#controller")
+    law.select_option("linear")
+    page.locator("#law").fill(json.dumps(LEAD))
+    law.select_option("DiagonalPID_C")
+    assert page.evaluate("state.chosen.values") == {"K_p[1]": 44}
+    law.select_option("linear")
+    assert page.evaluate("state.chosen.matrices") == LEAD
+    page.locator("#reset").click()
+    assert page.evaluate("state.chosen.matrices") != LEAD
+    finish(page)
 
 
 RECORDED = """async () => {

@@ -86,7 +86,12 @@ const fmuName = ({ name, matrices }) => `My${matrices ? "Linear" : name}.fmu`;
 /** Hand the archive of the chosen law to whoever asks for it. */
 async function downloadFmu() {
   const wanted = structuredClone(state.chosen);
-  const address = URL.createObjectURL(await fmuOf(wanted));
-  element("a", { href: address, download: fmuName(wanted) }).click();
-  setTimeout(() => URL.revokeObjectURL(address), 60_000);
+  try {
+    const address = URL.createObjectURL(await fmuOf(wanted));
+    element("a", { href: address, download: fmuName(wanted) }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 60_000);
+    $("#fmu-problem").textContent = "";
+  } catch (problem) {
+    $("#fmu-problem").textContent = `Not downloaded: ${problem.message}.`; // a browser of before 2023 has no DecompressionStream
+  }
 }

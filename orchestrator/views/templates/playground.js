@@ -7,6 +7,18 @@ const SHOWN = { m: [1e3, "mm"], s: [1, "s"], "N.m": [1, "Nm"] };
 const RADIAN = Math.PI / 180;
 const MOST_FORCE = 1000; // [N] twice that of Table 1
 const PLOTS = ["error", "torque-1", "torque-2"];
+const DELAY_STEPS = [1, 16]; // the least and the most, of the loop's delay
+const LINK_PAUSE = 400; // [ms] between changes of the address
+
+/** Say what went wrong, and show no figures: those there are belong to something else. */
+function showProblem(words) {
+  $("#state").textContent = words;
+  $("#results").hidden = true;
+}
+
+// Without WebAssembly or workers the rest of this script does not run, and the page would simulate for ever.
+window.addEventListener("error", ({ message }) => showProblem(`The page does not work in this browser: ${message}. It needs WebAssembly and workers.`));
+window.addEventListener("unhandledrejection", ({ reason }) => showProblem(`The page has failed: ${reason?.message ?? reason}.`));
 
 // ---- The state: all that is chosen, which a link holds ----
 
@@ -34,13 +46,29 @@ let state = structuredClone(BEGIN);
 const encoded = (value) => btoa(JSON.stringify(value)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 const decoded = (text) => JSON.parse(atob(text.replaceAll("-", "+").replaceAll("_", "/")));
 
-/** The state of a link; the first one for a link of another version, or one that is none. */
-function readLink() {
+let linkProblem = ""; // what is to be said of the link that was opened
+
+/** The state of a link, `hash`; the first one for a link of another version, or one that is none. */
+function readLink(hash) {
+  linkProblem = "";
+  if (hash === "") return structuredClone(BEGIN);
   try {
-    return stateOf(decoded(location.hash.slice(1)));
+    return stateOf(decoded(hash.slice(1)));
   } catch {
+    linkProblem = "The link is damaged, or of another version of this page: this is how the page begins. ";
     return structuredClone(BEGIN);
   }
+}
+
+let linkTimer = null;
+
+/** Put the state into the address, a moment later: browsers refuse it where it happens too often, Safari more than 100
+    times in 30 s, and a slider that is drawn changes the state more often than that. */
+function keepLink() {
+  linkTimer ??= setTimeout(() => {
+    linkTimer = null;
+    history.replaceState(null, "", `#${encoded(state)}`);
+  }, LINK_PAUSE);
 }
 
 const need = (holds) => {
@@ -58,7 +86,8 @@ function stateOf(given) {
   need(protocolCase(single, found.protocolCase));
   need(pose === null || (isPair(pose, Number.isFinite) && [data.workspace.q_a1_deg, data.workspace.q_a2_deg].every(([low, high], axis) => between(low, high)(pose[axis]))));
   need(gain === null || isPair(gain, between(0, 100)));
-  need(delay === null || isPair(delay, (value) => between(0, 1)(value) && Math.abs(value * rate - Math.round(value * rate)) < 1e-6));
+  // The same number as the slider's, or the command would simulate another delay than the page.
+  need(delay === null || isPair(delay, (value) => Math.round(value * rate) / rate === value && between(...DELAY_STEPS)(Math.round(value * rate))));
   need(force === null || between(0, MOST_FORCE)(force));
   need(phi === null || between(-1e3, 1e3)(phi));
   need(Number.isSafeInteger(seed) && seed >= 0);
@@ -133,8 +162,11 @@ function noiseOf(entropy) {
 
 const protocolCase = (protocol, id) => protocol.cases.find((one) => one.id === id);
 
+/** As Python's math.isclose with both tolerances 1e-9, by which the command finds a pose of the grid. */
+const isClose = (a, b) => Math.abs(a - b) <= Math.max(1e-9 * Math.max(Math.abs(a), Math.abs(b)), 1e-9);
+
 /** The grid's pose at these link angles [degrees], if there is one. */
-const gridPose = (degrees) => data.poses.find((pose) => pose.degrees.every((angle, axis) => Math.abs(angle - degrees[axis]) < 6e-8));
+const gridPose = (degrees) => data.poses.find((pose) => pose.radians.every((angle, axis) => isClose(angle, degrees[axis] * RADIAN)));
 
 /** Whether the arm is not the case's, so that noise and disturbance are those of the system "nominal". */
 const isOwn = ({ pose, arm, seed }) => pose !== null || arm !== null || seed !== 0;
@@ -220,12 +252,15 @@ const workerAddress = URL.createObjectURL(new Blob([$("#worker").textContent], {
 function newWorker() {
   const worker = new Worker(workerAddress);
   worker.postMessage({ module });
-  let number = 0;
+  let [number, failure, fail] = [0, null, () => {}];
+  // One that could not be loaded fails before its first task, and answers none.
+  worker.onerror = ({ message }) => fail((failure = new Error(`${message || "a worker did not start"}; reload the page`)));
   return {
     run: (task) => new Promise((resolve, reject) => {
+      if (failure) throw failure;
       const wanted = (number += 1);
+      fail = reject;
       worker.onmessage = ({ data: answer }) => answer.number === wanted && resolve(answer);
-      worker.onerror = ({ message }) => reject(new Error(message));
       worker.postMessage({ ...task, number: wanted });
     }),
     end: () => worker.terminate(),
@@ -337,7 +372,7 @@ let [busy, again] = [false, false];
 
 /** Simulate both laws; while they run, only the last change is kept. */
 async function update() {
-  history.replaceState(null, "", `#${encoded(state)}`);
+  keepLink();
   showLesson();
   showCommand();
   showFormer();
@@ -357,9 +392,9 @@ async function update() {
       showSeen();
       showCurves(answers);
       const refused = answers.map(({ message }) => message).filter(Boolean);
-      $("#state").textContent = refused.length ? refused.join(" ") : `Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
+      $("#state").textContent = refused.length ? refused.join(" ") : `${linkProblem}Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
     } catch (problem) {
-      $("#state").textContent = `Not simulated: ${problem.message}.`;
+      showProblem(`${linkProblem}Not simulated: ${problem.message}.`);
     }
   }
   busy = false;
@@ -390,13 +425,15 @@ function score(protocol, cases, outcomes) {
     name,
     order.filter(([one, { verdict }]) => protocol.tests[one.test].requirements.includes(name) && !["quiet", "ring-down"].includes(verdict)).map(([one]) => one.id),
   ]));
-  return { cost, criteria, failed };
+  const broken = order.filter(([, { reason }]) => !["finished", "diverged"].includes(reason)).map(([one, outcome]) => ({ id: one.id, ...outcome }));
+  return { cost, criteria, failed, broken };
 }
 
 async function evaluate(name) {
   const protocol = data.protocols[name];
   const buttons = [...document.querySelectorAll("[data-protocol]")];
   buttons.forEach((button) => (button.disabled = true));
+  $("#scorecard").replaceChildren();
   const progress = $("#progress");
   progress.hidden = false;
   progress.max = protocol.cases.length;
@@ -406,23 +443,29 @@ async function evaluate(name) {
   const workers = Array.from({ length: Math.min(navigator.hardwareConcurrency || 2, 32) }, newWorker);
   const outcomes = [];
   let next = 0;
-  await Promise.all(workers.map(async (worker) => {
-    while (next < protocol.cases.length) {
-      const place = next;
-      next += 1;
-      outcomes[place] = named((await worker.run(blockOfValues(valuesOf(protocol, protocol.cases[place]), chosenLaw))).outcome);
-      progress.value += 1;
-    }
-  }));
-  workers.forEach((worker) => worker.end());
-  data.scorecard = { protocol: name, law: chosenLaw, outcomes, ...score(protocol, protocol.cases, outcomes) };
-  showScorecard(protocol, longLabel(chosenLaw), (performance.now() - begin) / 1000);
-  progress.hidden = true;
-  buttons.forEach((button) => (button.disabled = false));
+  try {
+    await Promise.all(workers.map(async (worker) => {
+      while (next < protocol.cases.length) {
+        const place = next;
+        next += 1;
+        const { outcome, message } = await worker.run(blockOfValues(valuesOf(protocol, protocol.cases[place]), chosenLaw));
+        outcomes[place] = { ...named(outcome), message };
+        progress.value += 1;
+      }
+    }));
+    data.scorecard = { protocol: name, law: chosenLaw, outcomes, ...score(protocol, protocol.cases, outcomes) };
+    showScorecard(protocol, longLabel(chosenLaw), (performance.now() - begin) / 1000);
+  } catch (problem) {
+    $("#scorecard").replaceChildren(element("p", { class: "reason bad" }, `Not evaluated: ${problem.message}.`));
+  } finally {
+    workers.forEach((worker) => worker.end());
+    progress.hidden = true;
+    buttons.forEach((button) => (button.disabled = false));
+  }
 }
 
 function showScorecard(protocol, controller, seconds) {
-  const { protocol: name, cost, criteria, failed } = data.scorecard;
+  const { protocol: name, cost, criteria, failed, broken } = data.scorecard;
   const rows = Object.entries(protocol.criteria).map(([criterion, spec]) => {
     const [factor, unit] = SHOWN[spec.unit];
     const shown = (value) => (value === null ? "-" : `${figures(factor * value)} ${unit}`);
@@ -430,19 +473,25 @@ function showScorecard(protocol, controller, seconds) {
   });
   const badges = Object.entries(failed).map(([requirement, ids]) =>
     element("span", { class: `badge ${ids.length ? "not-met" : "met"}` }, ids.length ? `✗ ${requirement}: ${ids.length} cases fail, such as ${ids[0]}` : `✓ ${requirement}`));
+  const [first] = broken;
+  const ended = first && `${broken.length} of ${protocol.cases.length} cases ended with an error of the controller, such as ${first.id}: ${first.message || `${first.reason} at ${figures(first.time)} s`}. evaluate skips the cases that are left after a few of them, and may then give no verdict.`;
   $("#scorecard").replaceChildren(
     element("p", { id: "former", class: "reason", role: "status" }),
     element("p", { class: "hero" }, cost === null ? "-" : cost.toFixed(1)),
     element("p", {}, `V of ${controller} on ${name}: ${protocol.cases.length} cases in ${seconds.toFixed(1)} s. 100 means that every target is just met; less is better.`),
     element("p", { class: "bar" }, ...badges),
+    ...(ended ? [element("p", { class: "reason bad" }, ended)] : []),
     element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...["Criterion", "value", "target"].map((words, place) => element("th", { scope: "col", class: place ? "figure" : "" }, words)))), element("tbody", {}, ...rows))));
   showFormer();
 }
 
+/** Whether two laws are the same, in whatever order their gains were set. */
+const isSame = (one, other) => [one, other].map(({ values, ...more }) => JSON.stringify([more, Object.entries(values ?? {}).sort()])).every((text, _, [first]) => text === first);
+
 /** Say so where the scorecard is that of another controller than the chosen one. */
 function showFormer() {
   const former = $("#former");
-  if (former) former.textContent = JSON.stringify(data.scorecard.law) === JSON.stringify(state.chosen) ? "" : "The controller has been changed since: this is the scorecard of the former one.";
+  if (former) former.textContent = isSame(data.scorecard.law, state.chosen) ? "" : "The controller has been changed since: this is the scorecard of the former one.";
 }
 
 // ---- Command and link ----
@@ -465,7 +514,8 @@ function showCommand() {
   const { name, values, matrices } = state.chosen;
   const own = isOwn(state);
   const { plant, imperfections, force } = caseOf(state);
-  const words = ["flexible-manipulator", "simulate", `build/fmus/${matrices ? "MyLinear" : name}.fmu`];
+  const words = ["flexible-manipulator", "simulate", matrices ? fmuName(state.chosen) : `build/fmus/${name}.fmu`];
+  $("#command-file").textContent = matrices ? `${fmuName(state.chosen)} is the file that the button below downloads` : "the FMUs are built by python build_fmus.py";
   if (!matrices) for (const [parameter, value] of Object.entries(values)) words.push("--set", `${parameter}=${value}`);
   if (own) {
     const arm = Object.entries(plant).filter(([parameter, value]) => value !== data.nominal[parameter] && !parameter.startsWith("q_a_start"));
@@ -525,7 +575,10 @@ function showGains() {
     const parameter = `${gain}[${axis}]`;
     const value = values[parameter] ?? known.values[parameter] ?? own[axis - 1];
     const high = gain === "z_p" ? 0.995 : most * own[axis - 1];
-    return slider(`gain-${gain}-${axis}`, `${gain} ${axis}`, { low: 0, high, step: high / 200, value }, (number) => (state.chosen.values[parameter] = number));
+    return slider(`gain-${gain}-${axis}`, `${gain} ${axis}`, { low: 0, high, step: high / 200, value }, (number) => {
+      if (number === (known.values[parameter] ?? own[axis - 1])) delete state.chosen.values[parameter];
+      else state.chosen.values[parameter] = number;
+    });
   })));
   $("#kept").textContent = `Beside: ${longLabel(state.beside)}.`;
 }
@@ -557,7 +610,7 @@ function showCase() {
       state.gain ??= [1, 2].map((each) => imperfections[`gain[${each}]`]);
       state.gain[axis - 1] = number;
     })),
-    ...[1, 2].map((axis) => slider(`delay-${axis}`, `Delay of axis ${axis}`, { low: 1, high: 16, step: 1, value: imperfections[`drive_delay[${axis}]`], shown: (ticks) => String((1e3 * ticks) / imperfections.rate), unit: "ms" }, (ticks) => {
+    ...[1, 2].map((axis) => slider(`delay-${axis}`, `Delay of axis ${axis}`, { low: DELAY_STEPS[0], high: DELAY_STEPS[1], step: 1, value: imperfections[`drive_delay[${axis}]`], shown: (ticks) => String((1e3 * ticks) / imperfections.rate), unit: "ms" }, (ticks) => {
       state.delay ??= [1, 2].map((each) => imperfections[`drive_delay[${each}]`] / imperfections.rate);
       state.delay[axis - 1] = ticks / imperfections.rate;
     })),
@@ -619,12 +672,18 @@ function chooseCase() {
   showAll();
 }
 
+/** A law as it is at first. */
+const ownLaw = (name) => (name === "linear" ? { name, matrices: data.linear } : law(name));
+
 function startPlayground() {
   for (const selector of ["#pose", "#system", "#test"]) $(selector).addEventListener("change", chooseCase);
+  const left = new Map(); // laws that others were chosen after, by name: with their gains or matrices
   $("#controller").addEventListener("change", ({ target }) => {
-    state.chosen = target.value === "linear" ? { name: "linear", matrices: data.linear } : law(target.value);
+    left.set(state.chosen.name, state.chosen);
+    state.chosen = left.get(target.value) ?? ownLaw(target.value);
     showAll();
   });
+  $("#reset").addEventListener("click", () => ((state.chosen = ownLaw(state.chosen.name)), showAll()));
   $("#law").addEventListener("input", ({ target }) => {
     try {
       const { A, B, C, D } = JSON.parse(target.value) ?? {};
@@ -641,15 +700,16 @@ function startPlayground() {
   $("#fmu").addEventListener("click", downloadFmu);
   for (const button of document.querySelectorAll("[data-protocol]")) button.addEventListener("click", () => evaluate(button.dataset.protocol));
   $("#controls").addEventListener("submit", (event) => event.preventDefault());
-  window.addEventListener("hashchange", () => {
-    if (document.getElementById(location.hash.slice(1))) {
-      history.replaceState(null, "", `#${encoded(state)}`); // a link to a place on the page is no state, and loses none
+  window.addEventListener("hashchange", ({ newURL }) => {
+    const { hash } = new URL(newURL); // that of the location may be the former state's again
+    if (document.getElementById(hash.slice(1))) {
+      keepLink(); // a link to a place on the page is no state, and loses none
       return;
     }
-    state = readLink();
+    state = readLink(hash);
     showAll();
   });
-  state = readLink();
+  state = readLink(location.hash);
   showAll();
 }
 
