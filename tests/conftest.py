@@ -13,7 +13,7 @@ from hostile.commands import NOISE
 from hostile.fmus import NONE, Fault, hostile_fmu
 from hostile.runs import HANG_LIMIT, bench
 from hypothesis import settings
-from support import tools
+from support import passed, tools
 from support.stub_fmus import FEEDTHROUGH, PROBE_PLANT, build_stub
 from support.tools import PRESENT, require
 
@@ -31,6 +31,11 @@ settings.load_profile("repeatable")
 PLANT_SOURCES = Path(build_fmus.__file__).parent / "plant_fmu"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options of the plugin for `.ci/run`."""
+    passed.add_options(parser)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Keep caches in the session's cache folder, for child processes too; the user's own are left alone.
 
@@ -39,7 +44,8 @@ def pytest_configure(config: pytest.Config) -> None:
     Numba looks for changes only in the file of the function it compiles, and would test stale machine code after a
     change in a helper of another module: the plant's sources get a folder by their hash.
     """
-    config.pluginmanager.register(tools)
+    for plugin in (tools, passed):
+        config.pluginmanager.register(plugin)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     if getattr(config.option, "numprocesses", None) and not worker:
         return  # tests run in the workers, which inherit this environment
