@@ -152,7 +152,8 @@ def test_a_link_that_is_no_state_of_the_page_begins_anew(name, html, open_page):
     assert page.evaluate("state") == page.evaluate("structuredClone(BEGIN)")
     said = page.locator("#state").inner_text()
     assert "PWN" not in page.locator("#command").inner_text() and "The link is damaged" in said and "Two cases" in said
-    go_to(page, {})
+    page.evaluate("$('#results').setAttribute('aria-busy', 'true'); setOwn({ seed: 3 }); update()")
+    finish(page)
     assert "The link" not in page.locator("#state").inner_text()
 
 
@@ -285,6 +286,41 @@ def test_gains_and_matrices_are_there_again_after_another_law_was_chosen(html, o
     page.locator("#reset").click()
     assert page.evaluate("state.chosen.matrices") != LEAD
     finish(page)
+
+
+def test_a_gain_is_of_one_of_the_two_controllers(own_page):
+    """After these changes both were one object, and the second controller had the gains of the chosen one."""
+    page = own_page()
+    law = page.locator("#controller")
+    law.select_option("RobustLQG")
+    law.select_option("DiagonalPID_C")
+    page.locator("#swap").click()
+    law.select_option("DiagonalPID_C")
+    page.locator("#swap").click()
+    law.select_option("RobustLQG")
+    law.select_option("DiagonalPID_C")
+    page.locator("#gain-K_p-1").press("ArrowRight")
+    assert page.evaluate("[state.chosen.values['K_p[1]'], state.beside.values['K_p[1]']]") == [45.9, None]
+
+
+def test_a_reload_keeps_the_last_change(own_page):
+    page = own_page()
+    finish(page)
+    page.wait_for_timeout(1000)
+    page.locator("#gain-K_p-1").press("ArrowRight")
+    page.reload()
+    finish(page)
+    assert page.evaluate("state.chosen.values") == {"K_p[1]": 45.9}
+
+
+def test_a_task_that_fails_does_not_end_a_worker(own_page):
+    page = own_page()
+    finish(page)
+    page.evaluate("(async () => { try { await pair[0].run({}); } catch { window.failed = true; } })()")
+    page.locator("#gain-K_p-1").press("ArrowRight")
+    page.wait_for_timeout(500)
+    finish(page)
+    assert page.evaluate("failed") and "Two cases" in page.locator("#state").inner_text()
 
 
 RECORDED = """async () => {

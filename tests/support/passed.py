@@ -1,6 +1,7 @@
 """For `.ci/run`: what passed in one run is kept, and left out in a second one where more tools are installed.
 
-Tests that name a tool are not left out: what compiles on a bare machine is another compiler, for example.
+Tests that are marked with a tool (``needs``) are not left out: the package ``ziglang`` compiles on a bare machine, for
+example, and gcc where it is installed. Those that ask for it in a fixture have passed with the former.
 """
 
 from pathlib import Path

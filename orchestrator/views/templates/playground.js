@@ -60,14 +60,18 @@ function readLink(hash) {
   }
 }
 
-let linkTimer = null;
+let [linkPause, linkIsOld] = [false, false];
 
-/** Put the state into the address, a moment later: browsers refuse it where it happens too often, Safari more than 100
-    times in 30 s, and a slider that is drawn changes the state more often than that. */
+/** Put the state into the address: at once, or where that was done a moment ago, at the end of the pause. Browsers refuse it
+    where it happens too often, Safari more than 100 times in 30 s, and a slider that is drawn changes the state more often. */
 function keepLink() {
-  linkTimer ??= setTimeout(() => {
-    linkTimer = null;
-    history.replaceState(null, "", `#${encoded(state)}`);
+  linkIsOld = linkPause;
+  if (linkPause) return;
+  history.replaceState(null, "", `#${encoded(state)}`);
+  linkPause = true;
+  setTimeout(() => {
+    linkPause = false;
+    if (linkIsOld) keepLink();
   }, LINK_PAUSE);
 }
 
@@ -252,15 +256,22 @@ const workerAddress = URL.createObjectURL(new Blob([$("#worker").textContent], {
 function newWorker() {
   const worker = new Worker(workerAddress);
   worker.postMessage({ module });
-  let [number, failure, fail] = [0, null, () => {}];
-  // One that could not be loaded fails before its first task, and answers none.
-  worker.onerror = ({ message }) => fail((failure = new Error(`${message || "a worker did not start"}; reload the page`)));
+  let [number, answered, failure, fail] = [0, false, null, () => {}];
+  worker.onerror = (event) => {
+    event.preventDefault(); // it is told where it matters, and is no error of the page
+    const problem = new Error(event.message || "a worker did not start");
+    if (!answered) failure = problem; // one that could not be loaded fails before its first task, and answers none
+    fail(problem);
+  };
   return {
     run: (task) => new Promise((resolve, reject) => {
       if (failure) throw failure;
       const wanted = (number += 1);
       fail = reject;
-      worker.onmessage = ({ data: answer }) => answer.number === wanted && resolve(answer);
+      worker.onmessage = ({ data: answer }) => {
+        answered = true;
+        if (answer.number === wanted) resolve(answer);
+      };
       worker.postMessage({ ...task, number: wanted });
     }),
     end: () => worker.terminate(),
@@ -392,7 +403,9 @@ async function update() {
       showSeen();
       showCurves(answers);
       const refused = answers.map(({ message }) => message).filter(Boolean);
-      $("#state").textContent = refused.length ? refused.join(" ") : `${linkProblem}Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
+      const told = refused.length ? refused.join(" ") : `Two cases of ${state.protocolCase}${isOwn(state) ? ", changed," : ""} in ${((performance.now() - begin) / 1000).toFixed(2)} s.`;
+      $("#state").textContent = linkProblem + told;
+      linkProblem = ""; // the next change is of a state of this page
     } catch (problem) {
       showProblem(`${linkProblem}Not simulated: ${problem.message}.`);
     }
@@ -680,7 +693,7 @@ function startPlayground() {
   const left = new Map(); // laws that others were chosen after, by name: with their gains or matrices
   $("#controller").addEventListener("change", ({ target }) => {
     left.set(state.chosen.name, state.chosen);
-    state.chosen = left.get(target.value) ?? ownLaw(target.value);
+    state.chosen = structuredClone(left.get(target.value)) ?? ownLaw(target.value); // it may be the second one now
     showAll();
   });
   $("#reset").addEventListener("click", () => ((state.chosen = ownLaw(state.chosen.name)), showAll()));
