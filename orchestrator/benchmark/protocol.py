@@ -17,7 +17,7 @@ from msgspec import inspect, structs
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 from ..bounded import read_toml
-from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert
+from ..codec import Finite, Malformed, Natural, NonNegative, Positive, Struct, convert, to_json
 from ..errors import InputError
 from .case import CRITERIA, REQUIREMENTS, Again, Disturbance, Test
 
@@ -268,6 +268,12 @@ def load(name: str | Path) -> Protocol:
         text = f"{name} has no set of systems {problem}. It has: {sets}."
         raise InputError(text, "bad-protocol", name, problem.args[0], whole.sets) from None
     return protocol
+
+
+def contents(name: str | Path) -> str:
+    """What the results of the protocol called ``name`` depend on, in one line of JSON: all but its description. Raises
+    as :func:`load` does."""
+    return to_json(structs.replace(load(name), description=""), indent=None)
 
 
 def _check_criteria(protocol: Protocol) -> None:

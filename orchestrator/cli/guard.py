@@ -56,7 +56,9 @@ REMEDIES = {
     "unstable-system": "Or take it as it is: --unstable.",
     "service-in-use": "Wait for it, or choose another folder with --data.",
     "not-apart": "Choose another folder with --backup.",
-    "other-protocol": "Go on with that one (--protocol, --draws-protocol), or choose an empty folder with --data.",
+    "other-protocol": "Go on with that one (--protocol), or choose an empty folder with --data.",
+    "other-draws-protocol": "Go on with that one (--draws-protocol) until an organizer has had verified again, or its "
+    "owner has deleted, what is left of the round; or choose an empty folder with --data.",
     "no-accounts": "Give --accounts, too, and invite people with --invite.",
     "no-fence": "Install bubblewrap, or give --trust if you trust all of them.",
     "no-port": "Choose another one with --port.",

@@ -8,7 +8,6 @@ import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from msgspec import structs
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -45,8 +44,8 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
         with files.taken():
             database = Database(files.database)
             try:
-                hold_protocols(database, settings.conduct)
-                runner = Runner(database, files, settings.conduct, job)
+                held = hold_protocols(database, settings.conduct)
+                runner = Runner(database, files, settings.conduct, held, job)
                 runner.recover()
                 if not settings.accounts:
                     accounts.local_person(database)
@@ -77,29 +76,34 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
     )
 
 
-PROTOCOLS: dict[Stage, str] = {"evaluating": "finished runs", "verifying": "a round that is not verified to its end"}
-"""Stages with a protocol that an operator chooses, and what the folder has when it must stay."""
+PROTOCOLS: dict[Stage, tuple[str, str]] = {
+    "evaluating": ("finished runs", "other-protocol"),
+    "verifying": ("a round that is not verified to its end", "other-draws-protocol"),
+}
+"""Stages with a protocol that an operator chooses, what the folder has when it must stay, and the code of the error."""
 
 
-def hold_protocols(database: Database, conduct: Conduct) -> None:
-    """Go on by the protocols of ``conduct``; raises :class:`InputError` if one table would have results by two."""
-    for stage, what in PROTOCOLS.items():
+def hold_protocols(database: Database, conduct: Conduct) -> dict[Stage, str]:
+    """Go on by the protocols of ``conduct``, and return their contents; raises :class:`InputError` if one table would
+    have results by two."""
+    held_by: dict[Stage, str] = {}
+    for stage, (held, code) in PROTOCOLS.items():
         name = protocol_of(conduct, stage)
-        # Not the description: that it is worded anew in another version changes no result.
-        now = structs.replace(protocol.load(name), description="")
-        former = database.held_protocol(stage)
+        now, former = protocol.contents(name), database.held_protocol(stage)
         if former is not None and not _equal(former[1], now):
-            message = f"The service's folder has {what} by the protocol {former[0]}. {Path(name).stem} is another one, "
+            message = f"The service's folder has {held} by the protocol {former[0]}. {Path(name).stem} is another one, "
             message += "or has changed since: one table would have results by both."
-            raise InputError(message, "other-protocol", name)
-        database.use_protocol(stage, Path(name).stem, to_json(now, indent=None))
+            raise InputError(message, code, name)
+        database.use_protocol(stage, Path(name).stem, now)
+        held_by[stage] = now
+    return held_by
 
 
-def _equal(contents: str, now: protocol.Protocol) -> bool:
-    """Whether a protocol is that of these contents. An earlier version wrote those that it knew: what has come since is
+def _equal(former: str, now: str) -> bool:
+    """Whether two contents are of equal protocols. An earlier version wrote those that it knew: what has come since is
     as nothing was there."""
     try:
-        return from_json(contents, protocol.Protocol) == now
+        return from_json(former, protocol.Protocol) == from_json(now, protocol.Protocol)
     except Malformed:
         return False
 

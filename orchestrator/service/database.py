@@ -34,6 +34,9 @@ MAX_ROWS = 500
 BUSY = 5.0
 """Seconds that a transaction waits for another process."""
 
+LOCKED = "locked-database"
+"""Code of the error when that was too short."""
+
 TABLES = """
 CREATE TABLE people (
     id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL,
@@ -166,7 +169,9 @@ class Database:
         except sqlite3.DatabaseError as problem:  # also of a file that is damaged
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
-            raise EnvironmentFault(f"The service's database cannot be written: {problem}.", "no-database") from problem
+            # The codes of SQLite have been attributes of the exceptions since Python 3.11.
+            what = LOCKED if "locked" in str(problem) else "no-database"
+            raise EnvironmentFault(f"The service's database cannot be written: {problem}.", what) from problem
 
     def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         try:

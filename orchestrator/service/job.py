@@ -172,6 +172,7 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     try:
         with Path(task.file).open("rb"):  # what this service may not read is no finding about the FMU
             pass
+        _check_protocol(task)
         outcome = act(task, folder, tell)
     except EnvironmentFault as fault:
         outcome = Outcome(task.stage, "fault", str(fault))
@@ -188,6 +189,19 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     extracted = _size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0
     disk = _size(folder) - _size(folder / SCRATCH) + extracted
     return replace(outcome, disk=disk, reason=outcome.reason[:2000])
+
+
+def _check_protocol(task: Task) -> None:
+    """Raise :class:`EnvironmentFault` if the file of the protocol has changed since the service was started: its table
+    would have results by both."""
+    from ..benchmark import protocol
+
+    with suppress(InputError):  # it is gone, or no protocol any more
+        if task.contents in ("", protocol.contents(task.protocol)):
+            return
+    name = Path(task.protocol).stem
+    message = f"The protocol {name} has changed since the service was started. Who runs the service has to put the "
+    raise EnvironmentFault(f"{message}former file back, or start it again.")
 
 
 def _size(folder: Path) -> int:

@@ -184,7 +184,7 @@ class Settings:
 class Task(Struct):
     """What a job is told: the ``stage``, the FMU and its mapping file (empty: none) in the folder that it is started
     in, and how to do it, as in :class:`Conduct`. By the FMU's ``sha256`` the job finds what it has extracted. ``bits``
-    are those of a :class:`Round`."""
+    are those of a :class:`Round`, ``contents`` those of the protocol when the service was started (empty: any)."""
 
     stage: Stage
     file: str
@@ -195,6 +195,7 @@ class Task(Struct):
     scheduler: str = ""
     sha256: str = ""
     bits: str = ""
+    contents: str = ""
 
 
 class Progress(Struct):

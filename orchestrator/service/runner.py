@@ -24,7 +24,7 @@ from ..errors import BenchmarkError, EnvironmentFault
 from ..execution.sandbox import PRIVATE
 from ..text import printable
 from . import queue, states
-from .database import Changed, Database
+from .database import LOCKED, Changed, Database
 from .files import BINDING, LOG, Files
 from .job import OUTCOME, outcome_of
 from .records import Conduct, Outcome, Progress, Stage, Submission, Task
@@ -68,8 +68,15 @@ class Live:
 class Runner:
     """Gives the runs of a database their stages, one process each."""
 
-    def __init__(self, database: Database, files: Files, conduct: Conduct, job: tuple[str, ...] = JOB) -> None:
-        self._database, self._files, self._conduct, self._job = database, files, conduct, job
+    def __init__(
+        self,
+        database: Database,
+        files: Files,
+        conduct: Conduct,
+        held: Mapping[Stage, str],
+        job: tuple[str, ...] = JOB,
+    ) -> None:
+        self._database, self._files, self._conduct, self._held_by, self._job = database, files, conduct, held, job
         self.live: dict[str, Live] = {}
         self._held: dict[str, float] = {}
         self._tasks: set[asyncio.Task[None]] = set()
@@ -142,9 +149,15 @@ class Runner:
     def remove(self, run: Submission) -> None:
         """Remove a run and all that is its own. What a job may still write into its folder goes when it has ended."""
         comparisons = self._database.comparisons_with(run.id)
-        # Its results before its row: on a full disk they make the room that the database needs for that.
-        self._files.remove_run(run.id)
-        self._database.remove_run(run.id)
+        try:
+            self._database.remove_run(run.id)
+        except EnvironmentFault as problem:
+            if problem.what == LOCKED:
+                raise
+            # A full disk: its results make the room that the database needs for that. Else they go after the row, so
+            # that a power cut between the two leaves no run without them.
+            self._files.remove_run(run.id)
+            self._database.remove_run(run.id)
         for id in comparisons:  # they show its results
             self._database.remove_comparison(id)
             self._files.remove_comparison(id)
@@ -321,6 +334,7 @@ class Runner:
             scheduler=conduct.scheduler if stage == "evaluating" else "",
             sha256=run.sha256,
             bits=round.bits if round is not None else "",
+            contents=self._held_by.get(stage, ""),
         )
 
 

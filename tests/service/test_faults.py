@@ -13,11 +13,13 @@ from support.command_lines import call
 from support.refusals import refusal
 from support.tools import require
 
+from orchestrator.benchmark import protocol
 from orchestrator.cli import guard
+from orchestrator.cli.guard import REMEDIES
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, states
+from orchestrator.service import accounts, job, states
 from orchestrator.service.borders import Refusal
-from orchestrator.service.database import Database
+from orchestrator.service.database import LOCKED, Database
 from orchestrator.service.files import Files
 from orchestrator.service.records import Round, Task
 from service.conftest import ALONE, SOME, Asker, fmu
@@ -294,7 +296,8 @@ def test_a_round_is_verified_by_one_protocol(serve):
     under_way(ada, id)
     ended(course.client)
     other = replace(SOME, conduct=replace(SOME.conduct, drawn_protocol="quick"))
-    assert "a round that is not verified to its end" in str(refusal(lambda: serve(other)))
+    refused = refusal(lambda: serve(other))
+    assert "a round that is not verified to its end" in str(refused) and "verified again" in REMEDIES[refused.what]
     again = Course(serve(SOME))
     again.until(round)
     ended(again.client)
@@ -353,6 +356,43 @@ def test_what_is_deleted_on_a_full_disk_makes_the_room_for_that(me, monkeypatch)
     id = me.until(me.submit()["id"])["id"]
     monkeypatch.setattr(Database, "remove_run", full)
     assert me.delete(f"/api/runs/{id}").status_code == 204 and me.get("/api/runs").json() == []
+
+
+def test_a_run_that_cannot_be_deleted_now_keeps_its_results(me, monkeypatch, tmp_path):
+    files = me.client.app.state.service.files
+    id = me.until(me.submit()["id"])["id"]
+    other = sqlite3.connect(files.database, isolation_level=None)
+    me.client.app.state.service.database._connection.execute("PRAGMA busy_timeout = 100")
+    other.execute("BEGIN IMMEDIATE")
+    assert me.delete(f"/api/runs/{id}").status_code == 503 and files.run(id).is_dir()
+    other.execute("ROLLBACK")
+    assert me.delete(f"/api/runs/{id}").status_code == 204 and not files.run(id).exists()
+
+
+def test_results_go_after_their_row(me, monkeypatch):
+    """A power cut between the two leaves a folder that nothing names, which the next start removes."""
+    files, id = me.client.app.state.service.files, me.until(me.submit()["id"])["id"]
+
+    def cut(files, id):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Files, "remove_run", cut)
+    with pytest.raises(KeyboardInterrupt):
+        me.client.app.state.service.remove(me.client.app.state.service.database.run(id))
+    assert me.get("/api/runs").json() == [] and files.run(id).is_dir()
+
+
+def test_a_protocol_that_changes_while_the_service_runs_is_no_result(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.fmu").write_bytes(fmu())
+    file = tmp_path / "mine.toml"
+    file.write_text(ONE_POSE.format("mine"), encoding="utf-8")
+    now = protocol.contents(str(file))
+    for changed in (ONE_POSE.format("mine").replace("poses = [0]", "poses = [1]").replace("= 1", "= 2"), "no protocol"):
+        file.write_text(changed, encoding="utf-8")
+        task = Task("evaluating", "my.fmu", "", str(file), 1, False, contents=now)
+        outcome = job.done(task, tmp_path, lambda *_: None)
+        assert outcome.kind == "fault" and "mine has changed" in outcome.reason
 
 
 def test_a_copy_leaves_out_what_vanishes_while_it_is_made(tmp_path, monkeypatch):
@@ -438,8 +478,6 @@ def test_what_the_service_may_not_read_is_no_fault_of_the_fmu(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_is_no_fault_of_the_fmu(tmp_path, monkeypatch):
-    from orchestrator.service import job
-
     def refused(*_):
         raise InputError("The folder quick cannot be written to: No space left on device.", "folder-not-writable")
 
@@ -491,6 +529,6 @@ def test_the_database_refuses_what_it_cannot_write(tmp_path):
     other = sqlite3.connect(tmp_path / "x.sqlite", isolation_level=None)
     database._connection.execute("PRAGMA busy_timeout = 100")
     other.execute("BEGIN IMMEDIATE")
-    assert refusal(database.check, kind=EnvironmentFault).what == "no-database"
+    assert refusal(database.check, kind=EnvironmentFault).what == LOCKED
     other.close()
     database.close()
