@@ -106,6 +106,10 @@ def _writable(place: Path) -> Path:
     return Path(folder)
 
 
+DEVICES = tuple(f"/dev/{name}" for name in ("null", "zero", "full", "random", "urandom"))
+"""Those that say nothing of this machine, and end: a source that included /dev/ptmx had its compiler wait for ever."""
+
+
 def user_folders() -> set[str]:
     """The folders at the top of the file system that may hold files of users: all but the system's."""
     return {entry.path for entry in os.scandir("/") if entry.is_dir(follow_symlinks=False)} - {*SYSTEM}

@@ -394,7 +394,7 @@ def test_a_damaged_file_is_an_environment_fault(contents, tmp_path):
     (tmp_path / store.FILE).write_bytes(contents)
     with pytest.raises(EnvironmentFault) as told, store.opened(tmp_path) as results:
         results.get(["key"])
-    assert told.value.what == "store"
+    assert told.value.what == store.DAMAGED
 
 
 def test_a_full_disk_keeps_what_is_committed(tmp_path):

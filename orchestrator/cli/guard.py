@@ -9,6 +9,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 
@@ -62,6 +63,7 @@ REMEDIES = {
     "no-accounts": "Give --accounts, too, and invite people with --invite.",
     "no-fence": "Install bubblewrap, or give --trust if you trust all of them.",
     "no-port": "Choose another one with --port.",
+    "no-host": "Give the name or an address of this machine with --host.",
     "no-key": "Put your key into the environment variable BENCHMARK_KEY.",
     "standstill": "--timeout shortens this.",
     "stored": "--force runs them again, --keep-going those that failed.",
@@ -91,7 +93,8 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = command(arguments)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # it is None where it was closed before the start
+            sys.stdout.flush()
         return code
     except BrokenPipeError:  # the reader has read enough, as in a pipe to head
         # Python flushes standard output once more at its end, and would print a traceback there.
@@ -105,6 +108,11 @@ def guarded(command: Callable[[Sequence[str] | None], int], arguments: Sequence[
             return EXIT_NOT_JUDGED
         return EXIT_BAD_INPUT if isinstance(error, InputError | FmuError) else EXIT_INCOMPLETE
     except OSError as problem:  # any word may be looked for as a file, and pathlib raises for those that are none
+        if problem.errno == errno.ENOSPC:
+            print(f"error: {problem.strerror}.", file=sys.stderr)
+            # As above: what is left in the buffer would raise once more.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return EXIT_INCOMPLETE
         if problem.errno != errno.ENAMETOOLONG:
             raise
         print(f"error: {printable(str(problem.filename)[:60])}... is too long for the name of a file.", file=sys.stderr)
@@ -130,7 +138,9 @@ class _Notes(logging.Handler):
         prefix = "warning: " if record.levelno > logging.INFO and not hasattr(record, "what") else ""
         message = printable(record.getMessage())
         advice = remedy(record).rstrip(".")
-        print(f"{prefix}{message}" + (f" ({advice})" if advice else ""), file=sys.stderr)
+        # Its reader may have ended, or its disk be full: the service's queue stood still for good.
+        with suppress(OSError, ValueError):
+            print(f"{prefix}{message}" + (f" ({advice})" if advice else ""), file=sys.stderr)
 
 
 HOMES = {

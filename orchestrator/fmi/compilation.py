@@ -16,11 +16,14 @@ from fmpy.model_description import ModelDescription
 
 from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
 
-from ..cache import user_folders
+from ..cache import DEVICES, user_folders
 from ..errors import InputError
 from .library import FLAGS
 
-SYSTEM_TO_READ = ("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc")
+SYSTEM_TO_READ = (
+    *("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--proc", "/proc"),
+    *("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", name, name))),
+)
 """Options of bubblewrap; the folders of users are hidden by others."""
 
 

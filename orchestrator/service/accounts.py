@@ -37,6 +37,10 @@ def invited(database: Database, name: str) -> str:
     if not NAME.fullmatch(name):
         message = f"{name!r} cannot be a name: up to 60 letters, digits, blanks, dots, dashes and apostrophes."
         raise InputError(message, "bad-name", "", name)
+    if name == LOCAL.name:  # the key would be that of whoever used the service without accounts
+        raise InputError(
+            f"{name!r} is who uses the service without accounts. Choose another name.", "bad-name", "", name
+        )
     secret = secrets.token_urlsafe(32)
     for person in database.people():
         if person.name == name:

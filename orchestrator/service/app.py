@@ -26,6 +26,9 @@ from .records import Conduct, Settings, Stage
 from .runner import JOB, Runner, protocol_of
 from .service import Service
 
+PATIENCE = 0.5
+"""Seconds that the service waits for another process that has locked the database: everybody else waits as well."""
+
 logger = logging.getLogger(__name__)
 
 
@@ -42,7 +45,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
         files.check_own()
         files.prepare()
         with files.taken():
-            database = Database(files.database)
+            database = Database(files.database, PATIENCE)
             try:
                 held = hold_protocols(database, settings.conduct)
                 runner = Runner(database, files, settings.conduct, held, job)

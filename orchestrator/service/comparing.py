@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import sys
 from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from ..text import printable
 from .borders import Refusal
 from .files import Files
 from .runner import environment
+
+logger = logging.getLogger(__name__)
 
 TIME = 120.0
 """Seconds that a comparison may take."""
@@ -41,7 +44,8 @@ async def compared(files: Files, id: str, folders: Sequence[Path]) -> None:
             process.kill()
         raise Refusal(503, "The comparison took too long.") from None
     if not (place / FILE).is_file():
-        raise Refusal(500, f"The runs could not be compared: {printable(said[-300:])}")
+        logger.error("A comparison has failed: %s", printable(said[-2000:]))
+        raise Refusal(500, "These runs could not be compared: the results of one are damaged. Begin again with it.")
 
 
 def main(place: Path, folders: Sequence[Path]) -> None:

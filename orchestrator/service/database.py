@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import astuple, fields
 from pathlib import Path
 
@@ -32,7 +32,7 @@ MAX_ROWS = 500
 """Lines of the table."""
 
 BUSY = 5.0
-"""Seconds that a transaction waits for another process."""
+"""Seconds that a transaction of a command waits for another process."""
 
 LOCKED = "locked-database"
 """Code of the error when that was too short."""
@@ -95,17 +95,20 @@ class Changed(Exception):
 class Database:
     """The state of the service in the SQLite file ``file``, which is made if it is missing.
 
-    Raises :class:`InputError` for a file of a later version, :class:`EnvironmentFault` for one that cannot be opened.
-    A method raises :class:`EnvironmentFault` if the disk is full or the file locked; nothing has changed then.
+    It waits ``patience`` [s] for another process. Raises :class:`InputError` for a file of a later version,
+    :class:`EnvironmentFault` for one that cannot be opened. A method raises :class:`EnvironmentFault` if the disk
+    is full or the file locked; nothing has changed then.
     """
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, patience: float = BUSY) -> None:
         try:
             # The thread that makes it need not be the one that uses it; only one does.
-            self._connection = sqlite3.connect(file, timeout=BUSY, isolation_level=None, check_same_thread=False)
+            self._connection = sqlite3.connect(file, timeout=patience, isolation_level=None, check_same_thread=False)
             self._connection.execute("PRAGMA journal_mode = WAL")
             # What has been answered must outlive a power cut: each commit reaches the disk.
             self._connection.execute("PRAGMA synchronous = FULL")
+            # After each commit, not after 1000 pages: a copy without the file -wal was one of empty tables.
+            self._connection.execute("PRAGMA wal_autocheckpoint = 1")
             self._connection.execute("PRAGMA foreign_keys = ON")
             # Deleted means deleted, also in the free pages of the file.
             self._connection.execute("PRAGMA secure_delete = ON")
@@ -114,7 +117,7 @@ class Database:
                     for statement in filter(str.strip, TABLES.split(";\n")):
                         connection.execute(statement)
                     connection.execute("INSERT INTO form VALUES (?)", (FORM,))
-                (form,) = connection.execute("SELECT number FROM form").fetchone()
+                (form,) = connection.execute("SELECT number FROM form").fetchone() or (None,)
         except sqlite3.Error as problem:
             message = f"{file} cannot be opened as the service's database: {problem}."
             raise EnvironmentFault(message, "no-database") from problem
@@ -212,6 +215,7 @@ class Database:
         with self._transaction() as connection:
             connection.execute("UPDATE entries SET person = '', name = '' WHERE owner = ?", (id,))
             connection.execute("DELETE FROM people WHERE id = ?", (id,))
+        self._forget_log()
 
     def add_session(self, key: str, person: str, until: float, now: float) -> None:
         """Somebody has come in; sessions that have run out are forgotten."""
@@ -262,11 +266,11 @@ class Database:
 
     def runs_of(self, owner: str, most: int = 200) -> list[Submission]:
         """The newest runs of somebody, the newest first."""
-        return self._runs("WHERE owner = ? ORDER BY created DESC LIMIT ?", owner, most)
+        return self._runs("WHERE owner = ? ORDER BY rowid DESC LIMIT ?", owner, most)
 
     def waiting(self) -> list[Submission]:
         """Runs whose next stage is to begin."""
-        return self._runs(f"WHERE state NOT IN ({FINALS}) AND running = 0 ORDER BY created")
+        return self._runs(f"WHERE state NOT IN ({FINALS}) AND running = 0 ORDER BY rowid")
 
     def running(self) -> list[Submission]:
         """Runs of which a stage is under way."""
@@ -280,7 +284,7 @@ class Database:
         # Not by the state: a run that is verified for a round stays in the table meanwhile.
         order = "remark <> '', holds = 0, cost"
         latest = (
-            "SELECT *, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY created DESC) AS newer "
+            "SELECT *, ROW_NUMBER() OVER (PARTITION BY owner, name ORDER BY rowid DESC) AS newer "
             "FROM runs WHERE cost IS NOT NULL"
         )
         place = f"ROW_NUMBER() OVER (PARTITION BY owner ORDER BY {order}) AS place"
@@ -325,6 +329,12 @@ class Database:
         """Remove a run with its history."""
         with self._transaction() as connection:
             connection.execute("DELETE FROM runs WHERE id = ?", (id,))
+        self._forget_log()
+
+    def _forget_log(self) -> None:
+        """Empty the file -wal, in which what was deleted would stay."""
+        with suppress(EnvironmentFault):  # it is deleted all the same
+            self._rows("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def keep_runs_of(self, fmus: set[str]) -> None:
         """Remove the runs of FMUs that are not among ``fmus``, by their hashes: they have been deleted."""

@@ -24,6 +24,7 @@ from filelock import FileLock, Timeout
 from ..cache import VARIABLE
 from ..documents.files import prepare_folder
 from ..errors import EnvironmentFault, InputError
+from ..execution import store
 
 BEGINNING = b"PK"
 """Of every zip file. It keeps a slip, such as a model that was not exported, from waiting for its turn."""
@@ -76,6 +77,18 @@ def plain_name(name: str) -> str:
     return (re.sub(r"[^A-Za-z0-9._-]+", "_", stem).strip("._-")[:60] or "controller") + ".fmu"
 
 
+def make_private(folder: Path) -> None:
+    """Let nobody else read a folder: FMUs and results are other people's.
+
+    Raises :class:`~orchestrator.errors.InputError` for a folder of somebody else, who could read it.
+    """
+    try:
+        folder.chmod(0o700)
+    except OSError as problem:
+        message = f"The folder {folder} cannot be made private: {problem.strerror}."
+        raise InputError(message, "folder-not-writable", folder) from problem
+
+
 @dataclass(frozen=True)
 class Files:
     """The service's folder ``root``, which :meth:`prepare` makes."""
@@ -99,8 +112,7 @@ class Files:
         Raises :class:`~orchestrator.errors.InputError` if that fails.
         """
         prepare_folder(self.root)
-        # FMUs and results are other people's.
-        self.root.chmod(0o700)
+        make_private(self.root)
         for name in (*KINDS, "incoming"):
             prepare_folder(self.root / name)
         prepare_folder(self.cache)
@@ -108,11 +120,16 @@ class Files:
     def check_own(self) -> None:
         """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, and for one that has lost its
         database: a service removes what its rows do not name."""
-        if self.database.exists() and self.database.stat().st_size > 0:
-            return
         own = (*KINDS, "incoming", "cache", self.database.name, "lost+found")
-        there = {entry.name for entry in self.root.iterdir() if entry.name[0] != "."} if self.root.is_dir() else set()
-        filled = {kind for kind in KINDS if kind in there and any((self.root / kind).iterdir())}
+        try:
+            if self.database.exists() and self.database.stat().st_size > 0:
+                return
+            names = (entry.name for entry in self.root.iterdir()) if self.root.is_dir() else ()
+            there = {name for name in names if name[0] != "."}
+            filled = {kind for kind in KINDS if kind in there and any((self.root / kind).iterdir())}
+        except OSError as problem:
+            message = f"The folder {self.root} cannot be read: {problem.strerror}."
+            raise InputError(message, "folder-not-writable", self.root) from problem
         if there - {*own} or filled:
             message = (
                 f"{self.root} has files, but no {self.database.name} of a service. Choose an empty folder, or put a "
@@ -185,9 +202,9 @@ class Files:
             for file in (each for kind in KINDS for each in _files_below(self.root / kind)):
                 target = folder / file.relative_to(self.root)
                 with contextlib.suppress(FileNotFoundError):
-                    if file.is_file() and not file.is_symlink():
+                    if file.is_file() and not file.is_symlink() and file.name not in store.BESIDE:
                         target.parent.mkdir(parents=True, exist_ok=True)
-                        shutil.copy2(file, target)
+                        (store.copy if file.name == store.FILE else shutil.copy2)(file, target)
         except OSError as problem:
             message = f"The copy in {folder} cannot be written: {problem.strerror}."
             raise EnvironmentFault(message, "not-written") from problem
@@ -217,6 +234,10 @@ class Files:
     def remove_fmu(self, sha256: str) -> None:
         """Remove an FMU, and what jobs have extracted of it."""
         self.fmu(sha256).unlink(missing_ok=True)
+        self.forget_extracted(sha256)
+
+    def forget_extracted(self, sha256: str) -> None:
+        """Remove what jobs have extracted of an FMU; the next one does that again."""
         shutil.rmtree(self.cache / "fmus" / sha256, ignore_errors=True)
 
     def sweep(self, ids: set[str], fmus: set[str]) -> None:

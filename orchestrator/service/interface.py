@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from html import escape
 
 from ..codec import Scalar
 from ..errors import InputError
@@ -12,12 +13,12 @@ from ..pairing.controller import Controller
 from ..text import spelled
 from .records import ConnectorRecord, Interface, VariableRecord
 
-MOST = 2000
+MOST = 500
 """Variables that a form offers; a page of 100,000 helps nobody. Inputs and outputs come first."""
 
-MOST_TEXT = 150_000
-"""Letters of all their names and units: of names of thousands of letters, two thousand would make a page of 200 MB,
-and the service answers nobody while it makes one."""
+MOST_TEXT = 30_000
+"""Letters of all their names and units as a page has them, where an apostrophe has five: two thousand names of 74
+letters made a page of 5.5 MB, and the service answers nobody for the second in which it makes one."""
 
 ORDER = ("input", "output", "parameter")
 
@@ -37,7 +38,7 @@ def interface_of(controller: Controller) -> Interface:
     shown = [variable for variable in listed if variable.causality == "output" or variable.can_be_set]
     offered, letters = list[VariableRecord](), 0
     for record in map(_variable, shown[:MOST]):
-        letters += len(record.name) + len(record.unit)
+        letters += len(escape(record.name + record.unit))
         if letters > MOST_TEXT:
             break
         offered.append(record)

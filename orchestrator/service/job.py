@@ -7,6 +7,7 @@ outcome is a file, so that it is found even if nobody was there to hear of it.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import sys
@@ -48,6 +49,9 @@ LOCK_TIME = 120.0
 
 TELL_EVERY = 0.25
 """Seconds between two messages of progress."""
+
+MAX_TEXT = 2000
+"""Letters that are kept of a finding: one named 30 variables of 300,000 letters each, on a page of 45 MB."""
 
 GRACE = 10.0
 """Seconds that a job has to end by itself, once its service has."""
@@ -170,8 +174,7 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     """The outcome of ``task``, whose files are in ``folder``."""
     act = {"checking": _checked, "verifying": _verified}.get(task.stage, _evaluated)
     try:
-        with Path(task.file).open("rb"):  # what this service may not read is no finding about the FMU
-            pass
+        _check_file(task)
         _check_protocol(task)
         outcome = act(task, folder, tell)
     except EnvironmentFault as fault:
@@ -189,6 +192,17 @@ def done(task: Task, folder: Path, tell: Tell) -> Outcome:
     extracted = _size(cache_folder() / "fmus" / task.sha256) if task.sha256 else 0
     disk = _size(folder) - _size(folder / SCRATCH) + extracted
     return replace(outcome, disk=disk, reason=outcome.reason[:2000])
+
+
+def _check_file(task: Task) -> None:
+    """Raise :class:`OSError` if the FMU cannot be read, and :class:`EnvironmentFault` if it is not what was uploaded:
+    neither is a finding about it."""
+    digest = hashlib.sha256()
+    with Path(task.file).open("rb") as stream:
+        while piece := stream.read(1 << 20):
+            digest.update(piece)
+    if task.sha256 not in ("", digest.hexdigest()):
+        raise EnvironmentFault("The file of the FMU is damaged on this machine: upload it again.")
 
 
 def _check_protocol(task: Task) -> None:
@@ -217,6 +231,8 @@ def _controller(task: Task) -> Controller:
 
 def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
     """Check the controller; its findings become a piece of a page, and its variables the form for a binding."""
+    from dataclasses import replace
+
     from ..api.benchmark import Benchmark
     from ..conformance.finding import Severity
     from ..documents.files import write_text
@@ -227,6 +243,7 @@ def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
     controller = _controller(task)
     problems: list[Finding] = []
     for finding in Benchmark(sandbox=task.sandbox, workers=task.processes).iter_check(controller):
+        finding = replace(finding, subject=finding.subject[:MAX_TEXT], text=finding.text[:MAX_TEXT])
         if not problems:  # the archive has been looked at: who waits may look at the form
             with suppress(InputError):  # which the finding tells
                 write_text(folder / INTERFACE, to_json(interface_of(controller)))
@@ -249,6 +266,7 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
     from ..benchmark.scorecard import cost_so_far
     from ..documents.commands import evaluate_command
     from ..documents.files import REPORT, write_text
+    from ..execution import store
     from ..loop.trajectory import Status
     from ..views.page import parts_html
     from ..views.table import Facts
@@ -268,7 +286,18 @@ def _evaluated(task: Task, folder: Path, tell: Tell) -> Outcome:
         results.append(result)
         tell(Progress(done, total, cost_so_far(bench.rules, results) if done % 4 == 0 else None), done == total)
 
-    evaluation = bench.evaluate(_controller(task), folder=place, on_result=on_result)
+    def evaluated() -> Evaluation:
+        return bench.evaluate(_controller(task), folder=place, on_result=on_result)
+
+    try:
+        evaluation = evaluated()
+    except EnvironmentFault as fault:
+        if fault.what != store.DAMAGED:
+            raise
+        # By a power cut or a bad sector. Who owns the run cannot move the file away.
+        store.forget(place)
+        results.clear()
+        evaluation = evaluated()
     evaluation.report(place / REPORT, place)
     # How it was obtained stands in the report below.
     shown = [part for part in evaluation.summary().parts if not isinstance(part, Facts)]

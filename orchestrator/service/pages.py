@@ -96,7 +96,7 @@ async def submit(request: Request) -> Response:
             raise Refusal(503, f"The upload cannot be stored: {problem.strerror or problem}.") from None
         except MultiPartException as problem:
             raise Refusal(400, f"This is no upload: {problem.message}") from None
-        except KeyError:
+        except (KeyError, UnicodeError):  # of headers that are none
             raise Refusal(400, "This is no upload.") from None
         file = form.get("file")
         if not isinstance(file, UploadFile) or not file.filename:

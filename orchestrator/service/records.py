@@ -154,7 +154,7 @@ class Allowance:
 class Conduct:
     """How jobs are done: the names or files of both protocols and of that of a round's draws, ``processes`` of one job,
     ``sandbox``, the address of a Dask ``scheduler`` for evaluations (empty: this machine), how many ``evaluations`` run
-    at a time, and the time [s] that a stage may take."""
+    at a time, and the time [s] that a stage may take, and one that takes seconds, which the others wait for."""
 
     protocol: str = "paper"
     quick_protocol: str = "quick"
@@ -164,6 +164,11 @@ class Conduct:
     scheduler: str = ""
     evaluations: int = 1
     stage_time: float = 6 * 3600.0
+    short_time: float = 1200.0
+
+    def time(self, stage: Stage) -> float:
+        """The time [s] that a stage may take."""
+        return min(self.stage_time, self.short_time) if stage in SHORT else self.stage_time
 
     @property
     def protocol_name(self) -> str:

@@ -113,6 +113,7 @@ class Runner:
         while not self._closing:
             self._woken.clear()
             try:
+                self._drop_removed()
                 while (run := self._next()) is not None:
                     self._start(run)
             except Changed:  # cancelled or removed since it was looked for
@@ -127,9 +128,13 @@ class Runner:
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._woken.wait(), LOOK_EVERY)
 
+    def stop(self) -> None:
+        """Begin no stage any more, and hold the end of none against anybody."""
+        self._closing = True
+
     async def close(self) -> None:
         """End all jobs. Their stages begin again with the next service."""
-        self._closing = True
+        self.stop()
         self.wake()
         tasks = list(self._tasks)
         for live in self.live.values():
@@ -171,9 +176,20 @@ class Runner:
             self._files.remove_fmu(run.sha256)
 
     def _drop(self, id: str) -> None:
-        if (live := self.live.get(id)) is not None:
+        if (live := self.live.get(id)) is not None and not live.unwanted:
             live.unwanted = True
             _let_go(live.process)
+            # One that does not end, such as a process that was stopped, would keep its place.
+            asyncio.get_running_loop().call_later(END_TIME, self._end, live)
+
+    def _end(self, live: Live) -> None:
+        if self.live.get(live.run.id) is live:
+            _kill(live.process)
+
+    def _drop_removed(self) -> None:
+        """End the jobs of runs that are no more: whoever removes somebody is another process."""
+        for id in [id for id in self.live if self._database.run(id) is None]:
+            self._drop(id)
 
     def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
@@ -256,6 +272,9 @@ class Runner:
             self.wake()
         if self._database.run(live.run.id) is None:
             self._clear(live.run)
+        elif not outcome.disk and not any(other.run.sha256 == live.run.sha256 for other in self.live.values()):
+            # What a job extracted that was ended is in no row, and so in nobody's quota.
+            self._files.forget_extracted(live.run.sha256)
 
     async def _stored(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, which is tried until it is stored: a full disk may have room again."""
@@ -290,12 +309,12 @@ class Runner:
         if live.unwanted or self._closing:
             _let_go(process)
         try:
-            await asyncio.wait_for(self._listen(live, process), self._conduct.stage_time)
+            await asyncio.wait_for(self._listen(live, process), self._conduct.time(stage))
             code = await asyncio.wait_for(process.wait(), END_TIME)
         except asyncio.TimeoutError:
             _kill(process)
             await process.wait()
-            limit = f"{states.WORDS[stage]} took longer than {self._conduct.stage_time:g} s"
+            limit = f"{states.WORDS[stage]} took longer than {self._conduct.time(stage):g} s"
             return Outcome(stage, "failed", limit)
         # It is written last of all: how the process ended after that does not matter.
         if (outcome := outcome_of(folder, stage)) is not None:

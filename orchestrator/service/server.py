@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from types import FrameType
 
 import uvicorn
 from starlette.applications import Starlette
@@ -14,13 +15,16 @@ from .service import Service
 GRACE = 3
 """Seconds that requests under way have to end, once the service is to end."""
 
-MAX_CONNECTIONS = 500
-"""Connections at a time, of 1024 open files that a process usually has; who comes when there are more is told to come
-again."""
+MAX_CONNECTIONS = 400
+"""Connections at a time, each of which may have a file open: twice as many are below the 1024 open files that a process
+usually has. Who comes when there are more is told to come again."""
 
 
 HEAD_TIME = 20.0
 """Seconds after which a connection without a request is closed."""
+
+STALLED = 3
+"""Looks at which a client has taken nothing of what waits for it, after which it is gone."""
 
 SPARE = 50
 """Connections beyond these, which are told that there are too many. Further ones are closed at once: 1,100 idle ones
@@ -32,6 +36,8 @@ class Connection(H11Protocol):
 
     _timer: asyncio.TimerHandle | None = None
     _last: object = None
+    _unread = 0
+    _stalled = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take it, unless there are too many."""
@@ -48,7 +54,14 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def _look(self) -> None:
-        """Close it if there was no request since the last look, and none is under way."""
+        """Close it if there was no request since the last look, and none is under way; or if its client takes nothing
+        of the answer: 490 of those held a file each, and the jobs of others could not be started."""
+        unread = self.transport.get_write_buffer_size()
+        self._stalled = self._stalled + 1 if unread and unread == self._unread else 0
+        self._unread = unread
+        if self._stalled == STALLED:
+            self.transport.abort()
+            return
         if self.cycle is self._last and (self.cycle is None or self.cycle.response_complete):
             self.transport.close()
             return
@@ -63,6 +76,7 @@ class Server(uvicorn.Server):
         config = uvicorn.Config(
             app,
             http=Connection,
+            ws="none",
             log_level="warning",
             # Which pages people look at is nobody's business.
             access_log=False,
@@ -73,10 +87,21 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._app = app
 
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Take note of a signal at once: systemd and a terminal may send it to the jobs, too, whose end is no fault of
+        this machine then. Requests under way have some seconds before :meth:`shutdown`."""
+        if (service := self._service) is not None:
+            service.runner.stop()
+        super().handle_exit(sig, frame)
+
+    @property
+    def _service(self) -> Service | None:
+        service = getattr(self._app.state, "service", None)
+        return service if isinstance(service, Service) else None
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End: live pages first, which would follow for as long as the service lasts."""
-        service = getattr(self._app.state, "service", None)
-        if isinstance(service, Service):
+        if (service := self._service) is not None:
             service.closing = True
             service.runner.wake()
         await super().shutdown(sockets)

@@ -32,6 +32,9 @@ from .runner import Runner
 MAX_NAME = 120
 """Longest name that is kept of a file."""
 
+MAX_PIECE = 1 << 20
+"""Longest piece of a page [bytes] that is shown: each page is in memory as a whole until its reader has it."""
+
 MAX_COMPARED = 12
 """Runs in one comparison."""
 
@@ -145,6 +148,8 @@ class Service:
 
     def bind(self, run: Submission, text: str) -> Submission:
         """Use another mapping file: a refused run begins again, of any other one a second run is made."""
+        if self.database.run(run.id) is None:  # deleted while the binding was on its way
+            raise Refusal(404, ABSENT)
         anew = run.state is State.REFUSED
         self.check_quota(Person(run.owner, ""), 0 if anew else run.size)
         if anew:
@@ -208,9 +213,12 @@ class Service:
 
     def piece(self, run: Submission, *path: str) -> str:
         """A piece of a page that a job has written; empty if there is none yet."""
+        file = self.files.run(run.id).joinpath(*path)
         try:
-            return self.files.run(run.id).joinpath(*path).read_text(encoding="utf-8")
-        except OSError:
+            if file.stat().st_size > MAX_PIECE:
+                return "<p>This is too long to be shown here.</p>"
+            return file.read_text(encoding="utf-8")
+        except (OSError, ValueError):  # a damaged one is no text
             return ""
 
     def command(self, run: Submission) -> str:
@@ -319,6 +327,8 @@ class Service:
             except (Changed, BenchmarkError) as problem:
                 # A run was deleted in between, or the disk is full: it is tried again.
                 logger.warning("A round cannot be closed yet: %s", problem)
+            except Exception:  # a mistake of ours, which must not keep rounds open for ever
+                logger.exception("A round cannot be closed yet.")
             await asyncio.sleep(LOOK_EVERY)
 
     def verify_again(self, person: Person, round: Round) -> None:

@@ -2,6 +2,7 @@
 
 import socket
 import time
+from contextlib import suppress
 from dataclasses import replace
 from urllib.parse import urlsplit
 
@@ -140,6 +141,27 @@ def test_more_connections_than_there_may_be_are_closed_at_once(address, tmp_path
         client.close()
     assert closed == 2
     nothing_is_left(tmp_path, address)
+
+
+def test_a_client_that_takes_nothing_of_an_answer_is_gone_after_a_while(tmp_path, monkeypatch):
+    """490 of them held two files each, and the jobs of others could not be started."""
+    monkeypatch.setattr(server, "HEAD_TIME", 0.3)
+    size, file = 20_000_000, "evaluation/cases.csv"
+    with served(tmp_path / "data", ALONE, FAKE) as url:
+        run = Client(url).ask("POST", "/api/runs?name=a.fmu", fmu(evaluating={"files": {file: "x" * size}}))
+        Client(url).follow(run["id"], lambda run: None)
+        parts = urlsplit(url)
+        with socket.socket() as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.settimeout(20)
+            client.connect((parts.hostname, parts.port))
+            client.sendall(f"GET /api/runs/{run['id']}/files/{file} HTTP/1.1\r\nHost: {parts.netloc}\r\n\r\n".encode())
+            time.sleep(5.0)
+            taken = 0
+            with suppress(ConnectionError):
+                while piece := client.recv(1 << 20):
+                    taken += len(piece)
+        assert taken < size
 
 
 def test_a_run_whose_binding_is_refused_waits_for_nobody(address, tmp_path):

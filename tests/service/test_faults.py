@@ -1,8 +1,11 @@
 """What an operator and a machine do to a service: nothing of anybody else's is lost, and no run stops the others."""
 
+import hashlib
 import io
+import logging
 import os
 import shutil
+import signal
 import sqlite3
 import time
 from dataclasses import replace
@@ -13,11 +16,13 @@ from support.command_lines import call
 from support.refusals import refusal
 from support.tools import require
 
+from orchestrator.api.benchmark import Benchmark
 from orchestrator.benchmark import protocol
 from orchestrator.cli import guard
 from orchestrator.cli.guard import REMEDIES
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, job, states
+from orchestrator.execution import store
+from orchestrator.service import accounts, job, runner, server, states
 from orchestrator.service.borders import Refusal
 from orchestrator.service.database import LOCKED, Database
 from orchestrator.service.files import Files
@@ -257,6 +262,17 @@ def test_an_outcome_that_lies_there_before_its_stage_decides_nothing(serve):
     assert [row["drawn_cost"] for row in course.until(round)["entries"]] == [95.0]
 
 
+def evaluated(me: Asker, id: str) -> None:
+    """Wait until a run is being evaluated, by a process."""
+    me.until(id, "evaluating")
+    live = me.client.app.state.service.runner.live
+    for _ in range(400):
+        if id in live and live[id].progress.done:
+            return
+        time.sleep(0.02)
+    raise AssertionError("it is not evaluated")
+
+
 def ended(client) -> None:
     """End a service, so that another one may have its folder."""
     client.__exit__(None, None, None)
@@ -393,6 +409,151 @@ def test_a_protocol_that_changes_while_the_service_runs_is_no_result(tmp_path, m
         task = Task("evaluating", "my.fmu", "", str(file), 1, False, contents=now)
         outcome = job.done(task, tmp_path, lambda *_: None)
         assert outcome.kind == "fault" and "mine has changed" in outcome.reason
+
+
+def test_a_log_that_nobody_reads_stops_nothing(monkeypatch):
+    """The queue stood still for good after a warning into a pipe whose reader had ended."""
+
+    class Broken(io.StringIO):
+        def write(self, text):
+            raise BrokenPipeError
+
+    def warned(arguments):
+        logging.getLogger("orchestrator").warning("The database is locked.")
+        return 0
+
+    monkeypatch.setattr("sys.stderr", Broken())
+    assert guard.guarded(warned, []) == 0
+
+
+def test_a_job_that_is_ended_with_its_service_is_no_fault(serve, monkeypatch):
+    """systemd sends a signal to both."""
+    client = serve()
+    me = Asker(client)
+    id = me.submit(fmu(checking={"wait": 60}))["id"]
+    under_way(me, id)
+    runner = client.app.state.service.runner
+    server.Server(client.app).handle_exit(signal.SIGTERM, None)
+    os.killpg(runner.live[id].process.pid, signal.SIGTERM)
+    ended(client)
+    again = Asker(serve())
+    told = [event["text"] for event in again.run(id)["history"]]
+    assert not any("signal" in text for text in told) and any("queued again" in text for text in told)
+    assert again.client.app.state.service.database.run(id).attempts <= 1
+
+
+def test_the_database_is_whole_without_the_file_beside_it(me, tmp_path):
+    id = me.until(me.submit(name="my secret.fmu")["id"])["id"]
+    files = me.client.app.state.service.files
+    shutil.copy(files.database, tmp_path / "copy.sqlite")
+    copy = Database(tmp_path / "copy.sqlite")
+    assert copy.run(id).name == "my secret.fmu"
+    copy.close()
+    me.delete(f"/api/runs/{id}")
+    beside = files.database.with_name(f"{files.database.name}-wal")
+    assert not any(b"my secret" in file.read_bytes() for file in (files.database, beside))
+
+
+def test_a_damaged_store_begins_anew(tmp_path, monkeypatch):
+    """Who owns a run cannot move a file of the service away."""
+    folder, tried = tmp_path / "evaluation", []
+
+    def evaluated(*_, **__):
+        tried.append((folder / store.FILE).exists())
+        with store.opened(folder):
+            raise InputError("as far as that", "no-test")
+
+    folder.mkdir()
+    (folder / store.FILE).write_bytes(b"no database, but long enough to be one" * 100)
+    (tmp_path / "my.fmu").write_bytes(fmu())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Benchmark, "evaluate", evaluated)
+    outcome = job.done(Task("evaluating", "my.fmu", "", "quick", 1, False), tmp_path, lambda *_: None)
+    assert tried == [True, False] and outcome.reason == "as far as that"
+
+
+def test_an_fmu_that_is_damaged_here_is_no_fault_of_its_own(tmp_path, monkeypatch):
+    (tmp_path / "my.fmu").write_bytes(fmu()[:-1])
+    monkeypatch.chdir(tmp_path)
+    task = Task("checking", "my.fmu", "", "quick", 1, False, sha256=hashlib.sha256(fmu()).hexdigest())
+    outcome = job.done(task, tmp_path, lambda *_: None)
+    assert outcome.kind == "fault" and "upload it again" in outcome.reason
+
+
+def test_the_latest_run_of_a_name_is_the_one_that_came_last(me, monkeypatch):
+    true, ahead = time.time, [86400.0]
+    monkeypatch.setattr(time, "time", lambda: true() + ahead[0])
+    me.until(me.submit(fmu(evaluating={"cost": 50.0}))["id"])
+    ahead[0] = 0.0
+    last = me.until(me.submit(fmu(evaluating={"cost": 70.0}))["id"])["id"]
+    assert [row["cost"] for row in me.get("/api/table").json()] == [70.0]
+    assert me.get("/api/runs").json()[0]["id"] == last
+
+
+def test_who_is_removed_by_a_command_keeps_no_place(serve):
+    client = serve(SOME)
+    course = Course(client)
+    ada, ben = course.person("Ada"), course.person("Ben")
+    evaluated(ada, ada.submit(fmu(evaluating={"wait": 60}))["id"])
+    other = Database(client.app.state.service.files.database)
+    accounts.removed(other, "Ada")
+    other.close()
+    assert ben.until(ben.submit(fmu(x=1))["id"])["state"] == "finished"
+
+
+def test_a_job_that_does_not_end_keeps_no_place(me, monkeypatch):
+    monkeypatch.setattr(runner, "END_TIME", 0.5)
+    id = me.submit(fmu(evaluating={"wait": 60}))["id"]
+    evaluated(me, id)
+    os.killpg(me.client.app.state.service.runner.live[id].process.pid, signal.SIGSTOP)
+    me.post(f"/api/runs/{id}/cancel")
+    assert me.until(me.submit(fmu(x=1))["id"])["state"] == "finished"
+
+
+def test_a_binding_of_a_run_that_was_deleted_makes_none(me):
+    service, id = me.client.app.state.service, me.until(me.submit()["id"])["id"]
+    run = service.database.run(id)
+    me.delete(f"/api/runs/{id}")
+    assert refusal(lambda: service.bind(run, "[map]\n"), kind=Refusal).status == 404
+    assert me.get("/api/runs").json() == []
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"<p>" * 1_000_000], ids=["no text", "too long"])
+def test_a_piece_of_a_page_that_cannot_be_shown_costs_no_page(content, me):
+    id = me.until(me.submit()["id"])["id"]
+    (me.client.app.state.service.files.run(id) / "findings.html").write_bytes(content)
+    answer = me.get(f"/runs/{id}", accept="text/html")
+    assert answer.status_code == 200 and len(answer.content) < 100_000
+
+
+def test_what_was_extracted_of_a_cancelled_run_is_removed(me):
+    """It was in nobody's quota."""
+    service = me.client.app.state.service
+    id = me.submit(fmu(evaluating={"wait": 60}))["id"]
+    evaluated(me, id)
+    extracted = service.files.cache / "fmus" / service.database.run(id).sha256
+    extracted.mkdir(parents=True)
+    me.post(f"/api/runs/{id}/cancel")
+    for _ in range(200):
+        if not extracted.exists():
+            return
+        time.sleep(0.05)
+    raise AssertionError("it is still there")
+
+
+def test_commands_that_cannot_print_end_with_a_sentence(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with Path("/dev/full").open("w") as full:
+        monkeypatch.setattr("sys.stdout", full)
+        assert guard.run("serve", ["--people"]) == 1
+    assert "No space left" in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdout", None)
+    assert guard.run("serve", ["--people"]) == 0
+
+
+@pytest.mark.parametrize("words", [("--remove", "Ada"), ("--people",), ("--invite", "Ada")])
+def test_a_copy_is_a_command_of_its_own(words, tmp_path):
+    assert call("serve", "--backup", "copy", *words, folder=tmp_path).code == 2
 
 
 def test_a_copy_leaves_out_what_vanishes_while_it_is_made(tmp_path, monkeypatch):
