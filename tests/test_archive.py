@@ -364,6 +364,14 @@ def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path):
     assert done.stdout == b"own"
 
 
+@pytest.mark.needs("bubblewrap")
+def test_a_compiler_of_foreign_sources_finds_no_terminal(tmp_path):
+    """A source that includes /dev/ptmx had it wait for ever, and with it a place of the service."""
+    words = compilation._fence(str(tmp_path), ["true"], zig=False)
+    found = subprocess.run([*words, "ls", "/dev"], capture_output=True, text=True, check=True).stdout.split()
+    assert sorted(found) == ["full", "null", "random", "urandom", "zero"]
+
+
 def test_a_library_for_another_processor_is_told(tmp_path):
     """The loader says that a file is missing, for a file that is there."""
     other = replace(descriptions.archive(), folder=tmp_path)
