@@ -114,7 +114,7 @@ def _dithered_lqg_c(target: Path, platforms: Platforms) -> Path:
 
 def _robust_lqg(target: Path, platforms: Platforms) -> Path:
     folder, shared = HERE / "controller_fmu" / "robust_c", HERE / "controller_fmu" / "lqg_c"
-    what = "Two LQG controllers: a stiff one at rest, a damping one with a dither against friction after an event"
+    what = "Three LQG controllers: a stiff one at rest, a damping one with a dither after an event, one for first peaks"
     sources = [*(shared / name for name in _DESIGN), *sorted(folder.glob("*.[ch]"))]
     root = description(ROWS, _starts(folder / "robust_weights.json"), what, BASE_UNITS)
     return _described_in_c(root, sources, target, platforms)

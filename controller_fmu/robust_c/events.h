@@ -7,11 +7,17 @@
 /* Longest window of the moving average, in samples. */
 enum { WINDOW = 512 };
 
-/* The errors [m] of the last `window` samples and their sum; the slow average of their mean; number of the sample. */
+/* The errors [m] of the last `window` samples and their sum; the slow average of their mean; number of the sample, and where it
+ * is in the window. */
 typedef struct {
     double past[WINDOW][2], sum[2], slow[2], sample;
-    int window;
+    int window, now;
 } Errors;
+
+/* What is left after a sample of the averages of motion and jumps, of the fast average of the third estimate, and of the level. */
+typedef struct {
+    double average, jump, level;
+} Left;
 
 /* How much of the dither, of the event's feedback and of the peak's acts, 0 to 1. */
 typedef struct {
@@ -26,30 +32,32 @@ static inline double window_of(double period, double T_s) { return floor(2.0 * p
 /* How strong something still is so long [s] after its cause: 1 for `hold`, then down to 0 within `decay`. */
 static inline double faded(double hold, double decay, double since) { return limited(1.0 - (since - hold) / decay, 0.0, 1.0); }
 
-/* Moves a first-order average to its next sample. */
-static inline void smooth(double *average, double value, double time, double T_s)
-{
-    *average += (value - *average) * (1.0 - elementary_exp(-T_s / time));
-}
+/* What is left of a first-order average after a sample; it is computed once, since an exponential takes longer than all else of
+ * an average. */
+static inline double left_of(double time, double T_s) { return elementary_exp(-T_s / time); }
+
+/* Moves a first-order average, of which so much is left, to its next sample. */
+static inline void smooth(double *average, double value, double left) { *average += (value - *average) * (1.0 - left); }
 
 /* How far [m] the mean error of the last window, in which the dither cancels, is from its slow average. */
-static inline double motion(Errors *of, const double error[2], double average_time, double T_s)
+static inline double motion(Errors *of, const double error[2], double left)
 {
-    double *oldest = of->past[(int)fmod(of->sample, of->window)], moved[2];
+    double *oldest = of->past[of->now], moved[2];
     for (int i = 0; i < 2; i++) {
         of->sum[i] += error[i] - oldest[i];
         oldest[i] = error[i];
         moved[i] = of->sum[i] / of->window - of->slow[i];
-        smooth(&of->slow[i], of->sum[i] / of->window, average_time, T_s);
+        smooth(&of->slow[i], of->sum[i] / of->window, left);
     }
+    of->now = of->now + 1 < of->window ? of->now + 1 : 0;
+    of->sample += 1.0;
     return elementary_hypot(moved[0], moved[1]);
 }
 
-/* A square wave of this period [s], 1 or -1, in this sample. */
-static inline double square(Errors *of, double length, double T_s)
+/* A square wave of this period [s], 1 or -1, in the sample whose motion was asked for last. */
+static inline double square(const Errors *of, double length, double T_s)
 {
-    const double period = length / T_s, phase = fmod(of->sample, period);
-    of->sample += 1.0;
+    const double period = length / T_s, phase = fmod(of->sample - 1.0, period);
     return phase < 0.5 * period ? 1.0 : -1.0;
 }
 

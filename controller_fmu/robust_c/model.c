@@ -65,6 +65,7 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
     }
     scale(&lqg->switching, reach(of->q_m_ref));
     lqg->watch = watch(&lqg->switching, lqg->T_s);
+    lqg->overload = overload(&lqg->slow, lqg->T_s);
     for (int i = 0; i < AXES; i++)
         lqg->amplitude[i] = shaken_with(of->amplitude[i], of->headroom, of->u_m0[i], TORQUE_LIMIT[i]);
     const double *given[LAWS] = {of->stiffness, of->event_stiffness, of->peak_stiffness};
@@ -89,15 +90,15 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
     for (int i = 0; i < AXES; i++)
         if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
     const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
-    const double shake = share.dither * square(&lqg->watch.errors, of->period, lqg->T_s);
+    const double shake = share.dither > 0.0 ? share.dither * square(&lqg->watch.errors, of->period, lqg->T_s) : 0.0;
     double wanted[AXES], slow[AXES];
     for (int i = 0; i < AXES; i++) {
         const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
         const double feedback = (1.0 - share.peak) * later + share.peak * next[IN_PEAK][U + i];
         wanted[i] = lqg->u_0[i] + feedback + lqg->amplitude[i] * shake;
     }
-    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted, lqg->T_s);
-    feed_back_slowly(&lqg->overload, &lqg->slow, lqg->vectors[AT_REST] + E, lqg->T_s, slow);
+    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted);
+    feed_back_slowly(&lqg->overload, &lqg->slow, lqg->vectors[AT_REST] + E, slow);
     for (int i = 0; i < AXES; i++) {
         of->u_m[i] = limited(slowly ? lqg->u_0[i] + slow[i] : wanted[i], -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
         for (int law = 0; law < LAWS; law++)

@@ -16,29 +16,35 @@ typedef struct {
     double overload, time, recovered, stiffness[2], damping[2], share, velocity_time;
 } Slow;
 
-/* The average share of the samples in which each axis is asked for its limit; the average angles [rad]; whether the slow
- * feedback acts. */
+/* The average share of the samples in which each axis is asked for its limit; the average angles [rad]; what is left of both
+ * averages after a sample; whether the slow feedback acts. */
 typedef struct {
-    double at_limit[2], angle[2];
+    double at_limit[2], angle[2], limit_left, angle_left;
     bool acts;
 } Overload;
 
+/* At rest. */
+static inline Overload overload(const Slow *by, double T_s)
+{
+    return (Overload){.limit_left = left_of(by->time, T_s), .angle_left = left_of(by->velocity_time, T_s)};
+}
+
 /* Whether the slow feedback acts in this sample, in which these torques [N.m] are wanted. */
-static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2], double T_s)
+static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2])
 {
     for (int i = 0; i < 2; i++)
-        smooth(&on->at_limit[i], fabs(wanted[i]) >= TORQUE_LIMIT[i] ? 1.0 : 0.0, by->time, T_s);
+        smooth(&on->at_limit[i], fabs(wanted[i]) >= TORQUE_LIMIT[i] ? 1.0 : 0.0, on->limit_left);
     on->acts = fmax(on->at_limit[0], on->at_limit[1]) > (on->acts ? by->recovered : by->overload);
     return on->acts;
 }
 
 /* Its torques [N.m], for motor angles [rad] from where they should be. The stiffness asks for a share of the limit at the most:
  * it may not use up what the damping needs. */
-static inline void feed_back_slowly(Overload *on, const Slow *by, const double e[2], double T_s, double u[2])
+static inline void feed_back_slowly(Overload *on, const Slow *by, const double e[2], double u[2])
 {
     for (int i = 0; i < 2; i++) {
         const double velocity = (e[i] - on->angle[i]) / by->velocity_time, most = by->share * TORQUE_LIMIT[i];
-        smooth(&on->angle[i], e[i], by->velocity_time, T_s);
+        smooth(&on->angle[i], e[i], on->angle_left);
         u[i] = -limited(by->stiffness[i] * e[i], -most, most) - by->damping[i] * velocity;
     }
 }

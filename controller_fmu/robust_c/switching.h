@@ -16,6 +16,7 @@ typedef struct {
  * last peak; times [s] that are left to the dither and to the third law. */
 typedef struct {
     Errors errors;
+    Left left;
     double unrest, level, fast[2], jumps;
     double since_event, since_first, since_sway, since_peak, dither_left, peak_left;
 } Watch;
@@ -33,9 +34,10 @@ static inline void scale(Switching *by, double reach)
 static inline Watch watch(const Switching *by, double T_s)
 {
     const double over = by->hold + by->decay;
-    return (Watch){.errors.window = (int)window_of(by->period, T_s), .dither_left = by->dither_time,
-                   .peak_left = by->peak_time, .since_event = over, .since_first = over, .since_sway = over,
-                   .since_peak = by->peak_hold + by->peak_decay};
+    return (Watch){.errors.window = (int)window_of(by->period, T_s),
+                   .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
+                   .dither_left = by->dither_time, .peak_left = by->peak_time, .since_event = over, .since_first = over,
+                   .since_sway = over, .since_peak = by->peak_hold + by->peak_decay};
 }
 
 /* How much of the third law acts, which a jump begins: its estimate is further than `jump` from its fast average, and than
@@ -46,8 +48,8 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     const double jump = elementary_hypot(error[0] - on->fast[0], error[1] - on->fast[1]);
     const bool begins = jump > by->jump && jump > by->jump_contrast * on->jumps && on->peak_left > 0.0;
     for (int i = 0; i < 2; i++)
-        smooth(&on->fast[i], error[i], by->jump_time, T_s);
-    smooth(&on->jumps, jump, by->average_time, T_s);
+        smooth(&on->fast[i], error[i], on->left.jump);
+    smooth(&on->jumps, jump, on->left.average);
     on->since_peak = begins ? 0.0 : on->since_peak + T_s;
     const double share = faded(by->peak_hold, by->peak_decay, on->since_peak);
     on->peak_left = fmin(by->peak_time, on->peak_left + T_s * (by->peak_regain - (share > 0.0)));
@@ -57,7 +59,7 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
 /* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
 {
-    const double over = by->hold + by->decay, moved = motion(&on->errors, error, by->average_time, T_s);
+    const double over = by->hold + by->decay, moved = motion(&on->errors, error, on->left.average);
     const bool has_time = on->dither_left > 0.0, shaken = fmin(on->since_event, on->since_sway) < over;
     /* The dither's end moves the arm, and one that wakes itself again and again would be a limit cycle. */
     const double least = by->threshold * (has_time ? (shaken ? by->dithered : 1.0) : by->spent);
@@ -69,8 +71,8 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
         on->since_event += T_s;
     on->since_first += T_s;
     on->since_sway = moved > by->sway && has_time ? 0.0 : on->since_sway + T_s;
-    smooth(&on->unrest, moved, by->average_time, T_s);
-    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * elementary_exp(-T_s / by->memory));
+    smooth(&on->unrest, moved, on->left.average);
+    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     const double event = faded(by->hold, by->decay, on->since_event);
     const double dither = fmin(wanted, fmax(event, by->sway_share * faded(by->hold, by->decay, on->since_sway)));

@@ -16,6 +16,7 @@ typedef struct {
  * average of its jumps [m]; times [s] since the last event, the first one of those that still act, and the last peak. */
 typedef struct {
     Errors errors;
+    Left left;
     double unrest, level, fast[2], jumps, since_event, since_first, since_peak;
 } Watch;
 
@@ -29,8 +30,9 @@ static inline void scale(Switching *by, double reach)
 /* At rest: no event and no peak ever. */
 static inline Watch watch(const Switching *by, double T_s)
 {
-    return (Watch){.errors.window = (int)window_of(by->period, T_s), .since_event = INFINITY, .since_first = INFINITY,
-                   .since_peak = INFINITY};
+    return (Watch){.errors.window = (int)window_of(by->period, T_s),
+                   .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
+                   .since_event = INFINITY, .since_first = INFINITY, .since_peak = INFINITY};
 }
 
 /* How much of the third law acts, which a jump begins, as in RobustLQG. A jump while it acts does not prolong it: with the
@@ -42,8 +44,8 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     const bool acts = on->since_peak < by->peak_hold + by->peak_decay;
     const bool begins = jump > by->jump && jump > by->jump_contrast * on->jumps && !acts;
     for (int i = 0; i < 2; i++)
-        smooth(&on->fast[i], error[i], by->jump_time, T_s);
-    smooth(&on->jumps, jump, by->average_time, T_s);
+        smooth(&on->fast[i], error[i], on->left.jump);
+    smooth(&on->jumps, jump, on->left.average);
     on->since_peak = begins ? 0.0 : on->since_peak + T_s;
     return faded(by->peak_hold, by->peak_decay, on->since_peak);
 }
@@ -51,7 +53,7 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
 /* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
 {
-    const double over = by->hold + by->decay, moved = motion(&on->errors, error, by->average_time, T_s);
+    const double over = by->hold + by->decay, moved = motion(&on->errors, error, on->left.average);
     /* The dither's end moves the arm, which must not wake it again, nor may what that leaves behind: the motion is from a
      * slow average, which forgets as the threshold falls. */
     const double still = elementary_exp(-fmax(on->since_event - over, 0.0) / by->average_time);
@@ -63,8 +65,8 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
     } else
         on->since_event += T_s;
     on->since_first += T_s;
-    smooth(&on->unrest, moved, by->average_time, T_s);
-    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * elementary_exp(-T_s / by->memory));
+    smooth(&on->unrest, moved, on->left.average);
+    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     const double dither = fmin(wanted, faded(by->hold, by->decay, on->since_event));
     /* The stiff feedback keeps the first peak lower; the damping one is for what comes after it. */

@@ -1,7 +1,7 @@
 """For `.ci/run`: what passed in one run is kept, and left out in a second one where more tools are installed.
 
-Tests that are marked with a tool (``needs``) are not left out: the package ``ziglang`` compiles on a bare machine, for
-example, and gcc where it is installed. Those that ask for it in a fixture have passed with the former.
+What passed had all tools that it names. Tests that need any compiler have passed with that of the package ``ziglang``,
+and are not run again with gcc: where the compiler matters, tests name it (``needs("gcc")``) and compare the bits.
 """
 
 from pathlib import Path
@@ -12,7 +12,7 @@ import pytest
 def add_options(parser: pytest.Parser) -> None:
     """The options, which ``conftest.py`` declares."""
     parser.addoption("--passed-into", type=Path, help="a file that is written: the names of the tests that passed")
-    parser.addoption("--but-passed", type=Path, help="such a file: these are left out, if they name no tool")
+    parser.addoption("--but-passed", type=Path, help="such a file: these are left out")
 
 
 class Passed:
@@ -44,6 +44,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave out what has passed."""
     file = config.getoption("--but-passed")
     passed = set(file.read_text(encoding="utf-8").split("\n")) if file else set()
-    left_out = [item for item in items if item.nodeid in passed and not item.get_closest_marker("needs")]
+    left_out = [item for item in items if item.nodeid in passed]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in set(left_out)]
