@@ -60,6 +60,8 @@ REMEDIES = {
     "other-protocol": "Go on with that one (--protocol), or choose an empty folder with --data.",
     "other-draws-protocol": "Go on with that one (--draws-protocol) until an organizer has had verified again, or its "
     "owner has deleted, what is left of the round; or choose an empty folder with --data.",
+    "not-ascii": "Choose another folder with --data.",
+    "other-database": "Choose another folder with --data, or go on with the version that made this one.",
     "no-accounts": "Give --accounts, too, and invite people with --invite.",
     "no-fence": "Install bubblewrap, or give --trust if you trust all of them.",
     "no-port": "Choose another one with --port.",

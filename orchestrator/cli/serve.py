@@ -208,7 +208,8 @@ def _copy(given: argparse.Namespace) -> int:
     files = Files(given.data.absolute())
     if not os.access(files.database, os.R_OK | os.W_OK):
         raise InputError(
-            f"{given.data} is not the folder of a service: it has no {files.database.name} that you may read.",
+            f"{given.data} is not the folder of a service: it has no {files.database.name} that you may read and "
+            "write, as SQLite does to copy it.",
             "no-folder",
         )
     if given.backup.resolve().is_relative_to(given.data.resolve()):
@@ -241,6 +242,8 @@ def _manage(given: argparse.Namespace) -> int:
     """Invite, remove or list people; a service that runs in the folder finds them at once."""
     files = Files(given.data.absolute())
     files.check_own()
+    if given.invite is None and not files.database.exists():  # a slip in --data would look like an empty service
+        raise InputError(f"{given.data} is not the folder of a service: nobody was invited there.", "no-folder")
     files.prepare()
     database = Database(files.database)
     try:

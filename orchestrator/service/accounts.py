@@ -12,6 +12,7 @@ import ipaddress
 import re
 import secrets
 import time
+import unicodedata
 
 from ..errors import InputError
 from .database import Database
@@ -22,7 +23,7 @@ LOCAL = Person("0" * 24, "me", organizer=True)
 """Who uses a service without accounts."""
 
 NAME = re.compile(r"\w[\w .'-]{0,59}")
-"""What somebody may be called."""
+"""What somebody may be called, but for letters that nobody sees, which Unicode has for Korean."""
 
 SESSION_TIME = 30 * 86400.0
 """Seconds after which a browser has to come in again."""
@@ -33,11 +34,11 @@ def invited(database: Database, name: str) -> str:
 
     Raises :class:`InputError` for a name that cannot be.
     """
-    name = name.strip()  # "Ada " would be somebody else than "Ada", and nobody would see it
-    if not NAME.fullmatch(name):
+    name = " ".join(name.split())  # "Ada " would be somebody else than "Ada", and nobody would see it
+    if not NAME.fullmatch(name) or any("FILLER" in unicodedata.name(letter, "") for letter in name):
         message = f"{name!r} cannot be a name: up to 60 letters, digits, blanks, dots, dashes and apostrophes."
         raise InputError(message, "bad-name", "", name)
-    if name == LOCAL.name:  # the key would be that of whoever used the service without accounts
+    if name.casefold() == LOCAL.name:  # the key would be that of whoever used the service without accounts
         raise InputError(
             f"{name!r} is who uses the service without accounts. Choose another name.", "bad-name", "", name
         )
@@ -63,14 +64,14 @@ def made_organizer(database: Database, name: str) -> None:
 
 def _called(database: Database, name: str) -> Person:
     for person in database.people():
-        if person.name == name.strip():
+        if person.name == " ".join(name.split()):
             return person
     raise InputError(f"There is nobody called {name}.", "no-person", "", name)
 
 
 def known(database: Database, key: str) -> Person | None:
-    """Whose ``key`` it is; None if it is nobody's."""
-    id, _, secret = key.strip().partition(".")
+    """Whose ``key`` it is, which may be a whole invitation; None if it is nobody's."""
+    id, _, secret = key.strip().rpartition("#")[2].partition(".")
     found = database.person(id) if ID.fullmatch(id) else None
     # Compared in any case, so that the time does not tell whether there is such an id.
     right = hmac.compare_digest(found[1] if found else hashed(""), hashed(secret))

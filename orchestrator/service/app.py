@@ -64,7 +64,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
             finally:
                 database.close()
 
-    return Starlette(
+    app = Starlette(
         routes=[*api.routes(), *live.routes(), *pages.routes()],
         middleware=[Middleware(Borders, local=not settings.accounts)],
         exception_handlers={
@@ -77,6 +77,9 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
         },
         lifespan=life,
     )
+    # It redirects to whatever the Host header says.
+    app.router.redirect_slashes = False
+    return app
 
 
 PROTOCOLS: dict[Stage, tuple[str, str]] = {
@@ -130,7 +133,8 @@ async def _refused(request: Request, problem: Exception) -> Response:
     if isinstance(problem, Refusal):
         status, sentence = problem.status, str(problem)
     elif isinstance(problem, HTTPException):
-        status, sentence = problem.status_code, "There is no such page."
+        status = problem.status_code
+        sentence = "This address is not for looking at." if status == 405 else "There is no such page."
     else:
         # What the machine cannot do now, it may do later.
         status, sentence = (400 if isinstance(problem, InputError) else 503), str(problem)

@@ -19,8 +19,9 @@ from .accounts import is_loopback
 
 READING = ("GET", "HEAD", "OPTIONS")
 
-MAX_BINDING_FORM = 8 * 1024**2
-"""Largest request [bytes] that is no upload: a binding of two thousand variables."""
+MAX_BINDING_FORM = 3 * 512 * 1024
+"""Largest request [bytes] that is no upload: a binding of the largest size. A form may spell each letter by three.
+Everybody waits while it is read; 8 MB took 4 s."""
 
 MAX_FORM = 64 * 1024
 """The same of all others [bytes]: choices, comparisons and rounds."""

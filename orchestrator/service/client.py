@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import re
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -19,17 +20,27 @@ TIMEOUT = 60.0
 PATIENCE = 120.0
 """Seconds that the service may be away, as while it is started again."""
 
+KEY = re.compile(r"[!-~]*")
+"""What a key, or a whole invitation, can be: what an HTTP header takes."""
+
 Answer = Mapping[str, Any]
 
 
 class Client:
-    """The service at ``url``, with one's ``key`` if it has accounts. Raises :class:`InputError` for no such address."""
+    """The service at ``url``, with one's ``key`` if it has accounts. Raises :class:`InputError` for no such address or
+    key."""
 
     def __init__(self, url: str, key: str = "") -> None:
-        parts = urlsplit(url if "://" in url else f"http://{url}")
-        if parts.scheme not in ("http", "https") or not parts.hostname:
+        try:
+            parts = urlsplit(url if "://" in url else f"http://{url}")
+            host, port = parts.hostname, parts.port
+        except ValueError:  # half a bracket, or a port that is none
+            host = None
+        if not host or parts.scheme not in ("http", "https"):
             raise InputError(f"{url} is not the address of a service, such as http://127.0.0.1:8080.", "bad-url", url)
-        self._secure, self._host, self._port = parts.scheme == "https", parts.hostname, parts.port
+        if not KEY.fullmatch(key):  # it is not repeated: it is a secret
+            raise InputError("The key is none: it has characters that no key has.", "no-key")
+        self._secure, self._host, self._port = parts.scheme == "https", host, port
         self._base, self._key = parts.path.rstrip("/"), key
         self.url = url.rstrip("/")
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from ..errors import EnvironmentFault, InputError
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
-FORM = 3
+FORM = 4
 """Of the tables. A later version that changes them reads this number."""
 
 LEAST = 100_000
@@ -25,8 +25,14 @@ there would else be no end."""
 MAX_COMPARISONS = 20
 """Comparisons that are kept of each person: their pages are in no quota of the disk."""
 
+MAX_SESSIONS = 20
+"""Browsers of one person: whoever comes in by a key again and again has else a row for each time."""
+
 MAX_HISTORY = 200
 """Lines that are kept of a run's history: it can be cancelled and begun again for ever."""
+
+FREED = 2000
+"""Pages [4 kB] of the file that are given back at a time, for which everybody waits."""
 
 MAX_ROWS = 500
 """Lines of the table."""
@@ -49,13 +55,14 @@ CREATE TABLE runs (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL REFERENCES people ON DELETE CASCADE, name TEXT NOT NULL,
     file_name TEXT NOT NULL, sha256 TEXT NOT NULL, size INTEGER NOT NULL, created REAL NOT NULL, state TEXT NOT NULL,
     running INTEGER NOT NULL, attempts INTEGER NOT NULL, interruptions INTEGER NOT NULL, not_before REAL NOT NULL,
-    started REAL NOT NULL, reason TEXT NOT NULL, binding TEXT NOT NULL, verdict TEXT NOT NULL, quick_cost REAL,
-    cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL,
+    started REAL NOT NULL, finished REAL NOT NULL, reason TEXT NOT NULL, bound INTEGER NOT NULL, verdict TEXT NOT NULL,
+    quick_cost REAL, cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL,
     round TEXT NOT NULL, drawn_cost REAL, drawn_holds INTEGER, drawn_remark TEXT NOT NULL, deviations TEXT NOT NULL
 ) STRICT;
 CREATE INDEX runs_by_owner ON runs (owner, created);
 CREATE INDEX runs_by_state ON runs (state);
 CREATE INDEX runs_by_file ON runs (sha256);
+CREATE TABLE bindings (run TEXT PRIMARY KEY REFERENCES runs ON DELETE CASCADE, text TEXT NOT NULL) STRICT;
 CREATE TABLE history (
     run TEXT NOT NULL REFERENCES runs ON DELETE CASCADE, at REAL NOT NULL, text TEXT NOT NULL
 ) STRICT;
@@ -104,6 +111,8 @@ class Database:
         try:
             # The thread that makes it need not be the one that uses it; only one does.
             self._connection = sqlite3.connect(file, timeout=patience, isolation_level=None, check_same_thread=False)
+            # Of a file without tables alone: what is deleted is given back to the disk by and by.
+            self._connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
             self._connection.execute("PRAGMA journal_mode = WAL")
             # What has been answered must outlive a power cut: each commit reaches the disk.
             self._connection.execute("PRAGMA synchronous = FULL")
@@ -218,10 +227,12 @@ class Database:
         self._forget_log()
 
     def add_session(self, key: str, person: str, until: float, now: float) -> None:
-        """Somebody has come in; sessions that have run out are forgotten."""
+        """Somebody has come in; sessions that have run out are forgotten, and all but the newest of this person."""
+        old = "SELECT rowid FROM sessions WHERE person = ? ORDER BY until DESC, rowid DESC LIMIT -1 OFFSET ?"
         with self._transaction() as connection:
             connection.execute("DELETE FROM sessions WHERE until < ?", (now,))
             connection.execute("INSERT INTO sessions VALUES (?, ?, ?)", (key, person, until))
+            connection.execute(f"DELETE FROM sessions WHERE rowid IN ({old})", (person, MAX_SESSIONS))
 
     def session(self, key: str, now: float) -> Person | None:
         """Who came in with this session."""
@@ -239,22 +250,29 @@ class Database:
 
     # Runs
 
-    def add_run(self, run: Submission, text: str) -> None:
-        """Add a run, and the beginning of its history; raises :class:`Changed` if its owner is no more."""
+    def add_run(self, run: Submission, text: str, binding: str = "") -> None:
+        """Add a run with its ``binding``, and the beginning of its history; raises :class:`Changed` if its owner is no
+        more."""
         try:
             with self._transaction() as connection:
                 connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
                 connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
+                connection.execute("INSERT INTO bindings VALUES (?, ?)", (run.id, binding))
         except sqlite3.IntegrityError:
             raise Changed(run.id) from None
 
-    def change(self, before: Submission, after: Submission, text: str, now: float) -> Submission:
-        """Replace a run by its next form, with a line of its history; returns what is stored.
+    def change(
+        self, before: Submission, after: Submission, text: str, now: float, binding: str | None = None
+    ) -> Submission:
+        """Replace a run by its next form, with a line of its history, and another ``binding`` if there is one; returns
+        what is stored.
 
         Raises :class:`Changed` if it is not ``before`` any more: two things happened at a time, and the first counts.
         """
         with self._transaction() as connection:
             _change(connection, before, after, text, now)
+            if binding is not None:
+                connection.execute("UPDATE bindings SET text = ? WHERE run = ?", (binding, before.id))
         stored = self.run(before.id)
         if stored is None:  # --remove is another process
             raise Changed(before.id)
@@ -263,6 +281,14 @@ class Database:
     def run(self, id: str) -> Submission | None:
         """The run with this id."""
         return next(iter(self._runs("WHERE id = ?", id)), None)
+
+    def binding(self, id: str) -> str:
+        """The text of a run's mapping file; empty if it has none."""
+        return next((str(row[0]) for row in self._rows("SELECT text FROM bindings WHERE run = ?", id)), "")
+
+    def revisions(self, owner: str) -> int:
+        """A number that grows with each change of somebody's runs, and falls when one is deleted."""
+        return int(self._rows("SELECT COALESCE(SUM(revision + 1), 0) FROM runs WHERE owner = ?", owner)[0][0])
 
     def runs_of(self, owner: str, most: int = 200) -> list[Submission]:
         """The newest runs of somebody, the newest first."""
@@ -303,7 +329,7 @@ class Database:
 
     def usage(self, owner: str) -> tuple[int, int]:
         """How many runs of somebody have not ended, and what all of them take on the disk [bytes], bindings as well."""
-        taken = f"MAX(disk + size + LENGTH(CAST(binding AS BLOB)), {LEAST})"
+        taken = f"MAX(disk + size + bound, {LEAST})"
         query = f"SELECT COALESCE(SUM(state NOT IN ({FINALS})), 0), COALESCE(SUM({taken}), 0) FROM runs WHERE owner = ?"
         (row,) = self._rows(query, owner)
         return int(row[0]), int(row[1])
@@ -332,8 +358,10 @@ class Database:
         self._forget_log()
 
     def _forget_log(self) -> None:
-        """Empty the file -wal, in which what was deleted would stay."""
-        with suppress(EnvironmentFault):  # it is deleted all the same
+        """Give what was deleted back to the disk, some of it, and empty the file -wal, in which it would stay."""
+        with suppress(EnvironmentFault, sqlite3.Error):  # it is deleted all the same
+            # As a script: a statement alone gives back one page, since Python asks for rows, and there are none.
+            self._connection.executescript(f"PRAGMA incremental_vacuum({FREED})")
             self._rows("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def keep_runs_of(self, fmus: set[str]) -> None:

@@ -118,8 +118,13 @@ class Files:
         prepare_folder(self.cache)
 
     def check_own(self) -> None:
-        """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, and for one that has lost its
-        database: a service removes what its rows do not name."""
+        """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, for one that has lost its
+        database, since a service removes what its rows do not name, and for a path that jobs cannot use."""
+        if not str(self.root).isascii():
+            # Checked at the start, since its price shows at the end: without a cache below it every stage compiles
+            # anew, and no certificate is standard.
+            message = f"{self.root} has letters outside of ASCII, with which FMUs made in Python crash."
+            raise InputError(message, "not-ascii", self.root)
         own = (*KINDS, "incoming", "cache", self.database.name, "lost+found")
         try:
             if self.database.exists() and self.database.stat().st_size > 0:
@@ -293,6 +298,7 @@ class Incoming:
         self.size, self._files, self._file = 0, files, file
         self._digest, self._begin = hashlib.sha256(), b""
         try:
+            file.parent.mkdir(exist_ok=True)  # somebody may have deleted what seems empty
             self._stream: IO[bytes] = file.open("wb")
         except OSError as problem:
             raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem
@@ -326,6 +332,7 @@ class Incoming:
             raise InputError("This is no FMU: an FMU is a zip file.", "bad-archive")
         sha256 = self._digest.hexdigest()
         try:
+            self._files.fmu(sha256).parent.mkdir(exist_ok=True)
             os.replace(self._file, self._files.fmu(sha256))
         except OSError as problem:
             raise EnvironmentFault(f"An upload cannot be stored: {problem.strerror}.", "not-written") from problem

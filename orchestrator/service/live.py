@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from zlib import crc32
 
@@ -12,7 +13,7 @@ from starlette.routing import Route
 
 from ..codec import Struct, to_json
 from .borders import Refusal
-from .people import asking
+from .people import asking, person_asking
 from .records import State
 from .service import Service
 from .shown import shown_cost
@@ -39,7 +40,7 @@ async def events(request: Request) -> Response:
     """The live progress of a run."""
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    return _stream(service, person.id, lambda: _news(service, run.id))
+    return _stream(request, lambda: _news(service, run.id))
 
 
 async def all_events(request: Request) -> Response:
@@ -47,15 +48,14 @@ async def all_events(request: Request) -> Response:
     service, person = asking(request)
 
     def news() -> News:
-        runs = service.database.runs_of(person.id)
         # Runs that are deleted count as well, and those of others change the table.
         ended = service.database.count(State.FINISHED) + service.database.count(State.FAILED)
         # A round that opens or closes, and each verification that ends, change its page.
         told = [(round.id, round.closed) for round in service.database.rounds()]
         changed = crc32(repr((ended, service.database.count(State.VERIFYING), told)).encode())
-        return News((sum(run.revision + 1 for run in runs) << 32) + changed, False)
+        return News((service.database.revisions(person.id) << 32) + changed, False)
 
-    return _stream(service, person.id, news)
+    return _stream(request, news)
 
 
 def _news(service: Service, id: str) -> News:
@@ -72,27 +72,29 @@ def _news(service: Service, id: str) -> News:
     return News(run.revision, run.state.is_final, progress.done, progress.total, cost, text)
 
 
-def _stream(service: Service, person: str, news: Callable[[], News]) -> Response:
-    """Server-sent events: a message whenever ``news()`` gives another one."""
-    if not service.may_follow(person):
+def _stream(request: Request, news: Callable[[], News]) -> Response:
+    """Server-sent events: a message whenever ``news()`` gives another one, as long as who asks may come in."""
+    service, person = asking(request)
+    if not service.may_follow(person.id):
         raise Refusal(429, "So many live pages are open that this one does not follow. Close some, and load it again.")
 
     async def messages() -> AsyncIterator[str]:
         # Once more: a hundred that are asked for at once have all passed above.
-        if not service.may_follow(person):
+        if not service.may_follow(person.id):
             return
-        with service.following(person):
-            last = None
-            while not service.closing and service.database.person(person) is not None:
+        with service.following(person.id):
+            last, said = None, time.monotonic()
+            while not service.closing and person_asking(request) == person:
                 told = news()
-                if told != last:
-                    last = told
-                    yield f"data: {to_json(told, indent=None)}\n\n"
+                silent = time.monotonic() - said
+                if told != last or silent >= ALIVE:
+                    yield f"data: {to_json(told, indent=None)}\n\n" if told != last else ": alive\n\n"
+                    last, said = told, time.monotonic()
                     if told.final:
                         return
                     await asyncio.sleep(CALM)
-                elif not await service.runner.news(ALIVE):
-                    yield ": alive\n\n"
+                else:  # others' news, too, wake it
+                    await service.runner.news(ALIVE - silent)
 
     return StreamingResponse(messages(), media_type="text/event-stream")
 

@@ -34,7 +34,7 @@ PIECE_BYTES = 1 << 18
 FEW = 200
 """Variables that are offered as a list to choose from; of more, a field completes what is typed."""
 
-MAX_FIELDS = 10_000
+MAX_FIELDS = 2000
 
 
 def page(request: Request, template: str, status: int = 200, **context: Any) -> Response:
@@ -90,7 +90,10 @@ async def submit(request: Request) -> Response:
     service.check_quota(person)
     with service.uploading(person):
         try:
-            parser = MultiPartParser(request.headers, pieces, max_files=1, max_fields=2)
+            # In UTF-8 alone, as browsers send it: a charset that the client names may take minutes, such as Punycode.
+            if "charset" in request.headers.get("content-type", "").lower():
+                raise Refusal(400, "This is no upload: a form names no charset.")
+            parser = MultiPartParser(request.headers, pieces, max_files=1, max_fields=0)
             form = await parser.parse()
         except OSError as problem:  # it is spooled into the system's folder for temporary files
             raise Refusal(503, f"The upload cannot be stored: {problem.strerror or problem}.") from None
@@ -126,7 +129,7 @@ def _run_page(
     status: int = 200,
 ) -> Response:
     interface = service.interface(run)
-    here = EVALUATION if run.state is State.FINISHED else QUICK
+    here = EVALUATION if run.is_evaluated else QUICK
     card = service.piece(run, here, SCORECARD)
     return page(
         *(request, "run.html", status),
@@ -241,7 +244,8 @@ async def mapping(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
     headers = {"content-disposition": "attachment; filename=binding.toml"}
-    return Response(run.binding, media_type="application/toml", headers=headers)
+    text = service.database.binding(run.id)
+    return Response(text, media_type="application/toml", headers=headers)
 
 
 async def compare(request: Request) -> Response:
@@ -354,16 +358,18 @@ async def come_in(request: Request) -> Response:
         key = dict(parse_qsl(brought.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
     except ValueError:
         raise Refusal(400, "This form has too many fields.") from None
-    person = accounts.known(service.database, key[:200])
+    person = accounts.known(service.database, key[:500])
     if person is None:
         return page(
             request, "join.html", 403, problem="This invitation is not known here, or a newer one has replaced it."
         )
     answer = RedirectResponse("/", 303)
+    # "lax": a link in a course's pages or in a mail finds whoever is in. Nothing changes by GET, and what changes
+    # something must come from a page of this service.
     secure = request.url.scheme == "https"
     token = accounts.begin_session(service.database, person)
     age = int(accounts.SESSION_TIME)
-    answer.set_cookie(COOKIE, token, max_age=age, httponly=True, samesite="strict", secure=secure)
+    answer.set_cookie(COOKIE, token, max_age=age, httponly=True, samesite="lax", secure=secure)
     return answer
 
 

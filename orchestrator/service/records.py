@@ -57,13 +57,15 @@ class Submission:
     """An FMU on its way.
 
     ``owner`` is the id of a person, ``sha256`` and ``size`` [bytes] are those of the FMU, ``name`` is what its owner
-    calls it, and ``file_name`` what it is called in the run's folder. ``binding`` is the text of a mapping file.
+    calls it, and ``file_name`` what it is called in the run's folder. ``bound`` is the size [bytes] of its mapping
+    file, 0 for none: :meth:`.Database.binding` has the text, with which lists of 200 runs took seconds to read.
 
     A stage that is under way is ``running``; ``attempts`` counts how often this one was lost to a fault of the machine,
     ``interruptions`` how often to an end of the service, and ``not_before`` is the time until when it waits.
-    ``started`` is when a stage of it was last started. ``quick_cost`` and ``cost`` are V of the two evaluations,
-    ``holds`` tells whether all requirements are met, ``remark`` what keeps the result from being ranked. ``disk`` is
-    what its folder and the extracted FMU take [bytes], ``revision`` counts its changes.
+    ``started`` is when a stage of it was last started, and ``finished`` when its evaluation ended. ``quick_cost`` and
+    ``cost`` are V of the two evaluations, ``holds`` tells whether all requirements are met, ``remark`` what keeps the
+    result from being ranked. ``disk`` is what its folder and the extracted FMU take [bytes], ``revision`` counts its
+    changes.
 
     ``round`` is the id of the round in which it counts for its owner, from its close on. ``drawn_cost`` is then the
     mean of V over the draws, ``drawn_holds`` whether all requirements are met in them, ``drawn_remark`` what keeps it
@@ -83,8 +85,9 @@ class Submission:
     interruptions: int = 0
     not_before: float = 0.0
     started: float = 0.0
+    finished: float = 0.0
     reason: str = ""
-    binding: str = ""
+    bound: int = 0
     verdict: str = ""
     quick_cost: float | None = None
     cost: float | None = None
@@ -97,6 +100,11 @@ class Submission:
     drawn_holds: bool | None = None
     drawn_remark: str = ""
     deviations: str = ""
+
+    @property
+    def is_evaluated(self) -> bool:
+        """Whether its evaluation has ended; what counts in a round has been, whatever becomes of its verification."""
+        return self.state is State.FINISHED or bool(self.round)
 
     @property
     def stage(self) -> Stage | None:
@@ -154,7 +162,8 @@ class Allowance:
 class Conduct:
     """How jobs are done: the names or files of both protocols and of that of a round's draws, ``processes`` of one job,
     ``sandbox``, the address of a Dask ``scheduler`` for evaluations (empty: this machine), how many ``evaluations`` run
-    at a time, and the time [s] that a stage may take, and one that takes seconds, which the others wait for."""
+    at a time, and the time [s] that a stage may take: an evaluation, a stage of seconds, for which others wait, and a
+    verification, which takes some eleven times as long as an evaluation."""
 
     protocol: str = "paper"
     quick_protocol: str = "quick"
@@ -165,9 +174,12 @@ class Conduct:
     evaluations: int = 1
     stage_time: float = 6 * 3600.0
     short_time: float = 1200.0
+    drawn_time: float = 72 * 3600.0
 
     def time(self, stage: Stage) -> float:
         """The time [s] that a stage may take."""
+        if stage == "verifying":
+            return self.drawn_time
         return min(self.stage_time, self.short_time) if stage in SHORT else self.stage_time
 
     @property

@@ -194,7 +194,7 @@ class Runner:
     def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
         # The change first: who comes too late, with a form that was sent slowly, takes nobody's results away.
-        after = self._database.change(run, *states.bound(run, binding), time.time())
+        after = self._database.change(run, *states.bound(run, len(binding.encode())), time.time(), binding)
         self._files.forget_results(run.id)
         self.wake()
         return after
@@ -219,7 +219,8 @@ class Runner:
     def _start(self, run: Submission) -> None:
         assert run.stage is not None
         try:
-            folder = self._files.begin(run.id, run.sha256, run.file_name, run.binding)
+            binding = self._database.binding(run.id)
+            folder = self._files.begin(run.id, run.sha256, run.file_name, binding)
             # An outcome is taken over only if a service has ended during this very stage: one of a former attempt,
             # binding or round, or one that the FMU itself has written there, decides nothing.
             if not run.interruptions:
@@ -346,7 +347,7 @@ class Runner:
         return Task(
             stage=stage,
             file=run.file_name,
-            binding=BINDING if run.binding else "",
+            binding=BINDING if run.bound else "",
             protocol=protocol_of(conduct, stage),
             processes=conduct.processes,
             sandbox=conduct.sandbox,

@@ -77,7 +77,8 @@ class Server(uvicorn.Server):
             app,
             http=Connection,
             ws="none",
-            log_level="warning",
+            # Not "warning": strangers could fill the disk with lines about requests that are none.
+            log_level="error",
             # Which pages people look at is nobody's business.
             access_log=False,
             server_header=False,

@@ -125,10 +125,9 @@ class Service:
             self.check_quota(person, incoming.size)
             shown = printable(name).strip()[-MAX_NAME:] or "controller.fmu"
             sha256 = incoming.kept()
-            run = Submission(
-                new_id(), person.id, shown, plain_name(name), sha256, incoming.size, self._now(), binding=text
-            )
-            self._add(run, "received")
+            id, size = new_id(), len(text.encode())
+            run = Submission(id, person.id, shown, plain_name(name), sha256, incoming.size, self._now(), bound=size)
+            self._add(run, "received", text)
         finally:
             incoming.close()
         self.runner.wake()
@@ -138,9 +137,9 @@ class Service:
         """The time of what is handed in: not before the round was opened, though the clock was set back since."""
         return max(time.time(), *(round.opened for round in self.database.rounds() if round.closed is None), 0.0)
 
-    def _add(self, run: Submission, text: str) -> None:
+    def _add(self, run: Submission, text: str, binding: str) -> None:
         try:
-            self.database.add_run(run, text)
+            self.database.add_run(run, text, binding)
         except Changed:  # --remove is another process
             if not self.database.is_used(run.sha256):
                 self.files.remove_fmu(run.sha256)
@@ -154,10 +153,9 @@ class Service:
         self.check_quota(Person(run.owner, ""), 0 if anew else run.size)
         if anew:
             return self._moved(lambda: self.runner.begin_anew(run, text))
-        again = Submission(
-            new_id(), run.owner, run.name, run.file_name, run.sha256, run.size, self._now(), binding=text
-        )
-        self._add(again, "received, with another binding")
+        id, size = new_id(), len(text.encode())
+        again = Submission(id, run.owner, run.name, run.file_name, run.sha256, run.size, self._now(), bound=size)
+        self._add(again, "received, with another binding", text)
         self.runner.wake()
         return again
 
@@ -222,10 +220,10 @@ class Service:
             return ""
 
     def command(self, run: Submission) -> str:
-        """The command that repeats a run."""
-        return evaluate_command(
-            run.file_name, BINDING if run.binding else "", Path(self.settings.conduct.protocol).name
-        )
+        """The command that repeats what is shown of a run: its evaluation, or until that has ended the quick one."""
+        conduct = self.settings.conduct
+        protocol = conduct.protocol if run.is_evaluated else conduct.quick_protocol
+        return evaluate_command(run.file_name, BINDING if run.bound else "", Path(protocol).name)
 
     async def compare(self, person: Person, ids: Sequence[str]) -> str:
         """Compare finished runs; returns the id of the comparison."""

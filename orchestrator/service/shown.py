@@ -165,7 +165,7 @@ def run_view(service: Service, run: Submission, whole: bool = True) -> RunView:
         cost=run.cost,
         holds=run.holds,
         remark=run.remark,
-        binding=run.binding if whole else "",
+        binding=service.database.binding(run.id) if whole else "",
         round=run.round,
         command=service.command(run) if whole else "",
         history=tuple(EventView(moment(at), text) for at, text in service.database.history(run.id)) if whole else (),
@@ -182,7 +182,7 @@ def table(service: Service, person_id: str) -> list[RowView]:
             cost=run.cost,
             holds=run.holds,
             remark=run.remark,
-            finished=moment(run.started),
+            finished=moment(run.finished),
             own=run.id if run.owner == person_id else "",
         )
         for run in service.database.finished()

@@ -63,8 +63,8 @@ def ended(run: Submission, outcome: Outcome, now: float) -> Change:
         return passed, "the check has passed"
     if outcome.stage == "quick":
         return replace(at_rest, state=State.EVALUATING, quick_cost=outcome.cost), "the quick evaluation has ended"
-    finished = replace(at_rest, state=State.FINISHED, cost=outcome.cost, holds=outcome.holds, remark=outcome.remark)
-    return finished, "finished"
+    ranked = replace(at_rest, cost=outcome.cost, holds=outcome.holds, remark=outcome.remark)
+    return replace(ranked, state=State.FINISHED, finished=now), "finished"
 
 
 def _verified(run: Submission, outcome: Outcome) -> Change:
@@ -119,9 +119,9 @@ def chosen(run: Submission, round: str) -> Change:
     return replace(run, state=State.VERIFYING, round=round), "the round is closed, in which this run counts"
 
 
-def bound(run: Submission, binding: str) -> Change:
-    """A refused run gets another binding, and begins again."""
-    changed = replace(run, binding=binding, state=State.RECEIVED, attempts=0, not_before=0.0, reason="", verdict="")
+def bound(run: Submission, size: int) -> Change:
+    """A refused run gets another binding of this ``size`` [bytes], and begins again."""
+    changed = replace(run, bound=size, state=State.RECEIVED, attempts=0, not_before=0.0, reason="", verdict="")
     return changed, "bound anew"
 
 

@@ -144,7 +144,7 @@ def test_commands_say_so_without_the_packages_of_the_extra(tmp_path):
         return subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True, text=True)
 
     assert run("serve").returncode == 2 and "[service]" in run("serve").stderr
-    assert run("serve", "--help").returncode == 0 and run("serve", "--people").returncode == 0
+    assert run("serve", "--help").returncode == 0 and run("serve", "--invite", "Ada").returncode == 0
     assert "does not answer" in run("submit", __file__, "--to", "http://127.0.0.1:9").stderr
 
 

@@ -543,6 +543,7 @@ def test_what_was_extracted_of_a_cancelled_run_is_removed(me):
 
 def test_commands_that_cannot_print_end_with_a_sentence(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    call("serve", "--invite", "Ada", folder=tmp_path)
     with Path("/dev/full").open("w") as full:
         monkeypatch.setattr("sys.stdout", full)
         assert guard.run("serve", ["--people"]) == 1

@@ -413,7 +413,7 @@ def test_somebody_comes_in_by_an_invitation_and_leaves(serve):
     assert client.post("/join", data={"key": key + "x"}, headers=own).status_code == 403
     entered = client.post("/join", data={"key": key}, headers=own, follow_redirects=False)
     cookie = entered.headers["set-cookie"]
-    assert entered.status_code == 303 and "HttpOnly" in cookie and "SameSite=strict" in cookie
+    assert entered.status_code == 303 and "HttpOnly" in cookie and "SameSite=lax" in cookie
     assert "Ada" in client.get("/").text
     assert client.post("/leave").status_code == 403, "no page of the service has asked for it"
     assert client.post("/leave", headers=own, follow_redirects=False).status_code == 303

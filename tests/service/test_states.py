@@ -60,8 +60,8 @@ def test_an_end_of_the_service_queues_again_and_is_no_attempt():
 
 def test_a_refused_run_begins_again_with_another_binding():
     refused = done(RUN, kind="refused", reason="no q_m")
-    run, _ = states.bound(refused, "[map]\n")
-    assert (run.state, run.binding, run.reason, run.stage) == (State.RECEIVED, "[map]\n", "", "checking")
+    run, _ = states.bound(refused, 6)
+    assert (run.state, run.bound, run.reason, run.stage) == (State.RECEIVED, 6, "", "checking")
 
 
 def waiting(*places: tuple[str, str]) -> list[Submission]:

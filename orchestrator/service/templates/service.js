@@ -10,12 +10,13 @@ const liveParts = (root) => [...root.querySelectorAll("[data-live]")];
 for (const part of liveParts(document)) given.set(part.id, part.innerHTML);
 
 async function refresh() {
-  const answer = await fetch(location.href);
+  // A form that was refused was sent to another address, of which there is no page.
+  const answer = await fetch($("[data-page]")?.dataset.page ?? location.href);
   if (!answer.ok) return location.assign("/");
   const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
   for (const part of liveParts(fresh)) {
     const old = document.getElementById(part.id);
-    if (!old || given.get(part.id) === part.innerHTML) continue;
+    if (!old?.matches("[data-live]") || given.get(part.id) === part.innerHTML) continue;
     given.set(part.id, part.innerHTML);
     const ticked = [...old.querySelectorAll("input:checked")].map((box) => box.value);
     old.innerHTML = part.innerHTML;

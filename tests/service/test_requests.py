@@ -1,0 +1,200 @@
+"""Requests that would cost everybody much, and what people see after an ordinary slip."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from support.command_lines import call
+from support.tools import require
+
+from orchestrator.errors import InputError
+from orchestrator.service import accounts, database, live, states
+from orchestrator.service.client import Client
+from orchestrator.service.records import Conduct, Outcome, State, Submission
+from service.conftest import ALONE, SOME, Asker, fmu
+from service.test_service import INTERFACE, under_way
+
+require("starlette", "uvicorn", "python_multipart", "httpx2")
+
+UPLOAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.fmu"\r\n\r\nPK\r\n--x--\r\n'
+
+
+@pytest.mark.parametrize("charset", ["punycode", "utf-8", '"UTF-7"'])
+def test_an_upload_names_no_charset(me, charset):
+    """Punycode is quadratic: a name of 1 MB kept everybody waiting for two minutes."""
+    refused = me.post("/runs", UPLOAD, **{"content-type": f"multipart/form-data; boundary=x; Charset={charset}"})
+    assert refused.status_code == 400 and "charset" in refused.text
+    assert me.post("/runs", UPLOAD, **{"content-type": "multipart/form-data; boundary=x"}).status_code == 303
+
+
+def test_an_upload_has_no_other_fields(me):
+    field = b'--x\r\nContent-Disposition: form-data; name="more"\r\n\r\n1\r\n'
+    assert me.post("/runs", field + UPLOAD, **{"content-type": "multipart/form-data; boundary=x"}).status_code == 400
+
+
+def test_lists_are_read_without_bindings(me):
+    """200 runs with bindings of 0.5 MB took seconds, at each news, for each page that was open."""
+    run = me.until(me.submit()["id"])
+    text = "b" * 5000
+    second = me.put(f"/api/runs/{run['id']}/binding", {"map": {"q_m": text}}).json()
+    read = []
+    me.client.app.state.service.database._connection.set_trace_callback(read.append)
+    listed = me.get("/api/runs").json()
+    me.client.app.state.service.database._connection.set_trace_callback(None)
+    assert [each["id"] for each in listed] == [second["id"], run["id"]]
+    assert read and not any("bindings" in statement for statement in read)
+    assert text in me.run(second["id"])["binding"] and text in me.get(f"/runs/{second['id']}/binding.toml").text
+    assert me.run(run["id"])["binding"] == ""
+
+
+def test_a_form_is_no_larger_than_the_largest_binding_can_be(me):
+    run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none"}))["id"])
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    assert me.post(f"/runs/{run['id']}/binding", b"map:q_m=" + b"%41" * 700_000, **form).status_code == 413
+
+
+def test_a_verification_may_take_as_much_longer_as_it_has_more_cases():
+    conduct = Conduct()
+    assert conduct.time("verifying") >= 11 * conduct.time("evaluating") > conduct.time("checking")
+
+
+def test_a_folder_with_other_letters_is_refused_at_the_start(tmp_path):
+    """Without a cache below it, no certificate of a round were standard, which shows after its close."""
+    refused = call("serve", "--data", "dä ta", "--trust", "--port", "0", folder=tmp_path)
+    assert (
+        refused.code == 2 and "ASCII" in refused.err and "--data" in refused.err and not (tmp_path / "dä ta").exists()
+    )
+
+
+def test_a_slip_in_the_folder_makes_no_service(tmp_path):
+    assert call("serve", "--data", "here", "--invite", "Ada", folder=tmp_path).code == 0
+    for words in (("--people",), ("--remove", "Ada"), ("--organizer", "Ada")):
+        refused = call("serve", "--data", "there", *words, folder=tmp_path)
+        assert refused.code == 2 and "not the folder of a service" in refused.err
+    assert not (tmp_path / "there").exists()
+
+
+@pytest.mark.parametrize("name", ["Me", "ME", "\u3164", "A\u3164", "\u115f"])
+def test_names_that_nobody_can_tell_apart_are_none(name, tmp_path):
+    assert call("serve", "--invite", name, folder=tmp_path).code == 2
+
+
+def test_blanks_make_no_other_name(tmp_path):
+    for name in ("Ada Lovelace", " Ada   Lovelace "):
+        assert call("serve", "--invite", name, folder=tmp_path).code == 0
+    assert call("serve", "--people", folder=tmp_path).out == "Ada Lovelace\n"
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:99999", "http://[::1", "http://127.0.0.1:a", "ftp://x", "http://"])
+def test_an_address_that_is_none_is_told(url):
+    with pytest.raises(InputError, match="not the address"):
+        Client(url)
+
+
+@pytest.mark.parametrize("key", ["a\nb", "\u4f60", "a b", "\x7f"])
+def test_a_key_that_is_none_is_told_and_not_repeated(key):
+    with pytest.raises(InputError) as problem:
+        Client("http://127.0.0.1:1", key)
+    assert key not in str(problem.value)
+
+
+def test_a_whole_invitation_is_a_key(serve, tmp_path):
+    client = serve(SOME)
+    link = call("serve", "--data", "data", "--invite", "Ada", folder=tmp_path).out.strip()
+    assert Asker(client, link).get("/api/runs").status_code == 200
+    form = f"key={link.replace('#', '%23')}".encode()
+    entered = Asker(client).post("/join", form, **{"content-type": "application/x-www-form-urlencoded"})
+    assert entered.status_code == 303
+
+
+def test_somebody_has_so_many_sessions(serve, tmp_path, monkeypatch):
+    monkeypatch.setattr(database, "MAX_SESSIONS", 3)
+    state = serve(SOME).app.state.service.database
+    key = accounts.invited(state, "Ada")
+    ada = accounts.known(state, key)
+    tokens = [accounts.begin_session(state, ada) for _ in range(5)]
+    assert [accounts.in_session(state, token) is not None for token in tokens] == [False, False, True, True, True]
+
+
+def test_a_stream_ends_with_the_key_it_was_opened_by(serve, monkeypatch):
+    monkeypatch.setattr(live, "ALIVE", 0.2)
+    client = serve(SOME)
+    state = client.app.state.service.database
+    key = accounts.invited(state, "Ada")
+    told = []
+    with client.stream("GET", "/events", headers={"authorization": f"Bearer {key}"}) as stream:
+        for line in stream.iter_lines():
+            told += [line]
+            if len(told) == 1:
+                accounts.invited(state, "Ada")
+    assert told[0].startswith("data: ")
+
+
+def test_a_stream_says_that_it_is_alive_while_others_have_news(me, monkeypatch):
+    monkeypatch.setattr(live, "ALIVE", 0.3)
+    me.until(me.submit()["id"])
+    service = me.client.app.state.service
+
+    async def often(seconds):
+        import asyncio
+
+        await asyncio.sleep(0.01)
+        return True
+
+    monkeypatch.setattr(service.runner, "news", often)
+    with me.client.stream("GET", "/events") as stream:
+        for line in stream.iter_lines():
+            if line == ": alive":
+                service.closing = True  # ends the stream
+
+
+def test_a_form_that_was_refused_stays_and_is_followed_by_the_runs_own_page(me):
+    """Its address takes no GET: the page left it, with all that was typed."""
+    id = me.submit(fmu(checking={"wait": 30, "files": {"interface.json": json.dumps(INTERFACE)}}))["id"]
+    under_way(me, id)
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    page = me.post(f"/runs/{id}/binding", b"map:q_m%5B1%5D=nothing", **form)
+    assert page.status_code == 400 and 'role="alert"' in page.text
+    assert '<div id="binding">' in page.text and f'data-page="/runs/{id}"' in page.text
+    assert '<div id="binding" data-live>' in me.get(f"/runs/{id}").text
+
+
+def test_the_command_repeats_what_is_shown(me):
+    run = me.submit(fmu(evaluating={"wait": 30}))
+    me.until(run["id"], "evaluating")
+    assert me.run(run["id"])["command"] == "flexible-manipulator evaluate my.fmu --protocol quick"
+    ended = replace(Submission("1" * 24, "me", "a", "a.fmu", "0" * 64, 1, 0.0), round="x", state=State.VERIFYING)
+    assert ended.is_evaluated and not replace(ended, round="").is_evaluated
+
+
+def test_the_table_tells_when_an_evaluation_has_ended():
+    run = Submission("1" * 24, "me", "a", "a.fmu", "0" * 64, 1, 0.0, state=State.EVALUATING, running=True, started=5.0)
+    finished, _ = states.ended(run, Outcome("evaluating", "done", cost=100.0, holds=True), 9.0)
+    again, _ = states.started(replace(finished, state=State.VERIFYING), 20.0)
+    assert (finished.finished, again.finished, again.started) == (9.0, 9.0, 20.0)
+
+
+def test_an_address_with_a_slash_leads_nowhere_else(me):
+    answer = me.get("/rounds/")
+    assert answer.status_code == 404 and "location" not in answer.headers
+    assert me.get("/runs/x/binding").status_code == 405
+
+
+def test_what_is_deleted_is_given_back_to_the_disk(me):
+    file = me.client.app.state.service.files.database
+    run = me.until(me.submit()["id"])
+    made = [me.put(f"/api/runs/{run['id']}/binding", {"map": {"q_m": "b" * 400_000}}).json()["id"] for _ in range(5)]
+    for id in made:
+        me.until(id)
+    before = file.stat().st_size
+    for id in made:
+        assert me.delete(f"/api/runs/{id}").status_code == 204
+    assert file.stat().st_size < before - 1_000_000
+
+
+def test_folders_that_seem_empty_may_be_removed(serve):
+    me = Asker(serve(ALONE))
+    root = me.client.app.state.service.files.root
+    for name in ("incoming", "fmus"):
+        (root / name).rmdir()
+    assert me.until(me.submit()["id"])["state"] == "finished"
