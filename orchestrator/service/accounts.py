@@ -34,7 +34,7 @@ def invited(database: Database, name: str) -> str:
 
     Raises :class:`InputError` for a name that cannot be.
     """
-    name = " ".join(name.split())  # "Ada " would be somebody else than "Ada", and nobody would see it
+    name = _spelled(name)  # "Ada " would be somebody else than "Ada", and nobody would see it
     if not NAME.fullmatch(name) or any("FILLER" in unicodedata.name(letter, "") for letter in name):
         message = f"{name!r} cannot be a name: up to 60 letters, digits, blanks, dots, dashes and apostrophes."
         raise InputError(message, "bad-name", "", name)
@@ -62,9 +62,13 @@ def made_organizer(database: Database, name: str) -> None:
     database.make_organizer(_called(database, name).id)
 
 
+def _spelled(name: str) -> str:
+    return re.sub(" +", " ", name.strip())
+
+
 def _called(database: Database, name: str) -> Person:
     for person in database.people():
-        if person.name == " ".join(name.split()):
+        if person.name == _spelled(name):
             return person
     raise InputError(f"There is nobody called {name}.", "no-person", "", name)
 

@@ -201,9 +201,9 @@ def test_somebody_who_is_removed_during_an_upload_leaves_nothing(serve, monkeypa
     ada = Asker(client, accounts.invited(service.database, "Ada"))
     add = Database.add_run
 
-    def late(database, run, text):
+    def late(database, run, *texts):
         database.remove_person(run.owner)
-        add(database, run, text)
+        add(database, run, *texts)
 
     monkeypatch.setattr(Database, "add_run", late)
     answer = ada.post("/api/runs?name=a.fmu", fmu())
