@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scheduler=given.scheduler or "",
         evaluations=given.evaluations,
     )
-    limits = Allowance(given.max_queue, int(given.max_disk * MB), int(given.max_upload * MB))
+    limits = Allowance(queue=given.max_queue, disk=int(given.max_disk * MB), upload=int(given.max_upload * MB))
     return _serve(given, Settings(given.accounts, warning, limits, conduct))
 
 

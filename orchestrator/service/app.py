@@ -47,6 +47,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
         with files.taken():
             database = Database(files.database, PATIENCE)
             try:
+                database.give_back()
                 held = hold_protocols(database, settings.conduct)
                 runner = Runner(database, files, settings.conduct, held, job)
                 runner.recover()
@@ -134,7 +135,7 @@ async def _refused(request: Request, problem: Exception) -> Response:
         status, sentence = problem.status, str(problem)
     elif isinstance(problem, HTTPException):
         status = problem.status_code
-        sentence = "This address is not for looking at." if status == 405 else "There is no such page."
+        sentence = f"This address takes no {request.method}." if status == 405 else "There is no such page."
     else:
         # What the machine cannot do now, it may do later.
         status, sentence = (400 if isinstance(problem, InputError) else 503), str(problem)

@@ -83,7 +83,11 @@ def written(mapping: Mapping[str, str], parameters: Mapping[str, Scalar | Sequen
     """A mapping file with these tables; empty if both are. Raises :class:`InputError` if it were too large."""
     too_large = InputError(f"A binding of more than {MAX_BINDING / 1e6:.1f} MB is not taken here.", "file-limit")
     # Before it is written, letter by letter: one name of 8 MB would keep the whole service waiting for 11 s.
-    if sum(map(_size, (*mapping, *mapping.values(), *parameters, *parameters.values()))) > MAX_BINDING:
+    entries = len(mapping) + len(parameters)
+    if (
+        ENTRY * entries + sum(map(_size, (*mapping, *mapping.values(), *parameters, *parameters.values())))
+        > MAX_BINDING
+    ):
         raise too_large
     lines = ["[map]", *(f"{_toml(name)} = {_toml(variable)}" for name, variable in mapping.items())]
     if parameters:
@@ -96,13 +100,18 @@ def written(mapping: Mapping[str, str], parameters: Mapping[str, Scalar | Sequen
     return text
 
 
+ENTRY = len('"" = \n')
+"""Letters of an entry beside its name and value, at the least."""
+
+
 def _size(value: Scalar | Sequence[Scalar]) -> int:
     """The least number of letters that a value takes."""
     if isinstance(value, str):
         return len(value)
     if isinstance(value, bool | int | float):
         return 1
-    return len(value) if len(value) > MAX_BINDING else sum(map(_size, value))
+    between = 2 * len(value)  # ", " and brackets
+    return between if between > MAX_BINDING else between + sum(map(_size, value))
 
 
 def _value(variable: VariableRecord, text: str) -> Scalar | Sequence[Scalar]:

@@ -34,14 +34,17 @@ class Client:
         try:
             parts = urlsplit(url if "://" in url else f"http://{url}")
             host, port = parts.hostname, parts.port
-        except ValueError:  # half a bracket, or a port that is none
+            (host or "").encode("idna")
+        except ValueError:  # half a bracket, a port that is none, a name that no host has
             host = None
-        if not host or parts.scheme not in ("http", "https"):
+        if not host or " " in host or parts.scheme not in ("http", "https"):
             raise InputError(f"{url} is not the address of a service, such as http://127.0.0.1:8080.", "bad-url", url)
+        key = key.strip()  # of a file, its last line has an end
         if not KEY.fullmatch(key):  # it is not repeated: it is a secret
             raise InputError("The key is none: it has characters that no key has.", "no-key")
         self._secure, self._host, self._port = parts.scheme == "https", host, port
-        self._base, self._key = parts.path.rstrip("/"), key
+        # A whole invitation is an address, too.
+        self._base, self._key = quote(parts.path.rstrip("/").removesuffix("/join"), safe="/%"), key
         self.url = url.rstrip("/")
 
     def submit(self, file: Path) -> Answer:

@@ -224,11 +224,11 @@ class Database:
         with self._transaction() as connection:
             connection.execute("UPDATE entries SET person = '', name = '' WHERE owner = ?", (id,))
             connection.execute("DELETE FROM people WHERE id = ?", (id,))
-        self._forget_log()
+        self.give_back(FREED)
 
     def add_session(self, key: str, person: str, until: float, now: float) -> None:
         """Somebody has come in; sessions that have run out are forgotten, and all but the newest of this person."""
-        old = "SELECT rowid FROM sessions WHERE person = ? ORDER BY until DESC, rowid DESC LIMIT -1 OFFSET ?"
+        old = "SELECT rowid FROM sessions WHERE person = ? ORDER BY rowid DESC LIMIT -1 OFFSET ?"
         with self._transaction() as connection:
             connection.execute("DELETE FROM sessions WHERE until < ?", (now,))
             connection.execute("INSERT INTO sessions VALUES (?, ?, ?)", (key, person, until))
@@ -327,12 +327,14 @@ class Database:
         rows = self._rows("SELECT owner, MAX(started) FROM runs GROUP BY owner")
         return {row[0]: row[1] for row in rows}
 
-    def usage(self, owner: str) -> tuple[int, int]:
-        """How many runs of somebody have not ended, and what all of them take on the disk [bytes], bindings as well."""
+    def usage(self, owner: str) -> tuple[int, int, int]:
+        """How many runs of somebody have not ended, how many there are, and what they take on the disk [bytes],
+        bindings as well."""
         taken = f"MAX(disk + size + bound, {LEAST})"
-        query = f"SELECT COALESCE(SUM(state NOT IN ({FINALS})), 0), COALESCE(SUM({taken}), 0) FROM runs WHERE owner = ?"
+        queued = f"COALESCE(SUM(state NOT IN ({FINALS})), 0)"
+        query = f"SELECT {queued}, COUNT(*), COALESCE(SUM({taken}), 0) FROM runs WHERE owner = ?"
         (row,) = self._rows(query, owner)
-        return int(row[0]), int(row[1])
+        return int(row[0]), int(row[1]), int(row[2])
 
     def is_used(self, sha256: str) -> bool:
         """Whether a run has this FMU."""
@@ -355,13 +357,15 @@ class Database:
         """Remove a run with its history."""
         with self._transaction() as connection:
             connection.execute("DELETE FROM runs WHERE id = ?", (id,))
-        self._forget_log()
+        self.give_back(FREED)
 
-    def _forget_log(self) -> None:
-        """Give what was deleted back to the disk, some of it, and empty the file -wal, in which it would stay."""
-        with suppress(EnvironmentFault, sqlite3.Error):  # it is deleted all the same
+    def give_back(self, pages: int = 0) -> None:
+        """Give so many ``pages`` of what was deleted back to the disk, 0 for all, and empty the file -wal, in which it
+        would stay."""
+        with suppress(sqlite3.Error):  # it is deleted all the same
             # As a script: a statement alone gives back one page, since Python asks for rows, and there are none.
-            self._connection.executescript(f"PRAGMA incremental_vacuum({FREED})")
+            self._connection.executescript(f"PRAGMA incremental_vacuum({pages})")
+        with suppress(EnvironmentFault):
             self._rows("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def keep_runs_of(self, fmus: set[str]) -> None:

@@ -120,10 +120,11 @@ class Files:
     def check_own(self) -> None:
         """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, for one that has lost its
         database, since a service removes what its rows do not name, and for a path that jobs cannot use."""
-        if not str(self.root).isascii():
-            # Checked at the start, since its price shows at the end: without a cache below it every stage compiles
-            # anew, and no certificate is standard.
-            message = f"{self.root} has letters outside of ASCII, with which FMUs made in Python crash."
+        # At the start, since the price shows at the end: with no cache there, every stage compiles anew, and no certificate
+        # is standard.
+        other = next((place for place in (self.root.resolve(), self.cache.resolve()) if not str(place).isascii()), None)
+        if other is not None:
+            message = f"{other} has letters outside of ASCII, with which FMUs made in Python crash."
             raise InputError(message, "not-ascii", self.root)
         own = (*KINDS, "incoming", "cache", self.database.name, "lost+found")
         try:
@@ -182,7 +183,7 @@ class Files:
         try:
             if not fmu.is_file():
                 raise EnvironmentFault("The FMU is not there any more.", "no-file")
-            folder.mkdir(exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
             file = folder / file_name
             if not file.exists():
                 try:

@@ -22,7 +22,7 @@ from ..views.page import environment, template_text
 from . import accounts, binding
 from .borders import MAX_BINDING_FORM, MAX_FORM, REPORT_POLICY, Refusal, body, key_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
-from .people import COOKIE, asking, person_asking, sent, service_of
+from .people import COOKIE, asking, person_asking, sent, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
@@ -376,7 +376,7 @@ async def come_in(request: Request) -> Response:
 async def leave(request: Request) -> Response:
     """End the session."""
     service, _ = asking(request)
-    service.database.end_session(accounts.hashed(request.cookies.get(COOKIE, "")))
+    service.database.end_session(accounts.hashed(session_of(request)))
     answer = RedirectResponse("/join", 303)
     answer.delete_cookie(COOKIE)
     return answer

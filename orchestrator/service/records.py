@@ -143,12 +143,13 @@ class HandIn:
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one person may have: ``queue`` runs that have not ended, ``disk`` [bytes] of all runs; ``upload`` is the
-    largest FMU [bytes]; ``uploads``, ``forms`` and ``streams`` are uploads, other requests that bring something, and
-    live pages at a time. ``patience`` [s] is how long a client may be silent, and ``upload_time`` [s] how long an
-    upload may take."""
+    """What one person may have: ``queue`` runs that have not ended, ``runs`` at all, and ``disk`` [bytes] of them;
+    ``upload`` is the largest FMU [bytes]; ``uploads``, ``forms`` and ``streams`` are uploads, other requests that bring
+    something, and live pages at a time. ``patience`` [s] is how long a client may be silent, and ``upload_time`` [s]
+    how long an upload may take."""
 
     queue: int = 20
+    runs: int = 2000
     disk: int = 4 * 1024**3
     upload: int = 256 * 1024**2
     uploads: int = 4

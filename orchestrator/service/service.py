@@ -81,10 +81,12 @@ class Service:
     def check_quota(self, person: Person, size: int = 0) -> None:
         """Refuse a run beyond what a person may have."""
         limits = self.settings.limits
-        queued, disk = self.database.usage(person.id)
+        queued, count, disk = self.database.usage(person.id)
         if queued >= limits.queue:
             message = f"{queued} of your runs have not ended; {limits.queue} may wait. Cancel one, or wait for one."
             raise Refusal(429, message)
+        if count >= limits.runs:
+            raise Refusal(507, f"You have {count} runs, and may have {limits.runs}. Delete some.")
         if disk + size > limits.disk:
             message = (
                 f"Your runs take {disk / 1e6:.0f} MB of the {limits.disk / 1e6:.0f} MB that you have. Delete some."

@@ -1,14 +1,17 @@
 """Requests that would cost everybody much, and what people see after an ordinary slip."""
 
+import asyncio
 import json
+import threading
+import time
 from dataclasses import replace
 
 import pytest
 from support.command_lines import call
 from support.tools import require
 
-from orchestrator.errors import InputError
-from orchestrator.service import accounts, database, live, states
+from orchestrator.errors import EnvironmentFault, InputError
+from orchestrator.service import accounts, binding, database, live, shown, states
 from orchestrator.service.client import Client
 from orchestrator.service.records import Conduct, Outcome, State, Submission
 from service.conftest import ALONE, SOME, Asker, fmu
@@ -60,7 +63,9 @@ def test_a_verification_may_take_as_much_longer_as_it_has_more_cases():
 
 def test_a_folder_with_other_letters_is_refused_at_the_start(tmp_path):
     """Without a cache below it, no certificate of a round were standard, which shows after its close."""
-    refused = call("serve", "--data", "dä ta", "--trust", "--port", "0", folder=tmp_path)
+    # An address that is none ends a service that would start.
+    words = ("--trust", "--accounts", "--host", "203.0.113.1")
+    refused = call("serve", "--data", "dä ta", *words, folder=tmp_path)
     assert (
         refused.code == 2 and "ASCII" in refused.err and "--data" in refused.err and not (tmp_path / "dä ta").exists()
     )
@@ -85,7 +90,13 @@ def test_blanks_make_no_other_name(tmp_path):
     assert call("serve", "--people", folder=tmp_path).out == "Ada Lovelace\n"
 
 
-@pytest.mark.parametrize("url", ["http://127.0.0.1:99999", "http://[::1", "http://127.0.0.1:a", "ftp://x", "http://"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        *("http://127.0.0.1:99999", "http://[::1", "http://127.0.0.1:a", "ftp://x", "http://", "http://a..b:9"),
+        *(f"http://{'a' * 70}:9", "http://exa mple:9", "http://\u3002:9"),
+    ],
+)
 def test_an_address_that_is_none_is_told(url):
     with pytest.raises(InputError, match="not the address"):
         Client(url)
@@ -96,6 +107,46 @@ def test_a_key_that_is_none_is_told_and_not_repeated(key):
     with pytest.raises(InputError) as problem:
         Client("http://127.0.0.1:1", key)
     assert key not in str(problem.value)
+
+
+def test_an_address_and_a_key_may_be_spelled_as_they_are_found():
+    for url in ("http://127.0.0.1:9/ä", "http://127.0.0.1:9/join#1.2", "https://[::1]:9"):
+        with pytest.raises(EnvironmentFault, match="does not answer"):
+            Client(url, "1.2\n").ask("GET", "/api/runs")
+
+
+def test_a_cookie_keeps_nobody_waiting(serve):
+    """Python's own parser took 24 s for these."""
+    client = serve(SOME)
+    begin = time.monotonic()
+    assert Asker(client).get("/", cookie='session="' + 60_000 * "\\" + '"').status_code == 303
+    assert time.monotonic() - begin < 10
+
+
+def test_a_session_is_found_among_other_cookies(serve):
+    client = serve(SOME)
+    state = client.app.state.service.database
+    token = accounts.begin_session(state, accounts.known(state, accounts.invited(state, "Ada")))
+    asker = Asker(client)
+    for cookie in (f"session={token}", f"a=b; session={token}", f"session={token}; session2=x; b"):
+        assert asker.get("/api/runs", cookie=cookie).status_code == 200
+    for cookie in (f"xsession={token}", f"session={token}x", f'session="{token}"', ""):
+        assert asker.get("/api/runs", cookie=cookie).status_code == 401
+
+
+def test_a_binding_that_is_too_large_is_refused_before_it_is_written(monkeypatch):
+    monkeypatch.setattr(binding, "_toml", None)
+    for parameters in ({"a": [1] * 300_000}, {"a": [""] * 300_000}, {f"{n}": 1 for n in range(60_000)}):
+        with pytest.raises(InputError, match="more than"):
+            binding.written({}, parameters)
+
+
+def test_somebody_has_so_many_runs(serve, limited):
+    me = Asker(serve(limited(runs=2)))
+    for name in ("a.fmu", "b.fmu"):
+        me.until(me.submit(name=name)["id"])
+    refused = me.post("/api/runs?name=c.fmu", fmu())
+    assert refused.status_code == 507 and "Delete some" in refused.json()["error"]
 
 
 def test_a_whole_invitation_is_a_key(serve, tmp_path):
@@ -121,13 +172,15 @@ def test_a_stream_ends_with_the_key_it_was_opened_by(serve, monkeypatch):
     client = serve(SOME)
     state = client.app.state.service.database
     key = accounts.invited(state, "Ada")
-    told = []
+    told, end = [], threading.Timer(20, setattr, (client.app.state.service, "closing", True))
+    end.start()
     with client.stream("GET", "/events", headers={"authorization": f"Bearer {key}"}) as stream:
         for line in stream.iter_lines():
             told += [line]
             if len(told) == 1:
                 accounts.invited(state, "Ada")
-    assert told[0].startswith("data: ")
+    end.cancel()
+    assert told[0].startswith("data: ") and not client.app.state.service.closing
 
 
 def test_a_stream_says_that_it_is_alive_while_others_have_news(me, monkeypatch):
@@ -136,16 +189,20 @@ def test_a_stream_says_that_it_is_alive_while_others_have_news(me, monkeypatch):
     service = me.client.app.state.service
 
     async def often(seconds):
-        import asyncio
-
         await asyncio.sleep(0.01)
         return True
 
     monkeypatch.setattr(service.runner, "news", often)
+    end = threading.Timer(20, setattr, (service, "closing", True))
+    end.start()
+    told = []
     with me.client.stream("GET", "/events") as stream:
         for line in stream.iter_lines():
+            told += [line]
             if line == ": alive":
                 service.closing = True  # ends the stream
+    end.cancel()
+    assert ": alive" in told
 
 
 def test_a_form_that_was_refused_stays_and_is_followed_by_the_runs_own_page(me):
@@ -174,10 +231,25 @@ def test_the_table_tells_when_an_evaluation_has_ended():
     assert (finished.finished, again.finished, again.started) == (9.0, 9.0, 20.0)
 
 
+def test_the_evaluation_is_shown_while_a_run_is_verified(me):
+    """In the table, too, with the time of its end."""
+    files = {"evaluation/report.html": "<p>", "evaluation/scorecard.html": "<p>the scorecard of the evaluation</p>"}
+    run = me.until(me.submit(fmu(evaluating={"cost": 88.125, "files": files}))["id"])
+    service = me.client.app.state.service
+    before = service.database.run(run["id"])
+    (row,) = me.get("/api/table").json()
+    assert row["finished"] == shown.moment(before.finished) and before.finished > before.started > 0.0
+    service.database.change(before, replace(before, state=State.FAILED, round="1" * 24, started=2e9), "x", 1.0)
+    page = me.get(f"/runs/{run['id']}").text
+    assert "88.1" in page and "the scorecard of the evaluation" in page and "evaluation/report.html" in page
+    assert me.get("/api/table").json() == [row]
+
+
 def test_an_address_with_a_slash_leads_nowhere_else(me):
     answer = me.get("/rounds/")
     assert answer.status_code == 404 and "location" not in answer.headers
-    assert me.get("/runs/x/binding").status_code == 405
+    answer = me.get("/runs/x/binding")
+    assert answer.status_code == 405 and "takes no GET" in answer.text
 
 
 def test_what_is_deleted_is_given_back_to_the_disk(me):
@@ -195,6 +267,6 @@ def test_what_is_deleted_is_given_back_to_the_disk(me):
 def test_folders_that_seem_empty_may_be_removed(serve):
     me = Asker(serve(ALONE))
     root = me.client.app.state.service.files.root
-    for name in ("incoming", "fmus"):
+    for name in ("incoming", "fmus", "runs"):
         (root / name).rmdir()
     assert me.until(me.submit()["id"])["state"] == "finished"

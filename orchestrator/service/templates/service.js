@@ -9,9 +9,11 @@ const given = new Map();
 const liveParts = (root) => [...root.querySelectorAll("[data-live]")];
 for (const part of liveParts(document)) given.set(part.id, part.innerHTML);
 
+/** Where this page is: a form that was refused was sent to another address, of which there is no page. */
+const here = $("[data-page]")?.dataset.page ?? location.href;
+
 async function refresh() {
-  // A form that was refused was sent to another address, of which there is no page.
-  const answer = await fetch($("[data-page]")?.dataset.page ?? location.href);
+  const answer = await fetch(here);
   if (!answer.ok) return location.assign("/");
   const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
   for (const part of liveParts(fresh)) {
