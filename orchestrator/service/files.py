@@ -120,8 +120,8 @@ class Files:
     def check_own(self) -> None:
         """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, for one that has lost its
         database, since a service removes what its rows do not name, and for a path that jobs cannot use."""
-        # At the start, since the price shows at the end: with no cache there, every stage compiles anew, and no certificate
-        # is standard.
+        # At the start, since the price shows at the end: with no cache there, every stage compiles anew, and no
+        # certificate is standard.
         other = next((place for place in (self.root.resolve(), self.cache.resolve()) if not str(place).isascii()), None)
         if other is not None:
             message = f"{other} has letters outside of ASCII, with which FMUs made in Python crash."
