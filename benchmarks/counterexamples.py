@@ -16,6 +16,8 @@ continued      somebody who had not seen the work before attacked the RobustLQG 
                our own search on, whose V was 99.2
 steady         somebody attacked the SteadyLQG before its slow feedback, from the two lists above on, with a simulator
                of eight arms at once, and moved the begin of the chirp, too
+weak           somebody attacked the present SteadyLQG, from "steady" on: forces in the direction that loads the joints
+               least, after a chirp, for B6. Where "steady" has the larger value, it is that arm
 
 The files have, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1, the
 direction of the force [rad], the sweep [Hz], the seed of the noise, the begin t_3 [s] of the chirp where it is not that

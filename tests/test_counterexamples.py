@@ -13,7 +13,7 @@ LISTS = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in cou
 POSES = {"genetic": 22, "continued": 22}
 """Of the lists that are older than version 4 of the benchmark."""
 
-ATTACKED = {"continued": "RobustLQG", "steady": "SteadyLQG"}
+ATTACKED = {"continued": "RobustLQG", "steady": "SteadyLQG", "weak": "SteadyLQG"}
 """The controllers of which a list was made, where they are still what they were in the cases of the list."""
 
 
