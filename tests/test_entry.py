@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.refusals import refusal
 
@@ -243,6 +243,7 @@ def test_the_fields_of_conditions_are_plain(kind, data):
     assert shape(vars(plain)) == shape(vars(spelled))
 
 
+@settings(max_examples=20)  # each looks for a sandbox
 @given(mapped(number), number, flag)
 def test_stored_keys_do_not_depend_on_the_spelling(values, stiffness, sandbox):
     keys = []

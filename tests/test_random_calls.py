@@ -138,17 +138,16 @@ def kind_of(name):
     return (found[2], found[1] == "me") if found else ("2", False)
 
 
-LESS = dict.fromkeys(LQGS, CALLS // 5)  # each initialization solves Riccati equations
+SLOW = {name: [pytest.mark.slow] for name in LQGS}  # each initialization solves Riccati equations
 
 
 @needs_sanitizers
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LESS)) for name in FMUS])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in FMUS])
 def test_random_calls(name, program):
-    wanted = LESS.get(name, CALLS)
-    done = run(program(name), "random", 1, wanted, calls=wanted)
+    done = run(program(name), "random", 1, CALLS, calls=CALLS)
     assert done.returncode == 0, done.stderr
     calls, sequences, errors = map(int, re.match(r"(\d+) calls in (\d+) sequences, (\d+) errors", done.stdout).groups())
-    assert calls >= wanted and sequences > 100 and 0.05 < errors / calls < 0.6, "legal and illegal ones"
+    assert calls >= CALLS and sequences > 100 and 0.05 < errors / calls < 0.6, "legal and illegal ones"
 
 
 STATE_MACHINES = [
