@@ -128,7 +128,7 @@ async def body(request: Request, most: int, patience: float, time: float) -> Asy
     body that takes longer than ``time`` [s]: who sends one byte a second would else keep a place for ever.
     """
     stated = request.headers.get("content-length", "0")
-    too_large = Refusal(413, f"This is larger than the {most / 1e6:.2g} MB that are taken.")
+    too_large = Refusal(413, f"This is larger than the {round(most / 1e6, 2):g} MB that are taken.")
     if not stated.isdecimal() or int(stated[:20]) > most:
         raise too_large
     size, pieces, clock = 0, request.stream(), asyncio.get_running_loop().time

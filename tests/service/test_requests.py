@@ -53,7 +53,9 @@ def test_lists_are_read_without_bindings(me):
 def test_a_form_is_no_larger_than_the_largest_binding_can_be(me):
     run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none"}))["id"])
     form = {"content-type": "application/x-www-form-urlencoded"}
-    assert me.post(f"/runs/{run['id']}/binding", b"map:q_m=" + b"%41" * 700_000, **form).status_code == 413
+    refused = me.post(f"/runs/{run['id']}/binding", b"map:q_m=" + b"%41" * 700_000, **form)
+    assert refused.status_code == 413 and "1.57 MB" in refused.text
+    assert "268.44 MB" in me.post("/api/runs?name=a.fmu", b"", **{"content-length": "400000000"}).text
 
 
 def test_a_verification_may_take_as_much_longer_as_it_has_more_cases():
