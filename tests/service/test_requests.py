@@ -3,7 +3,6 @@
 import asyncio
 import json
 import threading
-import time
 from dataclasses import replace
 
 import pytest
@@ -117,12 +116,15 @@ def test_an_address_and_a_key_may_be_spelled_as_they_are_found():
             Client(url, "1.2\n").ask("GET", "/api/runs")
 
 
-def test_a_cookie_keeps_nobody_waiting(serve):
-    """Python's own parser took 24 s for these."""
+def test_cookies_are_not_read_by_pythons_parser(serve, monkeypatch):
+    """It took 24 s for these, and everybody waited."""
+
+    def forbidden(head):
+        raise AssertionError("the slow parser")
+
     client = serve(SOME)
-    begin = time.monotonic()
+    monkeypatch.setattr("starlette.requests.cookie_parser", forbidden)
     assert Asker(client).get("/", cookie='session="' + 60_000 * "\\" + '"').status_code == 303
-    assert time.monotonic() - begin < 10
 
 
 def test_a_session_is_found_among_other_cookies(serve):
@@ -174,7 +176,7 @@ def test_a_stream_ends_with_the_key_it_was_opened_by(serve, monkeypatch):
     client = serve(SOME)
     state = client.app.state.service.database
     key = accounts.invited(state, "Ada")
-    told, end = [], threading.Timer(20, setattr, (client.app.state.service, "closing", True))
+    told, end = [], threading.Timer(300, setattr, (client.app.state.service, "closing", True))
     end.start()
     with client.stream("GET", "/events", headers={"authorization": f"Bearer {key}"}) as stream:
         for line in stream.iter_lines():
@@ -195,7 +197,7 @@ def test_a_stream_says_that_it_is_alive_while_others_have_news(me, monkeypatch):
         return True
 
     monkeypatch.setattr(service.runner, "news", often)
-    end = threading.Timer(20, setattr, (service, "closing", True))
+    end = threading.Timer(300, setattr, (service, "closing", True))
     end.start()
     told = []
     with me.client.stream("GET", "/events") as stream:
