@@ -51,7 +51,7 @@ class Asker:
 
     def until(self, id: str, *states: str, least: int = 0) -> dict[str, Any]:
         """The run when it is in one of these states, by default at its end."""
-        for _ in range(600):
+        for _ in range(6000):  # five minutes, on a machine that computes other things, too
             run = self.run(id)
             if run["revision"] >= least and (run["state"] in states if states else run["is_final"]):
                 return run

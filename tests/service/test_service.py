@@ -23,7 +23,7 @@ def texts(run: dict) -> list[str]:
 
 def under_way(me: Asker, id: str) -> dict:
     """The run when its job has told progress."""
-    for _ in range(600):
+    for _ in range(6000):
         run = me.run(id)
         if run["done"]:
             return run
