@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import msgspec
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from ..codec import Malformed, from_json, to_json
@@ -19,8 +20,11 @@ from .files import SHOWN
 from .people import asking, sent
 from .records import Interface
 from .shown import RoundView, RowView, RunView, round_csv, round_view, run_view, table
+from .wire import file_answer
 
 T = TypeVar("T")
+
+CSV, ZIP = "text/csv; charset=utf-8", "application/zip"
 
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -59,7 +63,7 @@ class Created(msgspec.Struct):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A path with a method, what it does, and the types of what goes in and comes out."""
+    """A path with a method, what it does, and the types of what goes in and comes out; ``media`` are those of bytes."""
 
     method: str
     path: str
@@ -69,6 +73,7 @@ class Endpoint:
     takes: Any = None
     status: int = 200
     query: dict[str, str] = field(default_factory=dict)
+    media: tuple[str, ...] = ("application/octet-stream",)
 
 
 def _json(value: Any, status: int = 200) -> Response:
@@ -148,7 +153,7 @@ async def _file(request: Request) -> Response:
     service, person = asking(request)
     names = request.path_params
     file = service.file(service.own(person, names["id"]), names["place"], names["file"])
-    return FileResponse(file, media_type=SHOWN[file.name], filename=file.name)
+    return file_answer(file, SHOWN[file.name], file.name)
 
 
 async def _table(request: Request) -> Response:
@@ -202,13 +207,13 @@ async def _verify_again(request: Request) -> Response:
 async def _round_csv(request: Request) -> Response:
     service, person = asking(request)
     view = round_view(service, service.round(request.path_params["id"]), person.id)
-    return _attachment(round_csv(view).encode(), "text/csv; charset=utf-8", "round.csv")
+    return _attachment(round_csv(view).encode(), CSV, "round.csv")
 
 
 async def _certificates(request: Request) -> Response:
-    service, _ = asking(request)
-    archive = await service.certificates(service.round(request.path_params["id"]))
-    return _attachment(archive, "application/zip", "certificates.zip")
+    service, person = asking(request)
+    archive = await service.certificates(person, service.round(request.path_params["id"]))
+    return _attachment(archive, ZIP, "certificates.zip")
 
 
 def _attachment(content: bytes, kind: str, name: str) -> Response:
@@ -216,7 +221,12 @@ def _attachment(content: bytes, kind: str, name: str) -> Response:
 
 
 async def _description(request: Request) -> Response:
-    return _json(description())
+    return Response(_described(), media_type="application/json")
+
+
+@functools.cache
+def _described() -> str:
+    return to_json(description()) + "\n"  # once: it takes 6 ms, and strangers may ask for it
 
 
 RUN, ROUND = "/api/runs/{id}", "/api/rounds/{id}"
@@ -246,7 +256,8 @@ ENDPOINTS = (
         )
     ),
     Endpoint(
-        "GET", f"{RUN}/files/{{place}}/{{file}}", f"A file of quick or evaluation: {', '.join(SHOWN)}", _file, bytes
+        *("GET", f"{RUN}/files/{{place}}/{{file}}", f"A file of quick or evaluation: {', '.join(SHOWN)}", _file, bytes),
+        media=tuple(SHOWN.values()),
     ),
     Endpoint("GET", "/api/table", "Finished runs of everybody, best first", _table, list[RowView]),
     Endpoint("POST", "/api/comparisons", "Compare finished runs by their ids", _compare, Created, list[str], 201),
@@ -259,8 +270,11 @@ ENDPOINTS = (
         *("POST", f"{ROUND}/verify", "Verify again what failed by faults of the machine, as an organizer"),
         *(_verify_again, RoundView),
     ),
-    Endpoint("GET", f"{ROUND}/table.csv", "The table of a round as CSV", _round_csv, bytes),
-    Endpoint("GET", f"{ROUND}/certificates.zip", "All certificates of a round that is final", _certificates, bytes),
+    Endpoint("GET", f"{ROUND}/table.csv", "The table of a round as CSV", _round_csv, bytes, media=(CSV,)),
+    Endpoint(
+        *("GET", f"{ROUND}/certificates.zip", "All certificates of a round that is final", _certificates, bytes),
+        media=(ZIP,),
+    ),
     Endpoint("GET", "/api/openapi.json", "This description", _description, dict[str, Any]),
 )
 
@@ -288,7 +302,7 @@ def description() -> dict[str, Any]:
                 ),
             ],
             "responses": {
-                str(each.status): {"description": "done", **_content(each.gives, by_type)},
+                str(each.status): {"description": "done", **_content(each.gives, by_type, each.media)},
                 "default": {"description": "not done", **_content(Problem, {str(Problem): schemas[-1]})},
             },
         }
@@ -307,9 +321,11 @@ def description() -> dict[str, Any]:
     }
 
 
-def _content(kind: Any, schemas: dict[str, Any]) -> dict[str, Any]:
+def _content(
+    kind: Any, schemas: dict[str, Any], media: tuple[str, ...] = ("application/octet-stream",)
+) -> dict[str, Any]:
     if kind is None:
         return {}
     if kind is bytes:
-        return {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
+        return {"content": {each: {"schema": {"type": "string", "format": "binary"}} for each in media}}
     return {"content": {"application/json": {"schema": schemas[str(kind)]}}}

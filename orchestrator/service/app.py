@@ -25,6 +25,8 @@ from .files import Files
 from .records import Conduct, Settings, Stage
 from .runner import JOB, Runner, protocol_of
 from .service import Service
+from .turns import Turns
+from .wire import cut
 
 PATIENCE = 0.5
 """Seconds that the service waits for another process that has locked the database: everybody else waits as well."""
@@ -67,7 +69,7 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
 
     app = Starlette(
         routes=[*api.routes(), *live.routes(), *pages.routes()],
-        middleware=[Middleware(Borders, local=not settings.accounts)],
+        middleware=[Middleware(Borders, local=not settings.accounts), Middleware(Turns)],
         exception_handlers={
             Refusal: _refused,
             InputError: _refused,
@@ -139,7 +141,7 @@ async def _refused(request: Request, problem: Exception) -> Response:
     else:
         # What the machine cannot do now, it may do later.
         status, sentence = (400 if isinstance(problem, InputError) else 503), str(problem)
-    return _answer(request, status, sentence)
+    return _answer(request, status, cut(sentence))
 
 
 async def _gone(request: Request, problem: Exception) -> Response:

@@ -12,7 +12,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse
+from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from .accounts import is_loopback
@@ -84,7 +84,13 @@ class Borders:
             await send(message)
 
         if problem:
-            await PlainTextResponse(f"{problem}\n", 403, closing(scope["method"]))(scope, receive, with_headers)
+            headers = closing(scope["method"])
+            answer = (
+                JSONResponse({"error": problem}, 403, headers)
+                if scope["path"].startswith("/api/")
+                else PlainTextResponse(f"{problem}\n", 403, headers)
+            )
+            await answer(scope, receive, with_headers)
             return
         await self._app(scope, receive, with_headers)
 

@@ -45,7 +45,8 @@ class Client:
         self._secure, self._host, self._port = parts.scheme == "https", host, port
         # A whole invitation is an address, too.
         self._base, self._key = quote(parts.path.rstrip("/").removesuffix("/join"), safe="/%"), key
-        self.url = url.rstrip("/")
+        # Not as it was given: an invitation has the key, and what is printed of it may be in a log that others read.
+        self.url = f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{self._base}"
 
     def submit(self, file: Path) -> Answer:
         """Submit an FMU; returns its run. Raises as :meth:`ask`."""

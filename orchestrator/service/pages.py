@@ -6,13 +6,12 @@ import functools
 from collections.abc import AsyncIterator
 from importlib import resources
 from typing import Any
-from urllib.parse import parse_qsl
 
 from markupsafe import Markup
 from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from ..documents.compare_page import FILE as COMPARISON
@@ -20,21 +19,18 @@ from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
-from .borders import MAX_BINDING_FORM, MAX_FORM, REPORT_POLICY, Refusal, body, key_body
+from .borders import MAX_BINDING_FORM, REPORT_POLICY, Refusal, body, key_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
-from .people import COOKIE, asking, person_asking, sent, service_of, session_of
+from .people import COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
+from .wire import PIECE_BYTES, cut, file_answer, form_fields, parsed
 
 FILES = resources.files(__package__) / "templates"
 
-PIECE_BYTES = 1 << 18
-
 FEW = 200
 """Variables that are offered as a list to choose from; of more, a field completes what is typed."""
-
-MAX_FIELDS = 2000
 
 
 def page(request: Request, template: str, status: int = 200, **context: Any) -> Response:
@@ -187,7 +183,9 @@ async def bind(request: Request) -> Response:
     """Bind by the form."""
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    typed = await _typed(request, MAX_BINDING_FORM)
+    # One longer than a value may be is refused, and each is shown again.
+    longest = binding.MAX_VALUE + 1
+    typed = {name: value[:longest] for name, value in await form_fields(request, MAX_BINDING_FORM)}
     chosen, given = (
         {name.removeprefix(kind): value for name, value in typed.items() if name.startswith(kind)}
         for kind in ("map:", "set:")
@@ -195,17 +193,8 @@ async def bind(request: Request) -> Response:
     try:
         bound = service.bind_by_form(run, chosen, given)
     except InputError as problem:  # what was typed is not lost
-        return _run_page(request, service, run, str(problem), typed, 400)
+        return _run_page(request, service, run, cut(str(problem)), typed, 400)
     return RedirectResponse(f"/runs/{bound.id}", 303)
-
-
-async def _typed(request: Request, most: int = MAX_FORM) -> dict[str, str]:
-    """The fields of a form."""
-    text = (await sent(request, most)).decode("utf-8", "replace")
-    try:
-        return dict(parse_qsl(text, max_num_fields=MAX_FIELDS, keep_blank_values=True))
-    except ValueError:
-        raise Refusal(400, "This form has too many fields.") from None
 
 
 async def cancel(request: Request) -> Response:
@@ -235,8 +224,8 @@ async def file(request: Request) -> Response:
     names = request.path_params
     found = service.file(service.own(person, names["id"]), names["place"], names["file"])
     if found.suffix == ".html":
-        return FileResponse(found, media_type=SHOWN[found.name], headers={"content-security-policy": REPORT_POLICY})
-    return FileResponse(found, media_type=SHOWN[found.name], filename=found.name)
+        return file_answer(found, SHOWN[found.name], headers={"content-security-policy": REPORT_POLICY})
+    return file_answer(found, SHOWN[found.name], found.name)
 
 
 async def mapping(request: Request) -> Response:
@@ -251,11 +240,7 @@ async def mapping(request: Request) -> Response:
 async def compare(request: Request) -> Response:
     """Compare the runs that were ticked."""
     service, person = asking(request)
-    text = (await sent(request)).decode("utf-8", "replace")
-    try:
-        ids = [value for name, value in parse_qsl(text, max_num_fields=300) if name == "run"]
-    except ValueError:
-        raise Refusal(400, "These are too many runs.") from None
+    ids = [value for name, value in await form_fields(request) if name == "run"]
     return RedirectResponse(f"/comparisons/{await service.compare(person, ids)}", 303)
 
 
@@ -272,11 +257,7 @@ async def comparison_page(request: Request) -> Response:
     id = request.path_params["id"]
     service.comparison(person, id)
     place = service.files.comparison(id) / COMPARISON
-    if not place.is_file():
-        raise Refusal(404, "There is no such comparison any more. Make it again.")
-    return FileResponse(
-        place, media_type="text/html; charset=utf-8", headers={"content-security-policy": REPORT_POLICY}
-    )
+    return file_answer(place, "text/html; charset=utf-8", headers={"content-security-policy": REPORT_POLICY})
 
 
 async def rounds(request: Request) -> Response:
@@ -300,7 +281,7 @@ def _rounds_page(
 async def open_round(request: Request) -> Response:
     """Open a round by the form."""
     service, person = asking(request)
-    typed = await _typed(request)
+    typed = dict(await form_fields(request))
     try:
         round = service.open_round(person, typed.get("name", ""), typed.get("closes", ""))
     except (InputError, Refusal) as problem:  # what was typed is not lost
@@ -326,7 +307,7 @@ async def choose(request: Request) -> Response:
     """Choose what counts."""
     service, person = asking(request)
     round = service.round(request.path_params["id"])
-    service.choose(person, round, service.own(person, (await _typed(request)).get("run", "")))
+    service.choose(person, round, service.own(person, dict(await form_fields(request)).get("run", "")))
     return RedirectResponse(f"/rounds/{round.id}", 303)
 
 
@@ -353,11 +334,7 @@ async def join(request: Request) -> Response:
 async def come_in(request: Request) -> Response:
     """Come in by a key."""
     service = service_of(request)
-    brought = await key_body(request)
-    try:
-        key = dict(parse_qsl(brought.decode("utf-8", "replace"), max_num_fields=5)).get("key", "")
-    except ValueError:
-        raise Refusal(400, "This form has too many fields.") from None
+    key = dict(await parsed(await key_body(request))).get("key", "")
     person = accounts.known(service.database, key[:500])
     if person is None:
         return page(
@@ -366,7 +343,8 @@ async def come_in(request: Request) -> Response:
     answer = RedirectResponse("/", 303)
     # "lax": a link in a course's pages or in a mail finds whoever is in. Nothing changes by GET, and what changes
     # something must come from a page of this service.
-    secure = request.url.scheme == "https"
+    # A server in front may tell the scheme, and a browser does.
+    secure = "https" in (request.url.scheme, request.headers.get("origin", "").partition(":")[0])
     token = accounts.begin_session(service.database, person)
     age = int(accounts.SESSION_TIME)
     answer.set_cookie(COOKIE, token, max_age=age, httponly=True, samesite="lax", secure=secure)

@@ -39,7 +39,7 @@ MAX_COMPARED = 12
 """Runs in one comparison."""
 
 MAX_COMPARING = 2
-"""Comparisons of one person at a time."""
+"""Comparisons and archives of one person at a time."""
 
 LONGEST_ROUND = 10 * 366 * 86400.0
 """How far the close of a round may be [s]."""
@@ -236,10 +236,7 @@ class Service:
             raise Refusal(409, "Only finished runs can be compared.")
         # The same runs are the same comparison: pressing twice makes no second one.
         id = hashlib.sha256(" ".join([person.id, *(run.id for run in runs)]).encode()).hexdigest()[:24]
-        # Else one person could keep all others from comparing: a request goes on when its client has left.
-        if self.comparisons[person.id] >= MAX_COMPARING:
-            raise Refusal(429, "Comparisons of yours are under way. Wait for one of them.")
-        with _counted(self.comparisons, person.id):
+        with self._making(person):
             async with self.comparing:
                 await compared(self.files, id, [self.files.run(run.id) / EVALUATION for run in runs])
             # Deleted meanwhile: the page shows results that nobody has any more.
@@ -250,6 +247,13 @@ class Service:
                 for old in self.database.add_comparison(id, person.id, [run.id for run in runs], time.time()):
                     self.files.remove_comparison(old)
         return id
+
+    def _making(self, person: Person) -> AbstractContextManager[None]:
+        """While a comparison or an archive is made for ``person``, two at a time of all. Else one person could keep all
+        others from theirs: a request goes on when its client has left."""
+        if self.comparisons[person.id] >= MAX_COMPARING:
+            raise Refusal(429, "Comparisons or archives of yours are being made. Wait for one of them.")
+        return _counted(self.comparisons, person.id)
 
     def comparison(self, person: Person, id: str) -> tuple[Submission, ...]:
         """The runs of a comparison that a person has made."""
@@ -340,16 +344,17 @@ class Service:
         for run in failed:
             self._moved(lambda run=run: self.runner.retry(run))  # type: ignore[misc]
 
-    async def certificates(self, round: Round) -> bytes:
+    async def certificates(self, person: Person, round: Round) -> bytes:
         """All certificates of a round that is final as a zip archive, each called by the id of its run."""
         runs = self.database.in_round(round.id)
         if rounds.phase(round, runs) != "final":
             raise Refusal(409, "There are certificates when all runs of a round that is closed are verified.")
         verified = [run for run in runs if run.drawn_cost is not None]
         files = {f"{run.id}.json": self.files.run(run.id) / DRAWN / VERIFICATION for run in verified}
-        # One at a time, beside this thread: many large ones take a while.
-        async with self.comparing:
-            return await anyio.to_thread.run_sync(packed, files)
+        # Beside this thread: many large ones take a while.
+        with self._making(person):
+            async with self.comparing:
+                return await anyio.to_thread.run_sync(packed, files)
 
 
 @contextmanager

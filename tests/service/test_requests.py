@@ -10,9 +10,11 @@ from support.command_lines import call
 from support.tools import require
 
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, binding, database, live, shown, states
+from orchestrator.service import accounts, binding, database, live, shown, states, wire
+from orchestrator.service.borders import Refusal
 from orchestrator.service.client import Client
-from orchestrator.service.records import Conduct, Outcome, State, Submission
+from orchestrator.service.records import Conduct, Outcome, Person, State, Submission
+from orchestrator.service.turns import Turns
 from service.conftest import ALONE, SOME, Asker, fmu
 from service.test_service import INTERFACE, under_way
 
@@ -274,3 +276,68 @@ def test_folders_that_seem_empty_may_be_removed(serve):
     for name in ("incoming", "fmus", "runs"):
         (root / name).rmdir()
     assert me.until(me.submit()["id"])["state"] == "finished"
+
+
+def test_a_file_whose_run_is_deleted_is_no_fault(me):
+    """It was looked for, and opened after the answer had begun: 4 tracebacks in 80 tries."""
+    run = me.until(me.submit(fmu(evaluating={"files": {"evaluation/results.json": "{}"}}))["id"])
+    file = me.client.app.state.service.files.run(run["id"]) / "evaluation" / "results.json"
+    assert me.get(f"/api/runs/{run['id']}/files/evaluation/results.json").content == file.read_bytes()
+    file.unlink()
+    file.mkdir()  # what is there when it is looked for, and cannot be opened
+    with pytest.raises(Refusal, match="no such file"):
+        wire.file_answer(file, "application/json")
+
+
+def test_what_was_sent_is_not_sent_back_at_length(me):
+    """260 answers of 8 MB that nobody read took 1.7 GB of memory."""
+    files = {"interface.json": json.dumps(INTERFACE)}
+    run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none", "files": files}))["id"])
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    refused = me.post(f"/runs/{run['id']}/binding", b"map:q_m[1]=" + b"'" * 1_000_000, **form)
+    assert refused.status_code == 400 and "no variable" in refused.text and len(refused.content) < 200_000
+    assert len(me.put(f"/api/runs/{run['id']}/binding", "x" * 1_000_000).content) < 5_000
+
+
+def test_the_description_tells_the_types_of_files(me):
+    paths = me.get("/api/openapi.json").json()["paths"]
+    files = {"evaluation/results.json": "{}", "evaluation/report.html": "<p>"}
+    run = me.until(me.submit(fmu(evaluating={"files": files}))["id"])
+    told = paths["/api/runs/{id}/files/{place}/{file}"]["get"]["responses"]["200"]["content"]
+    for name in ("results.json", "report.html"):
+        assert me.get(f"/api/runs/{run['id']}/files/evaluation/{name}").headers["content-type"] in told
+    assert list(paths["/api/rounds/{id}/table.csv"]["get"]["responses"]["200"]["content"]) == [
+        "text/csv; charset=utf-8"
+    ]
+    elsewhere = me.get("/api/runs", host="evil.test")
+    assert elsewhere.status_code == 403 and "127.0.0.1" in elsewhere.json()["error"]
+
+
+def test_nobody_has_two_requests_in_one_turn_of_the_loop(me):
+    """100 connections of a stranger had others wait for 14 s."""
+    begun: list[str] = []
+
+    async def answer(scope, receive, send):
+        begun.append(scope["who"])
+
+    async def ask() -> None:
+        turns = Turns(answer)
+        await asyncio.gather(*(turns({"type": "http", "who": who}, None, None) for who in ["many"] * 50 + ["other"]))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("orchestrator.service.turns.person_asking", lambda request: Person(request.scope["who"], ""))
+        asyncio.run(ask())
+    assert sorted(begun) == ["many"] * 50 + ["other"] and begun.index("other") <= 1
+
+
+def test_a_browser_keeps_its_session_for_encrypted_pages_alone(serve):
+    client = serve(SOME)
+    for origin, secure in (("https://127.0.0.1:8080", True), ("http://127.0.0.1:8080", False)):
+        key = accounts.invited(client.app.state.service.database, "Ada")
+        came = client.post("/join", data={"key": key}, headers={"origin": origin}, follow_redirects=False)
+        assert came.status_code == 303 and ("secure" in came.headers["set-cookie"].lower()) is secure
+
+
+@pytest.mark.parametrize("given", ["{}/join#abc.secret", "http://me:secret@{}/", "{}"])
+def test_a_program_tells_no_key(given):
+    assert Client(given.format("bench.example.org:8080")).url == "http://bench.example.org:8080"
