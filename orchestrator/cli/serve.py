@@ -222,15 +222,16 @@ def _copy(given: argparse.Namespace) -> int:
     make_private(given.backup)
     target = Files(given.backup)
     part = target.database.with_suffix(".part")
-    database = Database(files.database)
+    database = Database(files.database, may_begin=False)
     try:
         # The rows first: each of them has its files then, but for what is deleted in between.
         database.copy(part)
     finally:
         database.close()
     files.copy(given.backup)
-    copied = Database(part)
+    copied = Database(part, may_begin=False)
     try:
+        copied.check()
         copied.keep_runs_of({file.stem for file in (given.backup / "fmus").glob("*.fmu")})
     finally:
         copied.close()
@@ -245,7 +246,7 @@ def _manage(given: argparse.Namespace) -> int:
     if given.invite is None and not files.database.exists():  # a slip in --data would look like an empty service
         raise InputError(f"{given.data} is not the folder of a service: nobody was invited there.", "no-folder")
     files.prepare()
-    database = Database(files.database)
+    database = Database(files.database, may_begin=given.invite is not None)
     try:
         if given.invite is not None:
             key = accounts.invited(database, given.invite)

@@ -13,6 +13,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
+from .files import is_empty
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
 FORM = 4
@@ -100,17 +101,22 @@ class Changed(Exception):
 
 
 class Database:
-    """The state of the service in the SQLite file ``file``, which is made if it is missing.
+    """The state of the service in the SQLite file ``file``. Its tables are made if it ``may_begin`` and has none.
 
-    It waits ``patience`` [s] for another process. Raises :class:`InputError` for a file of a later version,
-    :class:`EnvironmentFault` for one that cannot be opened. A method raises :class:`EnvironmentFault` if the disk
-    is full or the file locked; nothing has changed then.
+    It waits ``patience`` [s] for another process. Raises :class:`InputError` for a file of a later version, and for one
+    without tables that may not begin; :class:`EnvironmentFault` for one that cannot be opened. A method raises
+    :class:`EnvironmentFault` if the disk is full or the file locked; nothing has changed then.
     """
 
-    def __init__(self, file: Path, patience: float = BUSY) -> None:
+    def __init__(self, file: Path, patience: float = BUSY, may_begin: bool = True) -> None:
         try:
             # The thread that makes it need not be the one that uses it; only one does.
             self._connection = sqlite3.connect(file, timeout=patience, isolation_level=None, check_same_thread=False)
+            # Before anything is written: an empty file is to stay what it is. A copy of one had made its tables, and
+            # the next start removed all runs and FMUs, which no row named.
+            if not self._has_tables() and not (may_begin and is_empty(file.parent)):
+                message = f"{file} has no tables of a service. Put a whole copy of the service there, or choose an "
+                raise InputError(f"{message}empty folder.", "no-service", file.parent)
             # Of a file without tables alone: what is deleted is given back to the disk by and by.
             self._connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
             self._connection.execute("PRAGMA journal_mode = WAL")
@@ -122,17 +128,20 @@ class Database:
             # Deleted means deleted, also in the free pages of the file.
             self._connection.execute("PRAGMA secure_delete = ON")
             with self._transaction() as connection:
-                if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'form'").fetchone():
+                if not self._has_tables():
                     for statement in filter(str.strip, TABLES.split(";\n")):
                         connection.execute(statement)
                     connection.execute("INSERT INTO form VALUES (?)", (FORM,))
                 (form,) = connection.execute("SELECT number FROM form").fetchone() or (None,)
-        except sqlite3.Error as problem:
+        except (sqlite3.Error, OSError, UnicodeDecodeError) as problem:  # what SQLite says quotes a damaged schema
             message = f"{file} cannot be opened as the service's database: {problem}."
             raise EnvironmentFault(message, "no-database") from problem
         if form != FORM:
             message = f"{file} was made by another version of the service (form {form}; this one reads {FORM})."
             raise InputError(message, "other-database", file, form)
+
+    def _has_tables(self) -> bool:
+        return bool(self._connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'form'").fetchone())
 
     def close(self) -> None:
         """End its use."""
@@ -140,7 +149,9 @@ class Database:
 
     def check(self) -> None:
         """Raise :class:`EnvironmentFault` for a file that is damaged, or cannot be written."""
-        (row,) = self._rows("PRAGMA quick_check(1)")
+        # Not quick_check, which does not compare rows with indices: with one bit of a state or a hash flipped, pages
+        # answered 500, and the start removed an FMU.
+        (row,) = self._rows("PRAGMA integrity_check(1)")
         if row[0] != "ok":
             raise EnvironmentFault(f"The service's database is damaged: {row[0]}.", "no-database")
         with self._transaction() as connection:

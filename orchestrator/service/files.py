@@ -77,6 +77,11 @@ def plain_name(name: str) -> str:
     return (re.sub(r"[^A-Za-z0-9._-]+", "_", stem).strip("._-")[:60] or "controller") + ".fmu"
 
 
+def is_empty(root: Path) -> bool:
+    """Whether there is no FMU, run or comparison in a service's folder."""
+    return not any((root / kind).is_dir() and any((root / kind).iterdir()) for kind in KINDS)
+
+
 def make_private(folder: Path) -> None:
     """Let nobody else read a folder: FMUs and results are other people's.
 
@@ -122,9 +127,9 @@ class Files:
         database, since a service removes what its rows do not name, and for a path that jobs cannot use."""
         # At the start, since the price shows at the end: with no cache there, every stage compiles anew, and no
         # certificate is standard.
-        other = next((place for place in (self.root.resolve(), self.cache.resolve()) if not str(place).isascii()), None)
-        if other is not None:
-            message = f"{other} has letters outside of ASCII, with which FMUs made in Python crash."
+        named = next((place for place in (self.root.resolve(), self.cache.resolve()) if not str(place).isascii()), None)
+        if named is not None:
+            message = f"{named} has letters outside of ASCII, with which FMUs made in Python crash."
             raise InputError(message, "not-ascii", self.root)
         own = (*KINDS, "incoming", "cache", self.database.name, "lost+found")
         try:
@@ -132,11 +137,11 @@ class Files:
                 return
             names = (entry.name for entry in self.root.iterdir()) if self.root.is_dir() else ()
             there = {name for name in names if name[0] != "."}
-            filled = {kind for kind in KINDS if kind in there and any((self.root / kind).iterdir())}
+            other = bool(there - {*own}) or not is_empty(self.root)
         except OSError as problem:
             message = f"The folder {self.root} cannot be read: {problem.strerror}."
             raise InputError(message, "folder-not-writable", self.root) from problem
-        if there - {*own} or filled:
+        if other:
             message = (
                 f"{self.root} has files, but no {self.database.name} of a service. Choose an empty folder, or put a "
             )

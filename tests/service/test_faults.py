@@ -1,5 +1,6 @@
 """What an operator and a machine do to a service: nothing of anybody else's is lost, and no run stops the others."""
 
+import contextlib
 import hashlib
 import io
 import logging
@@ -63,6 +64,61 @@ def test_a_service_without_its_database_does_not_start_and_removes_nothing(loss,
     refused = call("serve", "--data", "data", "--port", "0", folder=tmp_path)
     assert refused.code == 2 and "no service.sqlite" in refused.err
     assert everything_below(tmp_path / "data") == before
+
+
+def without_tables(file: Path, *, header: bool) -> None:
+    """An empty database, or one that was emptied by a tool of SQLite, which leaves a page."""
+    file.unlink()
+    with contextlib.closing(sqlite3.connect(file)) as connection:
+        if header:
+            connection.executescript("CREATE TABLE x (a); DROP TABLE x")
+    file.touch()
+
+
+@pytest.mark.parametrize("header", [False, True], ids=["empty", "no tables"])
+@pytest.mark.parametrize(
+    "words", [("--port", "0"), ("--backup", "copy"), ("--people",), ("--remove", "Ada"), ("--organizer", "Ada")]
+)
+def test_tables_are_made_in_no_folder_with_runs(words, header, serve, tmp_path):
+    """A copy of an empty database made its tables, and the next start removed all runs and FMUs."""
+    client = serve()
+    Asker(client).until(Asker(client).submit()["id"])
+    ended(client)
+    file = tmp_path / "data" / "service.sqlite"
+    without_tables(file, header=header)
+    content, before = file.read_bytes(), everything_below(tmp_path / "data")
+    assert any(name.startswith("fmus/") for name in before) and any(name.startswith("runs/") for name in before)
+    refused = call("serve", "--data", "data", *words, folder=tmp_path)
+    assert refused.code == 2 and "whole copy of the service there" in refused.err
+    assert (file.read_bytes(), everything_below(tmp_path / "data")) == (content, before)
+
+
+@pytest.mark.parametrize("words", [("--backup", "copy"), ("--people",), ("--remove", "Ada"), ("--organizer", "Ada")])
+def test_commands_for_people_and_copies_need_tables(words, tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "service.sqlite").touch()
+    refused = call("serve", "--data", "data", *words, folder=tmp_path)
+    assert refused.code == 2 and "no tables of a service" in refused.err
+    assert (tmp_path / "data" / "service.sqlite").stat().st_size == 0
+    assert call("serve", "--data", "data", "--invite", "Ada", folder=tmp_path).code == 0
+
+
+@pytest.mark.parametrize("words", [("--port", "0"), ("--backup", "copy")])
+@pytest.mark.parametrize("damaged", [b"finished", b"CREATE TABLE runs"], ids=["a state", "the schema"])
+def test_one_bit_of_the_database_that_is_another_is_told(damaged, words, serve, tmp_path):
+    """Pages answered 500 with a state that does not exist, and with another hash the start removed an FMU."""
+    client = serve()
+    Asker(client).until(Asker(client).submit()["id"])
+    ended(client)
+    file = tmp_path / "data" / "service.sqlite"
+    content = bytearray(file.read_bytes())
+    # Of the row, not of the text of the schema and of the history.
+    place = content.find(damaged) if damaged.startswith(b"CREATE") else content.find(b"finished", 8 * 4096)
+    content[place + 3] ^= 0x80 if damaged.startswith(b"CREATE") else 1
+    file.write_bytes(content)
+    refused = call("serve", "--data", "data", *words, folder=tmp_path)
+    assert refused.code == 1 and "service's database" in refused.err and "Traceback" not in refused.err
+    assert not (tmp_path / "copy" / "service.sqlite").exists()
 
 
 def test_a_damaged_database_is_told_in_a_sentence(serve, tmp_path):
