@@ -256,6 +256,9 @@ class Runner:
             outcome = Outcome(stage, "fault", f"the job could not be started: {problem.strerror or problem}")
         except EnvironmentFault as problem:
             outcome = Outcome(stage, "fault", str(problem))
+        except Exception as problem:  # such as a thread that cannot be started, which kept the place for ever
+            logger.exception("A stage has failed.")
+            outcome = Outcome(stage, "fault", f"the job could not be started: {problem}")
         finally:
             _kill(live.process)
         await self._settle(live, outcome)
@@ -315,6 +318,9 @@ class Runner:
         except asyncio.TimeoutError:
             _kill(process)
             await process.wait()
+            # A service that was stopped itself for so long (SIGSTOP) finds here what was done in time.
+            if (outcome := outcome_of(folder, stage)) is not None:
+                return outcome
             limit = f"{states.WORDS[stage]} took longer than {self._conduct.time(stage):g} s"
             return Outcome(stage, "failed", limit)
         # It is written last of all: how the process ended after that does not matter.

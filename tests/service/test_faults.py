@@ -1,5 +1,6 @@
 """What an operator and a machine do to a service: nothing of anybody else's is lost, and no run stops the others."""
 
+import asyncio
 import contextlib
 import hashlib
 import io
@@ -750,3 +751,29 @@ def test_the_database_refuses_what_it_cannot_write(tmp_path):
     assert refusal(database.check, kind=EnvironmentFault).what == LOCKED
     other.close()
     database.close()
+
+
+def test_a_thread_that_cannot_be_started_keeps_no_place(me, monkeypatch):
+    """Python starts one for each process: what it raises is no OSError, and the stage was under way for ever."""
+    start, failed = asyncio.create_subprocess_exec, []
+
+    async def without_thread(*words, **options):
+        if len(failed) < 2:
+            failed.append(words)
+            raise RuntimeError("can't start new thread")
+        return await start(*words, **options)
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", without_thread)
+    runs = [me.submit(fmu(x=number))["id"] for number in range(3)]
+    assert [me.until(id)["state"] for id in runs] == ["finished"] * 3 and len(failed) == 2
+    told = [event["text"] for id in runs for event in me.run(id)["history"]]
+    assert sum("fault of this machine" in text and "new thread" in text for text in told) == 2
+
+
+def test_what_was_done_when_the_time_is_over_counts(serve):
+    """A service that is stopped, and goes on, finds that the time of a stage is over, and its outcome on the disk."""
+    me = Asker(serve(replace(ALONE, conduct=replace(ALONE.conduct, short_time=2.0))))
+    done = {"checking.json": '{"stage": "checking", "kind": "done", "verdict": "ok"}'}
+    assert me.until(me.submit(fmu(checking={"files": done, "wait": 60.0}))["id"])["state"] == "finished"
+    late = me.until(me.submit(fmu(checking={"wait": 60.0}))["id"])
+    assert late["state"] == "failed" and "took longer than 2 s" in late["reason"]
