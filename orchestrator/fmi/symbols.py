@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import mmap
 import os
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,12 +24,18 @@ HEAD = b"\x7fELF\x02\x01"
 DYNAMIC_SYMBOLS = 11
 """Type of the section with the names that a library shows."""
 
+SYMBOL = struct.Struct("<IBBHQQ")
+"""An entry of it: where its name begins, what it is, and the section that it lies in."""
+
 NAMED, DATA, INDIRECT = (1, 2), (1, 2), 10
 """Bindings (global and weak) and types (data and functions) of symbols, and the type of a function that is chosen when
 the library is loaded."""
 
 OF_THE_PROGRAM = re.compile(r"(python[\d.]*|lib(c|m|dl|util|pthread|python[\d.]+)(\.so|-\d)[\d.so]*)$")
 """Files whose names come before a library's own: Python, and what it is linked with."""
+
+MAX_SYMBOLS, MAX_NAME_BYTES = 1_000_000, 4096
+"""Symbols of a library that are looked at, and the longest name; the program's own are far fewer and shorter."""
 
 DEEP = getattr(os, "RTLD_DEEPBIND", 0)
 """Mode of the loader in which a library's own names come first; 0 where there is none."""
@@ -38,7 +45,7 @@ def shadowed(library: Path) -> list[str]:
     """Names of functions and data that ``library`` defines and that the program has already; none of what is no ELF
     file of 64 bits."""
     # What begins with an underscore is the compiler's own, and that of C++ is meant to be one for all.
-    return sorted(name for name in _defined(library) & of_the_program() if not name.startswith(("_", "fmi")))
+    return sorted(name for name in _defined(library, of_the_program()) if not name.startswith(("_", "fmi")))
 
 
 @functools.cache
@@ -54,25 +61,32 @@ def of_the_program() -> frozenset[str]:
     return frozenset()
 
 
-def _defined(library: Path) -> frozenset[str]:
-    with suppress(OSError, struct.error, IndexError, ValueError, OverflowError):
-        return frozenset(_symbols(library.read_bytes()))
+def _defined(library: Path, among: Container[str] | None = None) -> frozenset[str]:
+    """The names that ``library`` defines; of a stranger's those alone that are ``among`` others, whatever it holds."""
+    damage = (OSError, struct.error, IndexError, ValueError, OverflowError)
+    # Mapped, since a library may have gigabytes, and its names lie anywhere in it.
+    with suppress(*damage), library.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as file:
+        return frozenset(name for name in _symbols(file) if among is None or name in among)
     return frozenset()
 
 
-def _symbols(file: bytes) -> Iterator[str]:
+def _symbols(file: mmap.mmap) -> Iterator[str]:
     """Names that an ELF file defines; raises :class:`ValueError` and others for a damaged one."""
-    if not file.startswith(HEAD):
+    if file[: len(HEAD)] != HEAD:
         return
     (table,) = struct.unpack_from("<Q", file, 0x28)
     size, count = struct.unpack_from("<HH", file, 0x3A)
     sections = [struct.unpack_from("<IIQQQQIIQQ", file, table + number * size) for number in range(count)]
-    for _, kind, _, _, begin, length, link, _, _, _ in sections:
-        if kind == DYNAMIC_SYMBOLS:
-            texts = sections[link][4]
-            for name, info, _, place, _, _ in struct.iter_unpack("<IBBHQQ", file[begin : begin + length]):
-                if place and info >> 4 in NAMED and info & 15 in (*DATA, INDIRECT):
-                    yield file[texts + name : file.index(b"\0", texts + name)].decode(errors="replace")
+    # The first one: a linker writes one, and thousands that are the same one would take hours.
+    for _, _, _, _, begin, length, link, _, _, _ in [each for each in sections if each[1] == DYNAMIC_SYMBOLS][:1]:
+        texts = sections[link][4]
+        for entry in range(begin, begin + min(length, MAX_SYMBOLS * SYMBOL.size), SYMBOL.size):
+            name, info, _, place, _, _ = SYMBOL.unpack_from(file, entry)
+            if place and info >> 4 in NAMED and info & 15 in (*DATA, INDIRECT):
+                # 70 names that all went on to the end of 60 MB took 4.2 GB.
+                end = file.find(b"\0", texts + name, texts + name + MAX_NAME_BYTES)
+                if end >= 0:
+                    yield file[texts + name : end].decode(errors="replace")
 
 
 def load_with_its_own(library: Path) -> None:
