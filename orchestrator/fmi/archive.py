@@ -32,11 +32,13 @@ from .entries import (
     Damaged,
     added_files,
     check_entries,
+    digest,
     extract,
+    file_digest,
     files_of,
     is_intact,
+    pieces,
     refused,
-    unpacked,
 )
 from .library import FLAGS, SOURCE, WINE, LibraryKind, choose, has_sources
 from .variables import variables
@@ -75,7 +77,7 @@ class Archive:
         """SHA-256 by name of all files in it."""
         with self.opened() as archive:
             files = files_of(archive)
-            return {name: hashlib.sha256(unpacked(archive, member)).hexdigest() for name, member in files.items()}
+            return {name: digest(pieces(archive, member)) for name, member in files.items()}
 
     def opened(self) -> zipfile.ZipFile:
         """Its contents, to be closed."""
@@ -151,7 +153,7 @@ def open_archive(file: Path, library: LibraryKind | None = None) -> Archive:
         if file.stat().st_size > MAX_BYTES:
             raise refused(f"it is larger than {MAX_BYTES / 1e6:.0f} MB", "archive-limit", file)
         # Only after the size is known: a device or a huge file would fill the memory.
-        sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+        sha256 = file_digest(file)
     except UnicodeEncodeError:
         message = f"The file name {str(file)!a} is not UTF-8, so results could not name it. Rename it."
         raise InputError(message, "bad-file-name") from None
@@ -187,8 +189,8 @@ def reopen(name: str, sha256: str, folder: str, library: LibraryKind = "native")
 
 def check_files(name: str, folder: Path, digests: Mapping[str, str]) -> None:
     """Raise :class:`~orchestrator.errors.EnvironmentFault` if a file in ``folder`` is not what ``digests`` say."""
-    for file, digest in digests.items():
-        if hashlib.sha256((folder / file).read_bytes()).hexdigest() != digest:
+    for file, expected in digests.items():
+        if file_digest(folder / file) != expected:
             raise EnvironmentFault(f"{name} was changed after it was opened: {file} is another file.", "cache-lost")
 
 

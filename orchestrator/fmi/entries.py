@@ -6,17 +6,21 @@ format asks for.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import stat
 import zipfile
 from collections.abc import Iterable, Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from ..errors import InputError
 
 MAX_FILES = 10_000
 """Largest number of files in an archive."""
+
+MAX_FOLDERS = MAX_FILES
+"""Largest number of folders that they lie in. Each takes a place of the file system, and none in the archive."""
 
 MAX_DIRECTORY_BYTES = 4 * 1024**2
 """Largest size of the list of them in the archive, which takes some hundred times as much in memory."""
@@ -41,6 +45,12 @@ ENCRYPTED, PATCHED, AES = 1 << 0 | 1 << 6, 1 << 5, 99
 
 MAX_NAME_BYTES = 255
 """Largest length of the name of a file or folder [bytes], as common file systems have it."""
+
+MAX_PATH_BYTES = 2000
+"""The same of a name with its folders: systems take 4,096 with the cache's folder before it."""
+
+MAX_DEPTH = 100
+"""Largest number of parts of a path. Python's functions for folders call themselves for each, 1,000 times at most."""
 
 DESCRIPTION, BUILD_DESCRIPTION = "modelDescription.xml", "sources/buildDescription.xml"
 
@@ -84,11 +94,14 @@ def check_entries(file: Path) -> None:
         if flaw := _flaw(member):
             raise refused(f"its entry {member.filename!r} {flaw}", "bad-entry", file, member.filename)
     # Extracted, one of the two would be lost or the writing would fail with the words of the system.
-    if twofold := _file_and_folder(names):
+    folders = _folders(names)
+    if twofold := min(folders.intersection(names), default=""):
         raise refused(f"its entry {twofold!r} is a file and a folder", "bad-entry", file, twofold)
     # Which of two counts depends on the reader, and what was checked must be what is simulated.
     if sum(name_of(member).lower() == DESCRIPTION.lower() for member in members) > 1:
         raise refused(f"it has more than one {DESCRIPTION}", "bad-description", file)
+    if len(folders) > MAX_FOLDERS:
+        raise refused(f"its files lie in more than {MAX_FOLDERS} folders", "archive-limit", file)
     # The sizes are what the archive says. An entry that says less than
     # it holds ends at that size as damaged: zipfile checks.
     if len(members) > MAX_FILES or size > MAX_BYTES or (size > SMALL_ARCHIVE and size > MAX_RATIO * max(packed, 1)):
@@ -133,6 +146,10 @@ def _flaw(member: zipfile.ZipInfo) -> str:
         return f"is compressed by {method}, which is not unpacked here: pack it with Deflate, which all tools read"
     if any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts):
         return f"has a name of more than {MAX_NAME_BYTES} bytes, which file systems do not store"
+    if len(os.fsencode(name)) > MAX_PATH_BYTES:
+        return f"has a path of more than {MAX_PATH_BYTES} bytes, which file systems do not store in the cache's folder"
+    if len(parts) > MAX_DEPTH:
+        return f"lies in more than {MAX_DEPTH - 1} folders"
     # lxml builds the whole tree in this process, which has no limit of memory.
     if name in DESCRIPTIONS and member.file_size > MAX_DESCRIPTION_BYTES:
         size, limit = f"{member.file_size / 1e6:.0f} MB", f"{MAX_DESCRIPTION_BYTES / 1e6:.0f} MB"
@@ -140,10 +157,22 @@ def _flaw(member: zipfile.ZipInfo) -> str:
     return ""
 
 
-def _file_and_folder(names: Iterable[str]) -> str:
-    """The first file with others below it; empty if there is none."""
-    paths = {PurePosixPath(name) for name in names}
-    return next((str(parent) for path in sorted(paths) for parent in path.parents if parent in paths), "")
+def _folders(names: Iterable[str]) -> set[str]:
+    """The folders of files with these ``names``; not all of them if there are more than MAX_FOLDERS."""
+    folders: set[str] = set()
+    for name in names:
+        folder = name.rpartition("/")[0]
+        # Those around a known one are known: the parents of 4 MB of names are two million texts.
+        while folder and folder not in folders:
+            folders.add(folder)
+            folder = folder.rpartition("/")[0]
+        if len(folders) > MAX_FOLDERS:
+            break
+    return folders
+
+
+PIECE_BYTES = 1 << 20
+"""Of a file or an entry that are in memory at once."""
 
 
 class Damaged(Exception):
@@ -154,7 +183,7 @@ def pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]
     """The contents of an entry, piece by piece; raises :class:`Damaged`."""
     try:
         with archive.open(member) as source:
-            while piece := source.read(1 << 20):
+            while piece := source.read(PIECE_BYTES):
                 yield piece
     except Exception as problem:  # zipfile and its decompressors have many kinds, bz2's is an OSError
         # bz2 raises OSError for damage, without a number; one with a number is the disk's and not the file's fault.
@@ -206,8 +235,28 @@ def is_intact(folder: Path, archive: zipfile.ZipFile) -> bool:
         return False
     for name, member in files_of(archive).items():
         try:
-            if (folder / name).read_bytes() != unpacked(archive, member):
+            if not _holds(folder / name, pieces(archive, member)):
                 return False
         except (OSError, Damaged):
             return False
     return True
+
+
+def _holds(file: Path, contents: Iterable[bytes]) -> bool:
+    """Whether ``file`` has these ``contents``."""
+    with file.open("rb") as opened:
+        return all(opened.read(len(piece)) == piece for piece in contents) and not opened.read(1)
+
+
+def digest(contents: Iterable[bytes]) -> str:
+    """SHA-256 of ``contents``, of which one piece at a time is in memory: 15 MB may hold an entry of 2 GB."""
+    hashed = hashlib.sha256()
+    for piece in contents:
+        hashed.update(piece)
+    return hashed.hexdigest()
+
+
+def file_digest(file: Path) -> str:
+    """SHA-256 of a file."""
+    with file.open("rb") as opened:
+        return digest(iter(lambda: opened.read(PIECE_BYTES), b""))
