@@ -374,34 +374,65 @@ def test_a_file_that_is_too_large_is_not_unpacked(room, good_file, monkeypatch):
     assert not (room / "cache").exists()
 
 
+@pytest.fixture
+def fenced(tmp_path):
+    """What runs a script of a shell as the compiler of an FMU in ``tmp_path / "own"`` is run."""
+    output = tmp_path / "own" / "scratch" / "library.so"
+    output.parent.mkdir(parents=True)
+
+    def run(script: str) -> subprocess.CompletedProcess[str]:
+        words = compilation._fence(output, ["true"], zig=False)
+        return subprocess.run([*words, "sh", "-c", script, str(output)], check=False, capture_output=True, text=True)
+
+    return run
+
+
 @pytest.mark.needs("bubblewrap")
-def test_a_compiler_of_foreign_sources_writes_into_its_folder_only(tmp_path):
-    own, other = tmp_path / "own", tmp_path / "other"
-    own.mkdir()
-    words = compilation._fence(str(own), ["true"], zig=False)
-    script = f"touch {own}/written; touch {other}; touch $TMPDIR/temporary"
-    subprocess.run([*words, "sh", "-c", script], check=False, capture_output=True)
-    assert {file.name for file in own.iterdir()} == {"written", "temporary"} and not other.exists()
+def test_a_compiler_of_foreign_sources_writes_its_library_only(tmp_path, fenced):
+    own = tmp_path / "own"
+    script = f"echo made > $0; touch {own}/scratch/more {own}/more {tmp_path}/other $TMPDIR/temporary; ls $TMPDIR"
+    assert fenced(script).stdout.split() == ["library.so", "library.so.out", "more", "temporary"]
+    assert [str(file.relative_to(own)) for file in own.rglob("*.*")] == ["scratch/library.so"]
+    assert list(own.rglob("more")) == [] and not (tmp_path / "other").exists()
+    assert (own / "scratch" / "library.so").read_text() == "made\n"
 
 
-@pytest.mark.needs("bubblewrap", "compiler")
-def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path):
+@pytest.mark.needs("bubblewrap")
+def test_a_compiler_of_foreign_sources_fills_no_disk(tmp_path, fenced, monkeypatch):
+    """Each of its files was limited, and not their sum: 34 kB of sources wrote 7 GB."""
+    monkeypatch.setattr(compilation, "SCRATCH_BYTES", 1 << 20)
+    done = fenced("for i in 1 2 3; do head -c 500000 /dev/zero > $TMPDIR/$i || exit 7; done")
+    assert done.returncode == 7 and "No space left" in done.stderr
+    assert sum(file.stat().st_size for file in tmp_path.rglob("*") if file.is_file()) == 0
+
+
+@pytest.mark.needs("bubblewrap")
+def test_a_compiler_of_foreign_sources_reads_no_file_of_the_user(tmp_path, fenced):
     """A source could include the certificate that is repeated, and hand it to the controller that it becomes."""
-    own, other = tmp_path / "own" / "scratch", tmp_path / "verification.json"
-    own.mkdir(parents=True)
+    other = tmp_path / "verification.json"
     other.write_text("secret")
-    (own.parent / "source.c").write_text("own")
-    words = compilation._fence(str(own), ["true"], zig=False)
-    done = subprocess.run([*words, "cat", other, own.parent / "source.c"], check=False, capture_output=True)
-    assert done.stdout == b"own"
+    (tmp_path / "own" / "source.c").write_text("own")
+    assert fenced(f"cat {other} {tmp_path}/own/source.c").stdout == "own"
 
 
 @pytest.mark.needs("bubblewrap")
-def test_a_compiler_of_foreign_sources_finds_no_terminal(tmp_path):
+def test_a_compiler_of_foreign_sources_finds_no_terminal(fenced):
     """A source that includes /dev/ptmx had it wait for ever, and with it a place of the service."""
-    words = compilation._fence(str(tmp_path), ["true"], zig=False)
-    found = subprocess.run([*words, "ls", "/dev"], capture_output=True, text=True, check=True).stdout.split()
-    assert sorted(found) == ["full", "null", "random", "urandom", "zero"]
+    assert sorted(fenced("ls /dev").stdout.split()) == ["full", "null", "random", "urandom", "zero"]
+
+
+@pytest.mark.needs("linux", "compiler")
+def test_a_compiler_of_foreign_sources_reads_no_environment(good, room, monkeypatch):
+    """A source that includes /proc/self/environ quotes it in the errors."""
+    monkeypatch.setenv("A_TOKEN", "secret-word")
+    file = room / "curious.fmu"
+    source = b'__asm__(".include \\"/proc/self/environ\\"");\n#warning looked\n'
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": source})(good))
+    told = str(refusal(open_archive, file))
+    assert "PATH" in told or "environ" in told
+    assert "secret-word" not in told
+    names = compilation._environment({"PATH": "", "A_TOKEN": "", "LC_ALL": "", "CPATH": "", "SECRET_PATH": ""})
+    assert set(names) == {"PATH", "LC_ALL", "CPATH"}
 
 
 def test_a_library_for_another_processor_is_told(tmp_path):

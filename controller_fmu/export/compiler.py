@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -81,9 +81,14 @@ def require_compiler() -> list[str]:
 
 
 def run_compiler(
-    command: Sequence[str], product: Path, folder: Path | None = None, time_limit: float | None = None
+    command: Sequence[str],
+    product: Path,
+    folder: Path | None = None,
+    time_limit: float | None = None,
+    environment: Mapping[str, str] | None = None,
 ) -> None:
-    """Run ``command``, which writes the file ``product``, in ``folder`` (the current one if None).
+    """Run ``command``, which writes the file ``product``, in ``folder`` (the current one if None) and in this process's
+    ``environment`` if that is None.
 
     It gets no input. It is ended together with all that it has started if one of its processes has used ``time_limit``
     [s] of processor time (TIME_LIMIT if None), or after HANG_LIMIT.
@@ -96,6 +101,7 @@ def run_compiler(
         process = subprocess.Popen(
             [sys.executable, "-I", "-S", "-c", _LIMITED, str(seconds), *command],
             cwd=folder,
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=messages,
@@ -117,6 +123,6 @@ def run_compiler(
     if code != 0:
         ended = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         raise CompilerError(words or f"'{command[0]}' {ended} without a message", value=command[0])
-    if not product.is_file():
+    if not product.is_file() or product.stat().st_size == 0:
         what = words or f"'{command[0]}' ended without an error, but wrote nothing: is it a C compiler?"
         raise CompilerError(what, value=command[0])

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import fmpy
@@ -25,6 +25,21 @@ SYSTEM_TO_READ = (
     *("--tmpfs", "/dev", *(word for name in DEVICES for word in ("--dev-bind", name, name))),
 )
 """Options of bubblewrap; the folders of users are hidden by others."""
+
+SCRATCH_BYTES = 256 * 1024**2
+"""Bytes that a fenced compiler may write, of all its files together."""
+
+HANDED_OUT = '"$@" && { [ ! -e "$0" ] || cat "$0" > "$0.out"; }'
+"""Words of a shell that runs the compiler and hands its library out of the fence, by the contents: linkers replace the
+file that they write."""
+
+COMPILERS_OWN = (
+    *("PATH", "HOME", "LANG", "LANGUAGE", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONPATH"),
+    *("SDKROOT", "CPATH", "LIBRARY_PATH"),
+    *("SYSTEMROOT", "TEMP", "TMP", "INCLUDE", "LIB"),  # Windows
+)
+COMPILERS_OWN_BEGINNINGS = ("LC_", "C_INCLUDE_", "GCC_", "COMPILER_", "NIX_", "CONDA_BUILD_", "CCACHE_", "ZIG_")
+"""Of the environment: what a compiler may need. A source that includes /proc/self/environ hands on all of it."""
 
 
 def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
@@ -64,7 +79,8 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *("-o", str(output), "-lm"),
         ]
         try:
-            run_compiler([*_fence(scratch, compiler, "ziglang" in compiler), *command], output)
+            fence = _fence(output, compiler, "ziglang" in compiler)
+            run_compiler([*fence, *command], output, environment=_environment(os.environ))
         except BuildError as problem:
             told = str(problem).replace(f"{folder}{os.sep}", "").splitlines()
             # Behind a page of warnings, the reason was cut off.
@@ -83,9 +99,15 @@ def _has_fence() -> bool:
     return shutil.which("bwrap") is not None and subprocess.run(tried, capture_output=True, check=False).returncode == 0
 
 
-def _fence(folder: str, compiler: Sequence[str], zig: bool) -> list[str]:
-    """The words before a ``compiler`` that let it write into ``folder`` only, read beside that what the system, Python
-    and the FMU around the folder hold, and reach no network, if bubblewrap is there.
+def _environment(outside: Mapping[str, str]) -> dict[str, str]:
+    """What of the environment ``outside`` a compiler of a stranger's sources has."""
+    return {k: v for k, v in outside.items() if k in COMPILERS_OWN or k.startswith(COMPILERS_OWN_BEGINNINGS)}
+
+
+def _fence(output: Path, compiler: Sequence[str], zig: bool) -> list[str]:
+    """The words before a ``compiler`` that let it write one file on the disk, ``output``, and beside it a bounded
+    amount into memory; read what the system, Python and the FMU around the file's folder hold; and reach no network, if
+    bubblewrap is there.
 
     Sources of a stranger tell the compiler what to read, and may use its defects. What they include they could hand to
     a controller that must not know it, such as the certificate that is repeated.
@@ -95,17 +117,21 @@ def _fence(folder: str, compiler: Sequence[str], zig: bool) -> list[str]:
     program = shutil.which(compiler[0]) or sys.executable
     # The program may be a link (/usr/bin/cc), and needs what lies beside its target.
     around = [str(parent) for name in (program, os.path.realpath(program)) for parent in Path(name).parents[:2]]
-    shown = [sys.prefix, sys.base_prefix, str(FMI_HEADERS), os.path.dirname(folder), *around]
+    scratch = str(output.parent)
+    shown = [sys.prefix, sys.base_prefix, str(FMI_HEADERS), os.path.dirname(scratch), *around]
     hidden = user_folders()
     below = sorted({name for name in shown if any(Path(name).is_relative_to(home) for home in hidden)} - hidden)
     read = [word for name in sorted(hidden) for word in ("--tmpfs", name)]
     read += [word for name in below for word in ("--ro-bind", name, name)]
-    places = [folder]
+    # Sources of 34 kB, of which each becomes an object of 0.9 GB, filled the disk with 7 GB.
+    write = ["--size", str(SCRATCH_BYTES), "--tmpfs", scratch, "--setenv", "TMPDIR", scratch]
+    output.touch()
+    write += ["--bind", str(output), f"{output}.out"]
     if zig:  # of the extra native: without its cache each run takes ten seconds
-        places.append(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or os.path.expanduser("~/.cache/zig"))
-        os.makedirs(places[-1], exist_ok=True)
-    bound = (word for place in places for word in ("--bind", place, place))
-    return ["bwrap", *SYSTEM_TO_READ, *read, *bound, "--setenv", "TMPDIR", folder, "--"]
+        cache = os.environ.get("ZIG_GLOBAL_CACHE_DIR") or os.path.expanduser("~/.cache/zig")
+        os.makedirs(cache, exist_ok=True)
+        write += ["--bind", cache, cache]
+    return ["bwrap", *SYSTEM_TO_READ, *read, *write, "--", "sh", "-c", HANDED_OUT, str(output)]
 
 
 def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:

@@ -65,8 +65,8 @@ def _defined(library: Path, among: Container[str] | None = None) -> frozenset[st
     """The names that ``library`` defines; of a stranger's those alone that are ``among`` others, whatever it holds."""
     damage = (OSError, struct.error, IndexError, ValueError, OverflowError)
     # Mapped, since a library may have gigabytes, and its names lie anywhere in it.
-    with suppress(*damage), library.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as file:
-        return frozenset(name for name in _symbols(file) if among is None or name in among)
+    with suppress(*damage), library.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+        return frozenset(name for name in _symbols(whole) if among is None or name in among)
     return frozenset()
 
 
