@@ -252,6 +252,13 @@ def test_a_probe_finds_what_a_sandbox_leaves_open(monkeypatch):
 
 
 @sandboxed
+def test_a_probe_of_a_user_whose_home_is_missing(monkeypatch, tmp_path):
+    """As is that of many users that services run as."""
+    monkeypatch.setenv("HOME", str(tmp_path / "missing"))
+    assert sandbox_probe.leaks() == ()
+
+
+@sandboxed
 def test_a_probe_finds_what_the_kernel_shows_and_counts(monkeypatch):
     monkeypatch.setattr(sandbox, "ALONE", ())
     monkeypatch.setattr(sandbox, "NO_PROC", sandbox.SYSTEM)
