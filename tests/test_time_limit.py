@@ -92,6 +92,20 @@ KINDS = {
 }
 
 
+def test_threads_of_all_processes_are_counted():
+    """A controller with 6,000 threads, which are one process, left none to others of its user."""
+    start = "threading.Thread(target=threading.Event().wait, daemon=True).start()"
+    threads = f"import sys, threading\nfor _ in range(7): {start}\n"
+    child = f"{threads}print(flush=True); input()"
+    code = f"{threads}import subprocess\nsubprocess.run([sys.executable, '-c', {child!r}])"
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", code], stdin=pipe, stdout=pipe) as process:
+        process.stdout.readline()
+        use = ProcessTree(process.pid).use()
+        assert (use.processes, use.threads) == (2, 16)
+        process.communicate(b"\n")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_processor_time_of_a_real_process(kind):
     with subprocess.Popen([sys.executable, "-c", KINDS[kind] + "\ninput()"], stdin=subprocess.PIPE) as process:

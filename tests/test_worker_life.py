@@ -54,7 +54,7 @@ JOB = Job(
     (b"",) * TASKS,
     (LIMIT,) * TASKS,
     decode,
-    limits=Limits(memory=1_000_000, output=2_000_000, processes=3),
+    limits=Limits(memory=1_000_000, output=2_000_000, processes=3, threads=5),
     longest_call=LONGEST,
 )
 BORN, LOADED = Life(), Life(loaded=True)
@@ -74,12 +74,13 @@ def looked(
     time: float = 1.0,
     memory: int = 0,
     processes: int = 1,
+    threads: int = 1,
     end: ProcessEnded | None = None,
     place: Place = STEP,
     **spent,
 ) -> Looked:
     """A look at a worker that has ``spent`` so much."""
-    return Looked(time, Use(0.0, 0.0, memory, False, False, processes), TimeSpent(**spent), place, end)
+    return Looked(time, Use(0.0, 0.0, memory, False, False, processes, threads), TimeSpent(**spent), place, end)
 
 
 ABORTED, KILLED = (
@@ -100,6 +101,7 @@ DEATHS = {
         looked(memory=1_200_000),
         Death("it used 1 MB of memory; the limit is 1 MB", "it used too much memory"),
     ),
+    "starts threads": (looked(threads=6), Death(*("it started more than 5 threads",) * 2)),
     "forks": (looked(processes=4), Death(*("it started more than 3 processes",) * 2)),
     "ends": (looked(end=ABORTED), Death(ABORTED.words, ABORTED.words)),
     "is killed": (KILLED, Death(KILLED.words, KILLED.words, outside=True)),
@@ -235,7 +237,14 @@ messages = st.one_of(
     ),
 )
 uses = st.builds(
-    Use, amounts, amounts, st.integers(0, 1_100_000), st.booleans(), st.booleans(), processes=st.integers(1, 4)
+    Use,
+    amounts,
+    amounts,
+    st.integers(0, 1_100_000),
+    st.booleans(),
+    st.booleans(),
+    processes=st.integers(1, 4),
+    threads=st.integers(1, 6),
 )
 looks = st.builds(Looked, amounts, uses, spent, places, st.none() | st.sampled_from([ABORTED, KILLED]))
 events = st.one_of(
@@ -304,7 +313,7 @@ def test_whoever_gives_more_ends_nothing_sooner(life, look):
         JOB,
         time_limits=(2 * LIMIT,) * TASKS,
         longest_call=2 * LONGEST,
-        limits=Limits(2 * JOB.limits.memory, 2 * JOB.limits.output, 2 * JOB.limits.processes),
+        limits=Limits(2 * JOB.limits.memory, 2 * JOB.limits.output, 2 * JOB.limits.processes, 2 * JOB.limits.threads),
     )
     if on(life, look, larger)[0].over:
         assert on(life, look, JOB)[0].over

@@ -19,11 +19,15 @@ from .standstill import Standstill
 @dataclass(frozen=True)
 class Limits:
     """What a worker process may use with all that it starts: ``memory`` [bytes] resident, ``output`` [bytes] printed in
-    one task, ``processes`` alive at once."""
+    one task, ``processes`` and ``threads`` alive at once.
+
+    A user has a number of threads for all. Libraries that compute in parallel start one for each processor.
+    """
 
     memory: int = 2 * 1024**3
     output: int = 16 * 1024**2
     processes: int = 256
+    threads: int = 1024
 
 
 @dataclass(frozen=True)

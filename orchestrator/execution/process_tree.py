@@ -24,7 +24,8 @@ class Use:
     that threads of those alive were ready to run but had no processor, 0 where the system does not tell; ``memory``
     [bytes] the resident memory of those alive. ``ready`` tells whether one of their threads runs or waits for a
     processor; one that sleeps, or waits for a lock, a file or a socket does not. ``stopped`` tells whether the first
-    process is stopped, as by SIGSTOP or a debugger. ``processes`` is the number of those alive.
+    process is stopped, as by SIGSTOP or a debugger. ``processes`` is the number of those alive, ``threads`` that of all
+    their threads.
     """
 
     processor: float
@@ -33,6 +34,7 @@ class Use:
     ready: bool
     stopped: bool
     processes: int = 1
+    threads: int = 1
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class _Member:
     memory: int
     ready: bool
     stopped: bool
+    threads: int
 
 
 class ProcessTree:
@@ -77,6 +80,7 @@ class ProcessTree:
             ready=any(read.ready for read in members.values()),
             stopped=self._pid in members and members[self._pid].stopped,
             processes=len(members),
+            threads=sum(read.threads for read in members.values()),
         )
 
     def is_alive(self) -> bool:
@@ -131,7 +135,8 @@ def _read(member: psutil.Process) -> _Member | None:
     user, system, *waited_for = (int(field) / tick for field in fields[_TIMES])
     memory = int(fields[_RESIDENT]) * page
     queued = sum(map(_queued, threads))
-    return _Member(user + system, sum(waited_for), queued, memory, "R" in states, bool(states & {"T", "t"}))
+    ready, stopped = "R" in states, bool(states & {"T", "t"})
+    return _Member(user + system, sum(waited_for), queued, memory, ready, stopped, len(threads))
 
 
 def _threads(place: Path) -> list[Path]:
@@ -157,11 +162,12 @@ def _fields(place: Path) -> list[str]:
 def _read_portably(member: psutil.Process) -> _Member | None:
     try:
         times, memory, status = member.cpu_times(), member.memory_info().rss, member.status()
+        threads = member.num_threads()
     except psutil.Error:
         return None
     waited_for = getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0)
     ready, stopped = status == psutil.STATUS_RUNNING, status == psutil.STATUS_STOPPED
-    return _Member(times.user + times.system, waited_for, 0.0, memory, ready, stopped)
+    return _Member(times.user + times.system, waited_for, 0.0, memory, ready, stopped, threads)
 
 
 FOREIGN_SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGQUIT")

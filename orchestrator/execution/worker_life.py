@@ -166,6 +166,8 @@ def _looked(life: Life, look: Looked, job: Job) -> Step:
         return _dead(life, told, "it used too much memory")
     if use.processes > most.processes:
         return _dead(life, f"it started more than {most.processes} processes")
+    if use.threads > most.threads:
+        return _dead(life, f"it started more than {most.threads} threads")
     limit, longest = life.limits(job)
     lookout = life.lookout.after(life.task, look.place, look.time, spent)
     for counted, allowed in ((spent, limit), (lookout.here(spent), longest)):
