@@ -7,6 +7,7 @@ import socket
 import stat
 import sys
 import tempfile
+import zipfile
 from ast import literal_eval
 from contextlib import suppress
 
@@ -203,6 +204,19 @@ def commands_below(pid: int) -> list[list[str]]:
             with suppress(psutil.Error):
                 found.append(child.cmdline())
     return found
+
+
+@sandboxed
+def test_an_fmu_that_is_larger_than_the_memory_of_the_sandbox(plant_file, pid_file, tmp_path):
+    """Its files were copied into that, which was told as a fault of the machine."""
+    large = tmp_path / "large.fmu"
+    shutil.copy(pid_file, large)
+    piece = os.urandom(1 << 14).ljust(1 << 20, b"\0")
+    with zipfile.ZipFile(large, "a", zipfile.ZIP_DEFLATED) as opened, opened.open("resources/table", "w") as table:
+        for _ in range(sandbox.TMPFS_BYTES // len(piece) + 1):
+            table.write(piece)
+    (found,) = run(bench(plant_file, large, limit=120.0, sandbox=True), short_cases((STRUCK,)))
+    assert found.result.status is Status.DONE, found.result.message
 
 
 @sandboxed
