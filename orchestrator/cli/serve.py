@@ -226,13 +226,14 @@ def _copy(given: argparse.Namespace) -> int:
     try:
         # The rows first: each of them has its files then, but for what is deleted in between.
         database.copy(part)
+        files.copy(given.backup)
+        there = database.ids()
     finally:
         database.close()
-    files.copy(given.backup)
     copied = Database(part, may_begin=False)
     try:
         copied.check()
-        copied.keep_runs_of({file.stem for file in (given.backup / "fmus").glob("*.fmu")})
+        copied.keep_only(there)  # not by what files there are: a run whose FMU is gone has its place in a round
     finally:
         copied.close()
     part.replace(target.database)  # last of all: what has ended before that is no service

@@ -379,11 +379,11 @@ class Database:
         with suppress(EnvironmentFault):
             self._rows("PRAGMA wal_checkpoint(TRUNCATE)")
 
-    def keep_runs_of(self, fmus: set[str]) -> None:
-        """Remove the runs of FMUs that are not among ``fmus``, by their hashes: they have been deleted."""
+    def keep_only(self, ids: set[str]) -> None:
+        """Remove the runs that are not among ``ids``: they have been deleted."""
         with self._transaction() as connection:
-            gone = self.files() - fmus
-            connection.executemany("DELETE FROM runs WHERE sha256 = ?", [(sha256,) for sha256 in gone])
+            gone = [row for row in connection.execute("SELECT id FROM runs").fetchall() if row[0] not in ids]
+            connection.executemany("DELETE FROM runs WHERE id = ?", gone)
 
     def _runs(self, condition: str, *values: object) -> list[Submission]:
         return [_run(row) for row in self._rows(f"SELECT {COLUMNS} FROM runs {condition}", *values)]

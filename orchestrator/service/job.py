@@ -257,6 +257,9 @@ def _checked(task: Task, folder: Path, tell: Tell) -> Outcome:
     errors = [finding for finding in problems if finding.severity is Severity.ERROR]
     if not errors:
         return Outcome(task.stage, "done", verdict=findings.worst.value)
+    # The machine's own, such as a sandbox that is gone while it is upgraded, are held against no controller.
+    if fault := next((finding for finding in errors if finding.what in FAULTS), None):
+        return Outcome(task.stage, "fault", fault.text)
     return Outcome(task.stage, "refused", errors[0].text, verdict=findings.worst.value)
 
 

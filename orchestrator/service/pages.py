@@ -25,7 +25,7 @@ from .people import COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
-from .wire import PIECE_BYTES, cut, file_answer, form_fields, parsed
+from .wire import PIECE_BYTES, cut, file_answer, form_fields, split
 
 FILES = resources.files(__package__) / "templates"
 
@@ -334,7 +334,7 @@ async def join(request: Request) -> Response:
 async def come_in(request: Request) -> Response:
     """Come in by a key."""
     service = service_of(request)
-    key = dict(await parsed(await key_body(request))).get("key", "")
+    key = dict(split(await key_body(request))).get("key", "")
     person = accounts.known(service.database, key[:500])
     if person is None:
         return page(

@@ -63,6 +63,8 @@ class Live:
     progress: Progress = field(default_factory=Progress)
     findings: deque[tuple[str, str, str]] = field(default_factory=lambda: deque(maxlen=MAX_FINDINGS))
     unwanted: bool = False
+    ended: float | None = None
+    """When it had an outcome, which is being stored."""
 
 
 class Runner:
@@ -84,9 +86,14 @@ class Runner:
         self._closing = False
 
     def recover(self) -> None:
-        """After the end of an earlier service: what was under way is queued again, and nothing is left lying about."""
+        """After the end of an earlier service: what had ended is stored, what was under way is queued again, and
+        nothing is left lying about."""
         for run in self._database.running():
-            self._database.change(run, *states.interrupted(run), time.time())
+            assert run.stage is not None
+            # Before a round is closed whose date has passed: what had finished by then counts.
+            outcome, now = outcome_of(self._files.run(run.id), run.stage), time.time()
+            change = states.interrupted(run) if outcome is None else states.ended(run, outcome, now)
+            self._database.change(run, *change, now)
         self._files.sweep(self._database.ids(), self._database.files())
 
     def wake(self) -> None:
@@ -102,6 +109,10 @@ class Runner:
         except asyncio.TimeoutError:
             return False
         return True
+
+    def is_storing(self, moment: float) -> bool:
+        """Whether an outcome of before this ``moment`` is not stored yet, as while the database is locked."""
+        return any(live.ended is not None and live.ended <= moment and not live.unwanted for live in self.live.values())
 
     def place(self, run: Submission) -> int | None:
         """How many stages of the same length begin before that of a run; None if it does not wait."""
@@ -161,7 +172,7 @@ class Runner:
                 raise
             # A full disk: its results make the room that the database needs for that. Else they go after the row, so
             # that a power cut between the two leaves no run without them.
-            self._files.remove_run(run.id)
+            self._files.remove_run(run.id, at_once=True)
             self._database.remove_run(run.id)
         for id in comparisons:  # they show its results
             self._database.remove_comparison(id)
@@ -265,6 +276,7 @@ class Runner:
 
     async def _settle(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, and have room for another run."""
+        live.ended = time.time()
         try:
             await self._stored(live, outcome)
         except Exception:  # a mistake of ours: the stage begins again, a limited number of times

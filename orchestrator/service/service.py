@@ -126,8 +126,7 @@ class Service:
             # Again, as others may have come in meanwhile. From here on nothing waits: the file is there with its row.
             self.check_quota(person, incoming.size)
             shown = printable(name).strip()[-MAX_NAME:] or "controller.fmu"
-            sha256 = incoming.kept()
-            id, size = new_id(), len(text.encode())
+            id, size, sha256 = new_id(), len(text.encode()), incoming.kept()
             run = Submission(id, person.id, shown, plain_name(name), sha256, incoming.size, self._now(), bound=size)
             self._add(run, "received", text)
         finally:
@@ -142,9 +141,13 @@ class Service:
     def _add(self, run: Submission, text: str, binding: str) -> None:
         try:
             self.database.add_run(run, text, binding)
-        except Changed:  # --remove is another process
+        except (Changed, BenchmarkError) as problem:
+            # Without a row it would be in nobody's quota: while the database was locked, each upload stayed.
             if not self.database.is_used(run.sha256):
                 self.files.remove_fmu(run.sha256)
+            if isinstance(problem, BenchmarkError):
+                raise
+            # --remove is another process
             raise Refusal(401, "You have been removed from this service.") from None
 
     def bind(self, run: Submission, text: str) -> Submission:
@@ -308,6 +311,8 @@ class Service:
     def close_round(self, person: Person, round: Round) -> Round:
         """Close a round before its date."""
         _check_organizer(person)
+        if self.runner.is_storing(time.time()):
+            raise Refusal(503, "The outcome of a run is being stored, and may count. Close the round in a moment.")
         return self._moved(lambda: self._close(round), CLOSED)
 
     def _close(self, round: Round) -> Round:
@@ -326,7 +331,12 @@ class Service:
         while True:
             try:
                 for round in self.database.rounds():
-                    if round.closed is None and round.closes <= time.time():
+                    # What had finished counts, though it was not stored before the date.
+                    if (
+                        round.closed is None
+                        and round.closes <= time.time()
+                        and not self.runner.is_storing(round.closes)
+                    ):
                         self._close(round)
             except (Changed, BenchmarkError) as problem:
                 # A run was deleted in between, or the disk is full: it is tried again.

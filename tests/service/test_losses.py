@@ -1,0 +1,176 @@
+"""What an operator's attack showed to be lost: work that was done, a person's place, and everybody's time."""
+
+import asyncio
+import json
+import shutil
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+from support.command_lines import call
+from support.tools import require
+
+from orchestrator.api.benchmark import Benchmark
+from orchestrator.conformance.finding import Finding, Severity
+from orchestrator.errors import EnvironmentFault
+from orchestrator.service import job, states
+from orchestrator.service.database import Database
+from orchestrator.service.files import Files
+from orchestrator.service.records import Task
+from orchestrator.service.runner import Runner
+from service.conftest import SOME, Asker, fmu
+from service.test_rounds import Course, verified
+
+require("starlette", "uvicorn", "python_multipart", "httpx2")
+
+DONE = {"stage": "evaluating", "kind": "done", "cost": 88.5, "holds": True, "disk": 1000}
+
+
+def test_what_ended_before_the_end_of_a_service_is_stored_at_the_start(serve, tmp_path):
+    """A round whose date had passed meanwhile was closed without it, and its bits were drawn."""
+    client = serve()
+    me = Asker(client)
+    id = me.submit(fmu(evaluating={"wait": 300}))["id"]
+    me.until(id, "evaluating")
+    while not client.app.state.service.database.run(id).running:
+        time.sleep(0.05)
+    folder = client.app.state.service.files.run(id)
+    client.__exit__(None, None, None)
+    (folder / "evaluating.json").write_text(json.dumps(DONE))
+    again = Asker(serve())
+    run = again.run(id)
+    assert run["state"] == "finished" and run["cost"] == 88.5 and "queued again" not in json.dumps(run["history"])
+
+
+@pytest.mark.parametrize("by", ["hand", "date"])
+def test_a_round_waits_for_an_outcome_that_is_being_stored(serve, monkeypatch, by):
+    """While another process had locked the database over the date, a run that had finished did not count."""
+    course, stored, waits = Course(serve(SOME)), threading.Event(), threading.Event()
+    ada, keep = course.person("Ada"), Runner._stored
+
+    async def late(runner, live, outcome):
+        if outcome.stage == "evaluating":
+            waits.set()
+            while not stored.is_set():
+                await asyncio.sleep(0.01)
+        await keep(runner, live, outcome)
+
+    monkeypatch.setattr(Runner, "_stored", late)
+    round = course.open() if by == "hand" else course.open(seconds=6)
+    id = ada.submit(fmu(verifying=verified(90.0)))["id"]
+    assert waits.wait(60)
+    if by == "hand":
+        assert course.teacher.post(f"/api/rounds/{round}/close").status_code == 503
+    else:
+        time.sleep(8)
+        assert course.teacher.get(f"/api/rounds/{round}").json()["phase"] == "open"
+    stored.set()
+    ada.until(id, "finished", "verifying")
+    if by == "hand":
+        course.close(round)
+    assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
+
+
+def test_nobody_waits_for_a_removal(me, monkeypatch):
+    """That of an FMU with 15,000 folders took 31 s."""
+    files, removed, remove = me.client.app.state.service.files, threading.Event(), shutil.rmtree
+    run = me.until(me.submit()["id"])
+    (files.cache / "fmus" / run["sha256"] / "resources").mkdir(parents=True)
+
+    def slow(*given, **named):
+        removed.wait(60)
+        remove(*given, **named)
+
+    monkeypatch.setattr("orchestrator.service.files.shutil.rmtree", slow)
+    assert me.delete(f"/api/runs/{run['id']}").status_code == 204
+    assert not files.run(run["id"]).exists() and not (files.cache / "fmus" / run["sha256"]).exists()
+    assert list((files.root / "incoming").iterdir()) and list((files.cache / "removed").iterdir())
+    removed.set()
+    for _ in range(200):
+        if not [*(files.root / "incoming").iterdir(), *(files.cache / "removed").iterdir()]:
+            return
+        time.sleep(0.05)
+    raise AssertionError("what was deleted is on the disk")
+
+
+def test_a_start_removes_what_an_end_left_of_a_removal(serve, tmp_path):
+    client = serve()
+    files = client.app.state.service.files
+    client.__exit__(None, None, None)
+    for bin in (files.root / "incoming", files.cache / "removed"):
+        (bin / "left" / "a").mkdir(parents=True)
+    serve()
+    for _ in range(200):
+        if not [*(files.root / "incoming").iterdir(), *(files.cache / "removed").iterdir()]:
+            return
+        time.sleep(0.05)
+    raise AssertionError("what was deleted is on the disk")
+
+
+def test_a_copy_has_the_runs_whose_fmu_is_gone(serve, tmp_path):
+    """One of a final round was dropped in silence, and its person's place with it."""
+    client = serve()
+    me = Asker(client)
+    kept = me.until(me.submit()["id"])
+    client.app.state.service.files.fmu(kept["sha256"]).unlink()
+    assert call("serve", "--data", "data", "--backup", "copy", folder=tmp_path).code == 0
+    assert [run["id"] for run in Asker(serve(folder=tmp_path / "copy")).get("/api/runs").json()] == [kept["id"]]
+
+
+def test_another_upload_mends_a_damaged_fmu(tmp_path):
+    """A message asked for it, and each attempt began with the damaged file."""
+    files = Files(tmp_path / "data")
+    files.prepare()
+    id, sha256 = "a" * 24, "b" * 64
+    files.fmu(sha256).write_bytes(b"PK damaged")
+    file = files.begin(id, sha256, "my.fmu", "") / "my.fmu"
+    assert file.read_bytes() == b"PK damaged" and files.fmu(sha256).samefile(file)
+    whole = tmp_path / "whole"
+    whole.write_bytes(b"PK whole")
+    whole.replace(files.fmu(sha256))
+    files.begin(id, sha256, "my.fmu", "")
+    assert file.read_bytes() == b"PK whole" and sorted(entry.name for entry in file.parent.iterdir()) == ["my.fmu"]
+
+
+def test_a_sandbox_that_is_gone_is_no_fault_of_the_fmu(tmp_path, monkeypatch):
+    """While bubblewrap was upgraded, each check refused its controller for good."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.fmu").write_bytes(b"PK")
+    found = Finding(Severity.ERROR, "import", "The sandbox does not work on this machine.", what="no-sandbox")
+    monkeypatch.setattr(Benchmark, "iter_check", lambda *_, **__: iter([found]))
+    task = Task("checking", "my.fmu", "", "quick", 1, True)
+    outcome = job.done(task, tmp_path, lambda *_: None)
+    assert outcome.kind == "fault" and "sandbox" in outcome.reason
+    monkeypatch.setattr(Benchmark, "iter_check", lambda *_, **__: iter([replace(found, what="no-connector")]))
+    assert job.done(task, tmp_path, lambda *_: None).kind == "refused"
+
+
+def test_an_upload_that_cannot_be_stored_leaves_nothing(me, monkeypatch):
+    files = me.client.app.state.service.files
+
+    def locked(*_):
+        raise EnvironmentFault("The service's database is locked.", "locked-database")
+
+    monkeypatch.setattr(Database, "add_run", locked)
+    assert me.post("/api/runs?name=a.fmu", fmu()).status_code == 503
+    assert list((files.root / "fmus").iterdir()) == [] and list((files.root / "incoming").iterdir()) == []
+
+
+def test_no_failure_of_a_start_leaves_a_round_without_an_end(serve, monkeypatch):
+    """A thread that could not be started left the stage under way for ever, and the round in verification."""
+    monkeypatch.setattr(states, "DELAYS", (0.0, 0.0))
+    course, keep, failed = Course(serve(SOME)), Runner._done, []
+    ada = course.person("Ada")
+    round = course.open()
+    ada.until(ada.submit(fmu(verifying=verified(90.0)))["id"])
+
+    async def once(runner, live, folder, stage):
+        if stage == "verifying" and not failed:
+            failed.append(stage)
+            raise RuntimeError("can't start new thread")
+        return await keep(runner, live, folder, stage)
+
+    monkeypatch.setattr(Runner, "_done", once)
+    course.close(round)
+    assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"] and failed
