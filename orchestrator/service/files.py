@@ -7,6 +7,7 @@ own folder, after :func:`plain_name`.
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import io
 import os
@@ -40,6 +41,9 @@ SHOWN = {
 
 KINDS = ("fmus", "runs", "comparisons")
 """Folders of what is kept; a copy of these and of the database is a whole service."""
+
+FULL = "no-room"
+"""Code of an error of a disk that is full."""
 
 REMOVED = "removed"
 """Folder of the cache for what is being removed."""
@@ -160,6 +164,9 @@ class Files:
         except Timeout:
             message = f"Another service works in {self.root}. One folder is for one service."
             raise InputError(message, "service-in-use", self.root) from None
+        except OSError as problem:
+            message = f"{self.root / '.lock'} cannot be written: {problem.strerror}. Remove it if no service runs."
+            raise InputError(message, "folder-not-writable", self.root) from problem
         return lock
 
     def fmu(self, sha256: str) -> Path:
@@ -186,7 +193,8 @@ class Files:
     def begin(self, id: str, sha256: str, file_name: str, binding: str) -> Path:
         """The folder of a run as a job finds it: with its FMU and its mapping file.
 
-        Raises :class:`~orchestrator.errors.EnvironmentFault` if the disk is full, or (``"no-file"``) the FMU is gone.
+        Raises :class:`~orchestrator.errors.EnvironmentFault` if that fails, as on a disk that is full (FULL), or for an
+        FMU that is gone (``"no-file"``).
         """
         folder, fmu = self.run(id), self.fmu(sha256)
         try:
@@ -207,8 +215,7 @@ class Files:
             else:
                 (folder / BINDING).unlink(missing_ok=True)
         except OSError as problem:
-            message = f"The run's folder cannot be written: {problem.strerror}."
-            raise EnvironmentFault(message, "not-written") from problem
+            raise _unwritten(problem) from problem
         return folder
 
     def copy(self, folder: Path) -> None:
@@ -238,8 +245,7 @@ class Files:
         try:
             (self.run(id) / name).unlink(missing_ok=True)
         except OSError as problem:
-            message = f"The run's folder cannot be written: {problem.strerror}."
-            raise EnvironmentFault(message, "not-written") from problem
+            raise _unwritten(problem) from problem
 
     def remove_run(self, id: str, at_once: bool = False) -> None:
         """Remove the folder of a run; ``at_once`` if what follows needs its room on the disk."""
@@ -278,6 +284,12 @@ class Files:
         for file in (self.root / "fmus").iterdir():
             if file.stem not in fmus and SHA256.fullmatch(file.stem):
                 self.remove_fmu(file.stem)
+
+
+def _unwritten(problem: OSError) -> EnvironmentFault:
+    """Why a run's folder cannot be written."""
+    code = FULL if problem.errno in (errno.ENOSPC, errno.EDQUOT) else "not-written"
+    return EnvironmentFault(f"The run's folder cannot be written: {problem.strerror}.", code)
 
 
 def _away(folder: Path, bin: Path) -> None:

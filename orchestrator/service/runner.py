@@ -25,7 +25,7 @@ from ..execution.sandbox import PRIVATE
 from ..text import printable
 from . import queue, states
 from .database import LOCKED, Changed, Database
-from .files import BINDING, LOG, Files
+from .files import BINDING, FULL, LOG, Files
 from .job import OUTCOME, outcome_of
 from .records import Conduct, Outcome, Progress, Stage, Submission, Task
 
@@ -229,6 +229,7 @@ class Runner:
 
     def _start(self, run: Submission) -> None:
         assert run.stage is not None
+        fault = ""
         try:
             binding = self._database.binding(run.id)
             folder = self._files.begin(run.id, run.sha256, run.file_name, binding)
@@ -237,29 +238,30 @@ class Runner:
             if not run.interruptions:
                 self._files.forget_outcome(run.id, OUTCOME.format(run.stage))
         except EnvironmentFault as problem:
-            if problem.what != "no-file":
+            if problem.what == FULL:
                 # All others go on, at once: a dozen runs that could not begin had stopped them.
                 logger.warning("%s", problem)
                 self._held[run.id] = time.monotonic() + HOLD_TIME
                 return
-            folder = None
+            # A folder that nobody may read, as after a restore by another user, kept its round from being final.
+            folder, fault = None, GONE if problem.what == "no-file" else str(problem)
         self._held.pop(run.id, None)
         # A clock that was set back must not have those wait for it who were served before.
         now = max([time.time(), *(last + 1e-3 for last in self._database.served().values())])
         run = self._database.change(run, *states.started(run, now), time.time())
         live = self.live[run.id] = Live(run)
-        task = asyncio.create_task(self._watch(live, folder))
+        task = asyncio.create_task(self._watch(live, folder, fault))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         self.wake()
 
-    async def _watch(self, live: Live, folder: Path | None) -> None:
-        """One stage from its start to its outcome; without a ``folder`` the FMU is gone."""
+    async def _watch(self, live: Live, folder: Path | None, fault: str) -> None:
+        """One stage from its start to its outcome; without a ``folder`` it cannot start, for the reason ``fault``."""
         stage = live.run.stage
         assert stage is not None
         try:
             if folder is None:
-                outcome = Outcome(stage, "fault", GONE)
+                outcome = Outcome(stage, "fault", fault)
             else:
                 # An earlier service may have ended between the outcome and the change that tells of it.
                 outcome = outcome_of(folder, stage) or await self._done(live, folder, stage)

@@ -27,7 +27,7 @@ from orchestrator.execution import store
 from orchestrator.service import accounts, job, runner, server, states
 from orchestrator.service.borders import Refusal
 from orchestrator.service.database import LOCKED, Database
-from orchestrator.service.files import Files
+from orchestrator.service.files import FULL, Files
 from orchestrator.service.records import Round, Task
 from service.conftest import ALONE, SOME, Asker, fmu
 from service.test_jobs import ONE_POSE
@@ -145,12 +145,12 @@ def test_a_run_whose_fmu_is_gone_stops_nobody(me):
     assert told["state"] == "failed" and "upload it again" in told["reason"] and "nothing is held" in told["reason"]
 
 
-def test_a_run_whose_folder_cannot_be_written_stops_nobody(me, monkeypatch):
+def test_a_run_that_has_no_room_on_the_disk_stops_nobody(me, monkeypatch):
     begin = Files.begin
 
     def refused(files, id, sha256, file_name, binding):
         if file_name == "bad.fmu" and not mended:
-            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+            raise EnvironmentFault("The run's folder cannot be written.", FULL)
         return begin(files, id, sha256, file_name, binding)
 
     mended: list[bool] = []
@@ -163,13 +163,13 @@ def test_a_run_whose_folder_cannot_be_written_stops_nobody(me, monkeypatch):
     assert me.until(bad)["state"] == "finished"
 
 
-def test_many_runs_whose_folders_cannot_be_written_stop_nobody(me, monkeypatch):
+def test_many_runs_without_room_on_the_disk_stop_nobody(me, monkeypatch):
     """Each of a dozen was waited for by all others, until the first of them was tried again."""
     begin = Files.begin
 
     def refused(files, id, sha256, file_name, binding):
         if file_name.startswith("bad"):
-            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+            raise EnvironmentFault("The run's folder cannot be written.", FULL)
         return begin(files, id, sha256, file_name, binding)
 
     monkeypatch.setattr(Files, "begin", refused)
@@ -184,7 +184,7 @@ def test_an_outcome_that_cannot_be_removed_keeps_no_place(me, monkeypatch):
 
     def refused(files, id, name):
         if id in bad and not mended:
-            raise EnvironmentFault("The run's folder cannot be written.", "not-written")
+            raise EnvironmentFault("The run's folder cannot be written.", FULL)
         forget(files, id, name)
 
     bad = [me.submit(fmu(checking={"wait": 0.5, "exit": 3, "times": 1}, x=number))["id"] for number in range(2)]

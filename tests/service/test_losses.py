@@ -14,7 +14,7 @@ from support.tools import require
 from orchestrator.api.benchmark import Benchmark
 from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.errors import EnvironmentFault
-from orchestrator.service import job, states
+from orchestrator.service import accounts, job, states
 from orchestrator.service.database import Database
 from orchestrator.service.files import Files
 from orchestrator.service.records import Task
@@ -174,3 +174,39 @@ def test_no_failure_of_a_start_leaves_a_round_without_an_end(serve, monkeypatch)
     monkeypatch.setattr(Runner, "_done", once)
     course.close(round)
     assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"] and failed
+
+
+def test_a_folder_that_cannot_be_used_ends_its_stage(serve, monkeypatch):
+    """It was tried without end, and its round was never final."""
+    monkeypatch.setattr(states, "DELAYS", (0.0, 0.0))
+    course = Course(serve(SOME))
+    ada, files = course.person("Ada"), course.client.app.state.service.files
+    round = course.open()
+    id = ada.submit(fmu(verifying=verified(90.0)))["id"]
+    ada.until(id)
+    files.run(id).rename(files.run(id).with_suffix(".aside"))
+    files.run(id).write_text("in its place")
+    course.close(round)
+    assert "cannot be written" in ada.until(id, "failed")["reason"]
+    files.run(id).unlink()
+    files.run(id).with_suffix(".aside").rename(files.run(id))
+    assert course.teacher.post(f"/api/rounds/{round}/verify").status_code == 200
+    assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
+
+
+def test_a_lock_that_cannot_be_taken_is_told(tmp_path):
+    (tmp_path / "data" / ".lock").mkdir(parents=True)
+    refused = call("serve", "--data", "data", "--trust", "--port", "0", folder=tmp_path)
+    assert refused.code == 2 and ".lock cannot be written" in refused.err
+
+
+def test_a_database_that_cannot_be_read_is_told(serve, monkeypatch):
+    client = serve(SOME)
+    me = Asker(client, accounts.invited(client.app.state.service.database, "Ada"))
+
+    def damaged(*_):
+        raise EnvironmentFault("The service's database cannot be read.", "no-database")
+
+    monkeypatch.setattr(Database, "person", damaged)
+    answer = me.get("/api/runs")
+    assert answer.status_code == 503 and "cannot be read" in answer.json()["error"]
