@@ -34,9 +34,9 @@ HANDED_OUT = '"$@" && { [ ! -e "$0" ] || cat "$0" > "$0.out"; }'
 file that they write."""
 
 COMPILERS_OWN = (
-    *("PATH", "HOME", "LANG", "LANGUAGE", "TMPDIR", "LD_LIBRARY_PATH", "PYTHONPATH"),
+    *("PATH", "HOME", "LANG", "LANGUAGE", "TMPDIR", "XDG_CACHE_HOME", "LD_LIBRARY_PATH", "PYTHONPATH"),
     *("SDKROOT", "CPATH", "LIBRARY_PATH"),
-    *("SYSTEMROOT", "TEMP", "TMP", "INCLUDE", "LIB"),  # Windows
+    *("SYSTEMROOT", "LOCALAPPDATA", "TEMP", "TMP", "INCLUDE", "LIB"),  # Windows
 )
 COMPILERS_OWN_BEGINNINGS = ("LC_", "C_INCLUDE_", "GCC_", "COMPILER_", "NIX_", "CONDA_BUILD_", "CCACHE_", "ZIG_")
 """Of the environment: what a compiler may need. A source that includes /proc/self/environ hands on all of it."""

@@ -304,7 +304,10 @@ def _away(folder: Path, bin: Path) -> None:
         return
     except OSError:  # a disk that is full for the name, too
         away = folder
-    threading.Thread(target=shutil.rmtree, args=(away, True), daemon=True).start()
+    with contextlib.suppress(
+        RuntimeError
+    ):  # no thread can be started now: the next start of the service tries it again
+        threading.Thread(target=shutil.rmtree, args=(away, True), daemon=True).start()
 
 
 def _copied(source: Path, part: Path, target: Path) -> None:

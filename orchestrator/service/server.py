@@ -51,6 +51,9 @@ class Parser(h11.Connection):
     refusal = 400, "This is no HTTP request."
     """Status and sentence for what cannot be parsed."""
 
+    is_head = False
+    """Whether the request is a HEAD, whose answer has no body."""
+
     def next_event(self) -> Any:
         """As that of h11; raises :class:`h11.RemoteProtocolError` for such a head or body, too."""
         if self.their_state is h11.IDLE:
@@ -60,8 +63,10 @@ class Parser(h11.Connection):
             if size > MAX_HEAD or received.count(b"\n", 0, size) > MAX_HEAD_LINES:
                 self._refuse(431, "The head of this request is too long.")
         event = super().next_event()
-        if isinstance(event, h11.Request) and any(name == b"transfer-encoding" for name, _ in event.headers):
-            self._refuse(411, "Tell the length of the body, and send no chunks.")
+        if isinstance(event, h11.Request):
+            self.is_head = event.method == b"HEAD"
+            if any(name == b"transfer-encoding" for name, _ in event.headers):
+                self._refuse(411, "Tell the length of the body, and send no chunks.")
         return event
 
     def _refuse(self, status: int, sentence: str) -> None:
@@ -91,12 +96,9 @@ class Connection(H11Protocol):
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             assert isinstance(self.conn, Parser)
             status, sentence = self.conn.refusal
+            text = b"" if self.conn.is_head else sentence.encode() + b"\n"
             headers = [("content-type", "text/plain; charset=utf-8"), ("connection", "close")]
-            said = (
-                h11.Response(status_code=status, headers=headers),
-                h11.Data(data=sentence.encode() + b"\n"),
-                h11.EndOfMessage(),
-            )
+            said = (h11.Response(status_code=status, headers=headers), h11.Data(data=text), h11.EndOfMessage())
             self.transport.write(b"".join(self.conn.send(event) or b"" for event in said))
         self.transport.close()
 

@@ -106,6 +106,13 @@ def test_a_body_in_chunks_is_refused(address, tmp_path, path):
     nothing_is_left(tmp_path, address)
 
 
+def test_a_head_request_in_chunks_is_answered(address, caplog):
+    with connected(address, "Transfer-Encoding: chunked", "/", method="HEAD") as client:
+        refused = answer(client)
+        assert b" 411 " in refused and refused.endswith(b"\r\n\r\n")
+    assert not [record for record in caplog.records if record.exc_info]
+
+
 @pytest.mark.parametrize("lines, status", [(60, b" 200 "), (150, b" 431 ")])
 def test_a_head_has_few_lines(address, lines, status):
     with connected(address, "\r\n".join(f"a{number}: 1" for number in range(lines)), "/join", method="GET") as client:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import threading
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -287,6 +288,24 @@ def test_a_file_whose_run_is_deleted_is_no_fault(me):
     file.mkdir()  # what is there when it is looked for, and cannot be opened
     with pytest.raises(Refusal, match="no such file"):
         wire.file_answer(file, "application/json")
+
+
+def test_a_client_that_leaves_leaves_no_file_open(tmp_path):
+    """300 of them left 300 files open, and jobs need some to begin."""
+    file, opened = tmp_path / "report.html", []
+    file.write_bytes(bytes(3_000_000))
+
+    async def gone(message):
+        raise OSError
+
+    async def ask() -> None:
+        answer = wire.file_answer(file, "text/html")
+        opened.append(answer._stream)
+        with suppress(Exception):
+            await answer({"type": "http", "asgi": {"spec_version": "2.4"}, "method": "GET"}, None, gone)
+
+    asyncio.run(ask())
+    assert opened[0].closed
 
 
 def test_what_was_sent_is_not_sent_back_at_length(me):

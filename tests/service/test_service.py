@@ -528,16 +528,17 @@ def test_a_full_disk_refuses_an_upload_in_a_sentence_and_loses_nothing(me, monke
     assert me.until(me.submit()["id"])["state"] == "finished"
 
 
-def test_a_folder_that_cannot_be_written_delays_a_run_and_loses_nothing(me):
+def test_a_folder_that_cannot_be_written_is_told_and_loses_nothing(me):
     runs, aside = (me.client.app.state.service.files.root / name for name in ("runs", "aside"))
     runs.rename(aside)
     runs.write_text("no folder")
     id = me.submit()["id"]
-    time.sleep(1.0)
-    assert not me.run(id)["is_final"] and me.run(id)["state"] == "received"
+    failed = me.until(id)
+    assert failed["state"] == "failed" and "cannot be written" in failed["reason"]
     runs.unlink()
     aside.rename(runs)
-    assert me.until(id)["state"] == "finished"
+    assert me.post(f"/api/runs/{id}/retry").status_code == 200
+    assert me.until(id, "finished")["cost"] == 99.5
 
 
 def test_a_clock_that_jumps_by_days_loses_nothing(me, monkeypatch):
