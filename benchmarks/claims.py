@@ -8,6 +8,7 @@ have a command.
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from orchestrator.benchmark.results import Kind  # noqa: E402
-from orchestrator.codec import NonNegative, Struct, from_json  # noqa: E402
+from orchestrator.codec import NonNegative, Struct, from_json, to_json  # noqa: E402
 
 CLAIMS = ROOT / "docs" / "claims.json"
 
@@ -79,6 +80,13 @@ class Claim(Struct):
 def claims() -> tuple[Claim, ...]:
     """All that are kept."""
     return from_json(CLAIMS.read_bytes(), tuple[Claim, ...])
+
+
+def add(new: Sequence[Claim]) -> None:
+    """Keep further claims."""
+    kept = json.loads(CLAIMS.read_text(encoding="utf-8"))
+    kept += [json.loads(to_json(claim)) for claim in new]
+    CLAIMS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
 def counting(figures: Figures, others: Sequence[Claim]) -> dict[str, Claim]:

@@ -153,3 +153,22 @@ def test_v_of_the_list_is_that_of_its_claim():
         target = STRICT.criteria[key]
         shares.append(target.weight * sum(arm["value"] for arm in arms) / len(arms) / target.target)
     assert sum(shares) == pytest.approx(claim.value, abs=0.1)
+
+
+def test_what_a_former_search_found_beyond_the_present_one_becomes_a_claim(fmu_folder, monkeypatch):
+    monkeypatch.setattr(leaderboard, "FMUS", fmu_folder)
+    before = FIGURES["RobustLinearLQG"]
+    build_fmus.build("RobustLinearLQG", fmu_folder)
+    found = before["robustness"]
+    further = {**found["margins"]["delay_1"], "value": 0.0025}
+    now = {**before, "robustness": {**found, "margins": {**found["margins"], "delay_1": further}}}
+    (claim,) = leaderboard.found_before(before, now)
+    assert (claim.figure, claim.value, claim.kind) == ("delay_1", found["margins"]["delay_1"]["value"], "unstable")
+    assert claim.command == found["margins"]["delay_1"]["command"] and claim.seeds_tried == 8 >= claim.seeds_failed > 0
+    assert known(now, [claim])["robustness"]["margins"]["delay_1"]["value"] == claim.value
+
+
+def test_a_former_search_that_found_nothing_more_makes_no_claim():
+    for figures in FIGURES.values():
+        assert leaderboard.found_before(figures, figures) == []
+        assert leaderboard.found_before(figures, {**figures, "cases": "of another controller"}) == []
