@@ -15,7 +15,7 @@ from starlette.routing import Route
 from ..codec import Malformed, from_json, to_json
 from ..version import __version__
 from . import binding
-from .borders import MAX_BINDING_FORM, MAX_FORM, Refusal, body
+from .borders import MAX_BINDING_JSON, MAX_FORM, Refusal, body
 from .files import SHOWN
 from .people import asking, sent
 from .records import Interface
@@ -145,7 +145,7 @@ async def _asked(request: Request, kind: type[T], what: str, most: int = MAX_FOR
 async def _bind(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    asked = await _asked(request, Bind, "binding", MAX_BINDING_FORM)
+    asked = await _asked(request, Bind, "binding", MAX_BINDING_JSON)
     return _json(run_view(service, service.bind(run, binding.written(asked.map, asked.parameters))))
 
 

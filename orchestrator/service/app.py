@@ -69,7 +69,8 @@ def application(folder: Path, settings: Settings, job: tuple[str, ...] = JOB) ->
 
     app = Starlette(
         routes=[*api.routes(), *live.routes(), *pages.routes()],
-        middleware=[Middleware(Borders, local=not settings.accounts), Middleware(Turns)],
+        # Turns first: what the borders refuse takes turns as well.
+        middleware=[Middleware(Turns), Middleware(Borders, local=not settings.accounts)],
         exception_handlers={
             Refusal: _refused,
             InputError: _refused,

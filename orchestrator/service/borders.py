@@ -7,24 +7,24 @@ come from a page of this service.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from urllib.parse import SplitResult, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from .accounts import is_loopback
 
 READING = ("GET", "HEAD", "OPTIONS")
 
-MAX_BINDING_FORM = 3 * 512 * 1024
-"""Largest request [bytes] that is no upload: a binding of the largest size. A form may spell each letter by three.
-Everybody waits while it is read; 8 MB took 4 s."""
+MAX_BINDING_JSON = 3 * 512 * 1024
+"""Largest request [bytes] that is no upload: a binding as JSON, which may spell each letter by three."""
 
 MAX_FORM = 64 * 1024
-"""The same of all others [bytes]: choices, comparisons and rounds."""
+"""The same of all others [bytes], and of all forms: everybody waits while one is split. The form of a binding has 45 kB
+where it offers as many variables as it can, with names of 60 letters and values of 17."""
 
 MAX_KEY_FORM = 4096
 """The same of a stranger [bytes], of whom there may be hundreds: what they send is in memory until it is whole."""
@@ -84,15 +84,17 @@ class Borders:
             await send(message)
 
         if problem:
-            headers = closing(scope["method"])
-            answer = (
-                JSONResponse({"error": problem}, 403, headers)
-                if scope["path"].startswith("/api/")
-                else PlainTextResponse(f"{problem}\n", 403, headers)
-            )
-            await answer(scope, receive, with_headers)
+            await short_answer(scope, 403, problem, closing(scope["method"]))(scope, receive, send)
             return
         await self._app(scope, receive, with_headers)
+
+
+def short_answer(scope: Scope, status: int, sentence: str, headers: Mapping[str, str]) -> Response:
+    """A refusal that needs no page: JSON for a program, and text for a person."""
+    told = {**HEADERS, "content-security-policy": POLICY, **headers}
+    if scope["path"].startswith("/api/"):
+        return JSONResponse({"error": sentence}, status, told)
+    return PlainTextResponse(f"{sentence}\n", status, told)
 
 
 def closing(method: str) -> dict[str, str]:

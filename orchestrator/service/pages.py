@@ -19,13 +19,13 @@ from ..errors import InputError
 from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
-from .borders import MAX_BINDING_FORM, REPORT_POLICY, Refusal, body, key_body
+from .borders import REPORT_POLICY, Refusal, body, key_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
 from .people import COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
-from .wire import PIECE_BYTES, cut, file_answer, form_fields, split
+from .wire import PIECE_BYTES, cut, file_answer, form_fields, sliced, split
 
 FILES = resources.files(__package__) / "templates"
 
@@ -89,7 +89,8 @@ async def submit(request: Request) -> Response:
             # In UTF-8 alone, as browsers send it: a charset that the client names may take minutes, such as Punycode.
             if "charset" in request.headers.get("content-type", "").lower():
                 raise Refusal(400, "This is no upload: a form names no charset.")
-            parser = MultiPartParser(request.headers, pieces, max_files=1, max_fields=0)
+            slices = sliced(pieces, service.parsing)
+            parser = MultiPartParser(request.headers, slices, max_files=1, max_fields=0)
             form = await parser.parse()
         except OSError as problem:  # it is spooled into the system's folder for temporary files
             raise Refusal(503, f"The upload cannot be stored: {problem.strerror or problem}.") from None
@@ -185,7 +186,7 @@ async def bind(request: Request) -> Response:
     run = service.own(person, request.path_params["id"])
     # One longer than a value may be is refused, and each is shown again.
     longest = binding.MAX_VALUE + 1
-    typed = {name: value[:longest] for name, value in await form_fields(request, MAX_BINDING_FORM)}
+    typed = {name: value[:longest] for name, value in await form_fields(request)}
     chosen, given = (
         {name.removeprefix(kind): value for name, value in typed.items() if name.startswith(kind)}
         for kind in ("map:", "set:")

@@ -3,24 +3,27 @@
 import asyncio
 import json
 import threading
+from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
+from urllib.parse import urlencode
 
 import pytest
 from support.command_lines import call
 from support.tools import require
 
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, binding, database, live, shown, states, wire
+from orchestrator.service import accounts, binding, borders, database, interface, live, shown, states, wire
 from orchestrator.service.borders import Refusal
 from orchestrator.service.client import Client
 from orchestrator.service.records import Conduct, Outcome, Person, State, Submission
-from orchestrator.service.turns import Turns
+from orchestrator.service.turns import MAX_FROM_ADDRESS, MAX_STRANGERS, MAX_WAITING, Turns
 from service.conftest import ALONE, SOME, Asker, fmu
 from service.test_service import INTERFACE, under_way
 
 require("starlette", "uvicorn", "python_multipart", "httpx2")
 
+FORM = {"content-type": "application/x-www-form-urlencoded"}
 UPLOAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.fmu"\r\n\r\nPK\r\n--x--\r\n'
 
 
@@ -52,12 +55,94 @@ def test_lists_are_read_without_bindings(me):
     assert me.run(run["id"])["binding"] == ""
 
 
-def test_a_form_is_no_larger_than_the_largest_binding_can_be(me):
+def test_a_form_is_small(me):
+    """One person's forms of 1.5 MB stood in one line before those of all others, who waited for 109 s."""
     run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none"}))["id"])
-    form = {"content-type": "application/x-www-form-urlencoded"}
-    refused = me.post(f"/runs/{run['id']}/binding", b"map:q_m=" + b"%41" * 700_000, **form)
-    assert refused.status_code == 413 and "1.57 MB" in refused.text
+    for path in (f"/runs/{run['id']}/binding", "/comparisons", "/rounds"):
+        refused = me.post(path, b"map:q_m=" + b"%41" * 22_000, **FORM)
+        assert refused.status_code == 413 and "0.07 MB" in refused.text and refused.headers["connection"] == "close"
+    assert "1.57 MB" in me.put(f"/api/runs/{run['id']}/binding", {"map": {"q_m": "b" * 1_600_000}}).text
     assert "268.44 MB" in me.post("/api/runs?name=a.fmu", b"", **{"content-length": "400000000"}).text
+
+
+def test_the_largest_form_of_a_page_is_taken(me):
+    """Names fill what a page may have, and each variable is given a value."""
+    names = [f"controller.cascade[{n}].{'gain' * 12}"[:60] for n in range(interface.MOST)]
+    like = INTERFACE["variables"][-1]
+    variables = [{**like, "name": name} for name in names]
+    assert sum(map(len, names)) > 0.95 * interface.MOST_TEXT
+    files = {"interface.json": json.dumps({**INTERFACE, "variables": [*INTERFACE["variables"], *variables]})}
+    run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none", "files": files}))["id"])
+    form = urlencode({f"set:{name}": "-1.2345678901e-05" for name in names}).encode()
+    bound = me.post(f"/runs/{run['id']}/binding", form, **FORM)
+    assert bound.status_code == 303 and 40_000 < len(form) < borders.MAX_FORM
+    assert names[-1] in me.get(f"{bound.headers['location']}/binding.toml").text
+
+
+@pytest.mark.parametrize("text", [b"run=" + b"%" * 60_000, b"run=%4", b"run=%E4\xe4", b"run=%zz"])
+def test_what_no_browser_spells_is_no_form(me, text):
+    """Python's parser takes seven times as long for it, and everybody waits."""
+    refused = me.post("/comparisons", text, **FORM)
+    assert refused.status_code == 400 and "This is no form" in refused.text
+
+
+def turns_of(me, start):
+    """The numbers of the turns of the service's loop in which the requests of ``start(application)`` began to be
+    answered, and that of the turn in which the last one had ended."""
+    answered, turn = [], 0
+
+    async def count() -> None:
+        nonlocal turn
+        while True:
+            turn += 1
+            await asyncio.sleep(0)
+
+    async def send(message):
+        if message["type"] == "http.response.start":
+            answered.append((turn, message["status"]))
+
+    async def run() -> int:
+        counting = asyncio.create_task(count())
+        await asyncio.gather(*start(me.client.app, send))
+        counting.cancel()
+        return turn
+
+    return answered, me.client.portal.call(run)
+
+
+def scope_of(method: str, path: str, **headers: str):
+    head = {"host": "127.0.0.1", **headers}
+    return {
+        "type": "http",
+        "method": method,
+        "path": path,
+        "raw_path": path.encode(),
+        "query_string": b"",
+        "headers": [(name.replace("_", "-").encode(), value.encode()) for name, value in head.items()],
+        "client": ("127.0.0.1", 1),
+        "root_path": "",
+        "scheme": "http",
+        "http_version": "1.1",
+    }
+
+
+def test_everybody_has_turns_while_an_upload_is_parsed(me):
+    """Blanks behind a boundary are taken one by one: four uploads had each page wait for a second."""
+    padded = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.fmu"\r\n\r\nPK\r\n--x' + b" " * 600_000
+
+    async def receive():
+        return {"type": "http.request", "body": padded, "more_body": False}
+
+    head = {"content_type": "multipart/form-data; boundary=x", "content_length": str(len(padded))}
+    _, turns = turns_of(me, lambda app, send: [app(scope_of("POST", "/runs", **head), receive, send)])
+    assert turns > len(padded) / 20_000
+
+
+def test_what_comes_from_elsewhere_takes_turns_as_well(me):
+    """The borders stood before the turns: requests that they refuse had others wait for a second."""
+    elsewhere = scope_of("GET", "/nothing", sec_fetch_site="cross-site")
+    answered, _ = turns_of(me, lambda app, send: [app(dict(elsewhere), None, send) for _ in range(15)])
+    assert {status for _, status in answered} == {403} and len({turn for turn, _ in answered}) == 15
 
 
 def test_a_verification_may_take_as_much_longer_as_it_has_more_cases():
@@ -312,8 +397,7 @@ def test_what_was_sent_is_not_sent_back_at_length(me):
     """260 answers of 8 MB that nobody read took 1.7 GB of memory."""
     files = {"interface.json": json.dumps(INTERFACE)}
     run = me.until(me.submit(fmu(checking={"kind": "refused", "reason": "none", "files": files}))["id"])
-    form = {"content-type": "application/x-www-form-urlencoded"}
-    refused = me.post(f"/runs/{run['id']}/binding", b"map:q_m[1]=" + b"'" * 1_000_000, **form)
+    refused = me.post(f"/runs/{run['id']}/binding", b"map:q_m[1]=" + b"'" * 60_000, **FORM)
     assert refused.status_code == 400 and "no variable" in refused.text and len(refused.content) < 200_000
     assert len(me.put(f"/api/runs/{run['id']}/binding", "x" * 1_000_000).content) < 5_000
 
@@ -341,12 +425,60 @@ def test_nobody_has_two_requests_in_one_turn_of_the_loop(me):
 
     async def ask() -> None:
         turns = Turns(answer)
-        await asyncio.gather(*(turns({"type": "http", "who": who}, None, None) for who in ["many"] * 50 + ["other"]))
+        await asyncio.gather(*(turns({"type": "http", "who": who}, None, None) for who in ["many"] * 20 + ["other"]))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("orchestrator.service.turns.person_asking", lambda request: Person(request.scope["who"], ""))
         asyncio.run(ask())
-    assert sorted(begun) == ["many"] * 50 + ["other"] and begun.index("other") <= 1
+    assert sorted(begun) == ["many"] * 20 + ["other"] and begun.index("other") <= 1
+
+
+def answers_to(asking: list[tuple[str, str]]) -> list[tuple[str, int]]:
+    """Who is answered by what, if all of these pairs of a person (a stranger: none) and an address ask at once."""
+    told: list[tuple[str, int]] = []
+
+    async def answer(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def ask() -> None:
+        turns = Turns(answer)
+
+        async def one(who: str, address: str) -> None:
+            async def send(message):
+                if message["type"] == "http.response.start":
+                    told.append((who or address, message["status"]))
+                    if message["status"] == 429:
+                        head = dict(message["headers"])
+                        assert head[b"retry-after"] == b"1" and head[b"connection"] == b"close"
+                        assert head[b"cache-control"] == b"no-store"
+
+            scope = {"type": "http", "who": who, "client": (address, 1), "path": "/", "method": "GET"}
+            await turns(scope, None, send)
+
+        await asyncio.gather(*(one(*each) for each in asking))
+
+    def person(request):
+        return Person(request.scope["who"], "") if request.scope["who"] else None
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("orchestrator.service.turns.person_asking", person)
+        asyncio.run(ask())
+    return told
+
+
+def test_few_requests_of_somebody_wait():
+    """Those of clients that left wait, too: one connection at a time had everybody else refused (503)."""
+    told = Counter(answers_to([("many", "a")] * 500 + [("other", "a")]))
+    assert told == {("many", 200): MAX_WAITING, ("many", 429): 500 - MAX_WAITING, ("other", 200): 1}
+
+
+def test_few_requests_of_strangers_wait():
+    """Neither one address locks out the others, nor do many lock out those who have come in."""
+    told = Counter(answers_to([("", "a")] * 500 + [("", "b"), ("other", "a")]))
+    assert told[("a", 200)] == MAX_FROM_ADDRESS and told[("b", 200)] == told[("other", 200)] == 1
+    told = Counter(answers_to([("", f"address {n}") for n in range(500)] + [("other", "address 0")]))
+    assert Counter(status for _, status in told.elements()) == {200: MAX_STRANGERS + 1, 429: 500 - MAX_STRANGERS}
+    assert told[("other", 200)] == 1
 
 
 def test_a_browser_keeps_its_session_for_encrypted_pages_alone(serve):
