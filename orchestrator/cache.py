@@ -23,6 +23,14 @@ from .errors import EnvironmentFault
 VARIABLE = "FLEXIBLE_MANIPULATOR_CACHE"
 """Environment variable that moves the cache elsewhere."""
 
+PRIVATE = "FLEXIBLE_MANIPULATOR_PRIVATE"
+"""Environment variable that names a folder of which no sandbox shows more than it needs: that of a service, where other
+people's FMUs and results lie. What an FMU reads, it can tell in its messages and numbers. Where it is set, nothing of a
+stranger runs or is compiled without a sandbox."""
+
+INCOMPLETE = "incomplete-"
+"""What the name of a folder of the cache begins with in which an FMU is being extracted."""
+
 PACKAGE = Path(__file__).resolve().parent
 ROOT = PACKAGE.parent
 """The folder of the project's packages."""
@@ -83,6 +91,11 @@ def cache_folder() -> Path:
     folder = _writable(Path(place).absolute())  # children may have another current folder
     folder.mkdir(parents=True, exist_ok=True)  # somebody may have deleted it meanwhile
     return folder
+
+
+def incomplete(sha256: str) -> str:
+    """The same for the FMU with this hash: a process that is killed leaves its folder, which is to go with the FMU."""
+    return f"{INCOMPLETE}{sha256[:16]}-"
 
 
 @functools.cache

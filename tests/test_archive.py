@@ -22,7 +22,7 @@ from support.tools import require
 
 from controller_fmu.export.archive import pack
 from orchestrator import Benchmark, Controller
-from orchestrator.cache import VARIABLE
+from orchestrator.cache import PRIVATE, VARIABLE, incomplete
 from orchestrator.errors import EnvironmentFault, FmuError, InputError
 from orchestrator.fmi import archive, compilation, entries
 from orchestrator.fmi.archive import open_archive, restore
@@ -322,6 +322,14 @@ def test_a_spoiled_folder_in_the_cache_is_extracted_again(damage, room, good_fil
     assert not list((room / "cache" / "fmus").glob("incomplete-*"))
 
 
+def test_half_an_extraction_is_named_by_its_fmu(room, good_file, monkeypatch):
+    """What a process leaves that is killed is found, and goes with the FMU."""
+    there = []
+    monkeypatch.setattr(archive, "extract", lambda _, folder: there.append(folder.parent) or entries.extract(_, folder))
+    opened = open_archive(good_file)
+    assert [place.name.startswith(incomplete(opened.sha256)) for place in there] == [True]
+
+
 def test_a_cache_that_cannot_be_written(room, good_file):
     (room / "cache").mkdir()
     (room / "cache" / "fmus").write_text("a file in the way")
@@ -433,6 +441,52 @@ def test_a_compiler_of_foreign_sources_has_nothing_of_the_services_environment(g
     file = room / "curious.fmu"
     file.write_bytes(described(fmus.edited(), **{"sources/model.c": b""})(good))
     assert "token <>, places </usr/own>" in str(refusal(open_archive, file))
+
+
+WITHOUT_FENCE = {
+    "missing": "",
+    "refused": "exit 1",
+    "gone after its trial": 'case "$*" in *" true") exit 0;; esac; echo "bwrap: No permissions" >&2; exit 1',
+}
+
+
+@pytest.mark.needs("linux")  # shell scripts stand for the compiler and for bubblewrap
+@pytest.mark.parametrize("bubblewrap", WITHOUT_FENCE)
+def test_beside_a_private_folder_nothing_is_compiled_without_a_fence(bubblewrap, good, room, monkeypatch):
+    """While bubblewrap was upgraded, sources with ``.incbin`` got the database of a service into their library."""
+    programs = room / "bin"
+    programs.mkdir()
+    scripts = {"cc": f"touch {room}/compiled; exit 1", "bwrap": WITHOUT_FENCE[bubblewrap]}
+    for name, script in scripts.items():
+        if script:
+            (programs / name).write_text(f"#!/bin/sh\nPATH=/usr/bin:/bin\n{script}\n")
+            (programs / name).chmod(0o755)
+    for name, value in {"CC": str(programs / "cc"), "PATH": str(programs), PRIVATE: str(room)}.items():
+        monkeypatch.setenv(name, value)
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b""})(good))
+    assert refusal(open_archive, file).what == "no-sandbox"
+    assert not (room / "compiled").exists()
+
+
+@pytest.mark.needs("bubblewrap")
+def test_a_compiler_beside_a_private_folder_shows_the_fmu_alone(tmp_path, monkeypatch):
+    """All around it was shown, by its own path and by that of a link: <X>/service with <X>/bin/cc."""
+    around, link = tmp_path / "around", tmp_path / "link"
+    private, compiler = around / "service", around / "bin" / "cc"
+    output = private / "cache" / "fmus" / "own" / "scratch" / "library.so"
+    for file in (private / "service.sqlite", private / "cache" / "fmus" / "other" / "source.c", compiler):
+        file.parent.mkdir(parents=True)
+        file.write_text("secret")
+    compiler.chmod(0o755)
+    output.parent.mkdir(parents=True)
+    (output.parents[1] / "source.c").write_text("own")
+    link.symlink_to(around)
+    monkeypatch.setenv(PRIVATE, str(private))
+    words = compilation._fence(output, [str(link / "bin" / "cc")], zig=False)
+    script = f"cat {compiler} $(find {around}/service {link}/service -type f)"
+    seen = subprocess.run([*words, "sh", "-c", script, str(output)], check=False, capture_output=True, text=True)
+    assert seen.stdout == "secretown", "the compiler, and the source"
 
 
 def test_a_library_for_another_processor_is_told(tmp_path):

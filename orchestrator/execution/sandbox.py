@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..cache import DEVICES, PACKAGE, VARIABLE, cache_folder, compiled_code_folder, user_folders
+from ..cache import DEVICES, PACKAGE, PRIVATE, VARIABLE, cache_folder, compiled_code_folder, user_folders
 from ..errors import InputError
 from .interpreter import PACKAGES, flags
 
@@ -46,10 +46,6 @@ this from 0.8 on."""
 HIDDEN = ("/tmp", "/var/tmp", "/run")
 """Empty inside, beside the folder for temporary files and the cache: other programs' sockets, which a read-only file
 system does not keep anybody from connecting to, and scratch files."""
-
-PRIVATE = "FLEXIBLE_MANIPULATOR_PRIVATE"
-"""Environment variable that names a folder of which a sandbox shows nothing but what Python needs: that of a service,
-where other people's FMUs and results lie. What an FMU reads, it can tell in its messages and numbers."""
 
 HANDED_ON = (VARIABLE, "PATH", "HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH")
 HANDED_ON_BEGINNINGS = ("LC_", "PYTHON", "NUMBA_", "OMP_", "OPENBLAS_", "MKL_")

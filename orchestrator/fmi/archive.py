@@ -22,7 +22,7 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import CoSimulation, ModelDescription, ModelExchange
 
-from ..cache import cache_folder
+from ..cache import cache_folder, incomplete
 from ..errors import EnvironmentFault, InputError
 from .description import read_description
 from .entries import (
@@ -246,7 +246,7 @@ def _extract(file: Path, sha256: str) -> Path:
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         # On the same file system as its final place, since only there a rename happens at once or not at all.
-        scratch = Path(tempfile.mkdtemp(prefix="incomplete-", dir=folder.parent))
+        scratch = Path(tempfile.mkdtemp(prefix=incomplete(sha256), dir=folder.parent))
         with zipfile.ZipFile(file) as opened:
             extract(opened, scratch / "fmu")
             if folder.is_dir() and not is_intact(folder, opened):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import fmpy
@@ -16,7 +15,7 @@ from fmpy.model_description import ModelDescription
 
 from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
 
-from ..cache import DEVICES, user_folders
+from ..cache import DEVICES, PRIVATE, user_folders
 from ..errors import InputError
 from .library import FLAGS
 
@@ -45,7 +44,7 @@ COMPILERS_OWN_BEGINNINGS = ("LC_", "C_INCLUDE_", "GCC_", "COMPILER_", "NIX_", "C
 def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
     """Compile the sources that the description of the FMU ``name`` lists into ``library``.
 
-    Raises :class:`InputError` if there is no compiler or the sources do not compile.
+    Raises :class:`InputError` if there is no compiler or the sources do not compile, and as :func:`_has_fence`.
     """
     alternative = f"export the FMU with a binary for {fmpy.platform}"
     try:
@@ -78,10 +77,12 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             *(str(folder / "sources" / source) for source in sources),
             *("-o", str(output), "-lm"),
         ]
+        fence = _fence(output, compiler, "ziglang" in compiler)
         try:
-            fence = _fence(output, compiler, "ziglang" in compiler)
             run_compiler([*fence, *command], output, environment=_environment(os.environ))
         except BuildError as problem:
+            if fence and str(problem).startswith("bwrap"):  # its own words: it is gone since it was tried
+                raise InputError(f"The sources of {name} cannot be compiled now: {problem}", "no-sandbox") from None
             told = str(problem).replace(f"{folder}{os.sep}", "").splitlines()
             # Behind a page of warnings, the reason was cut off.
             lines = "\n  ".join(sorted(told, key=lambda line: "error:" not in line)[:5])
@@ -92,11 +93,20 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
         os.replace(output, library)
 
 
-@functools.cache
 def _has_fence() -> bool:
-    """Whether bubblewrap is there and works."""
-    tried = ["bwrap", *SYSTEM_TO_READ, "true"]
-    return shutil.which("bwrap") is not None and subprocess.run(tried, capture_output=True, check=False).returncode == 0
+    """Whether bubblewrap is there and works.
+
+    Raises :class:`InputError` if it does not beside a private folder. While it was gone for seconds, as in an upgrade,
+    sources with ``.incbin`` got the database of a service into their library.
+    """
+    try:
+        works = subprocess.run(["bwrap", *SYSTEM_TO_READ, "true"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        works = False
+    if not works and os.environ.get(PRIVATE):
+        message = "Sources are compiled here in a sandbox alone, and bubblewrap (bwrap) is not there, or does not work."
+        raise InputError(message, "no-sandbox")
+    return works
 
 
 def _environment(outside: Mapping[str, str]) -> dict[str, str]:
@@ -110,7 +120,9 @@ def _fence(output: Path, compiler: Sequence[str], zig: bool) -> list[str]:
     bubblewrap is there.
 
     Sources of a stranger tell the compiler what to read, and may use its defects. What they include they could hand to
-    a controller that must not know it, such as the certificate that is repeated.
+    a controller that must not know it, such as the certificate that is repeated. Of a private folder they see the FMU.
+
+    Raises as :func:`_has_fence`.
     """
     if not _has_fence():
         return []
@@ -119,10 +131,11 @@ def _fence(output: Path, compiler: Sequence[str], zig: bool) -> list[str]:
     around = [str(parent) for name in (program, os.path.realpath(program)) for parent in Path(name).parents[:2]]
     scratch = str(output.parent)
     shown = [sys.prefix, sys.base_prefix, str(FMI_HEADERS), os.path.dirname(scratch), *around]
-    hidden = user_folders()
-    below = sorted({name for name in shown if any(Path(name).is_relative_to(home) for home in hidden)} - hidden)
-    read = [word for name in sorted(hidden) for word in ("--tmpfs", name)]
-    read += [word for name in below for word in ("--ro-bind", name, name)]
+    hidden = user_folders() | _private(shown)
+    below = {name for name in shown if any(Path(name).is_relative_to(home) for home in hidden)} - hidden
+    mounts = {name: ("--tmpfs", name) for name in hidden} | {name: ("--ro-bind", name, name) for name in below}
+    # A folder before what lies in it. That of a service lay beside a compiler's (<X>/s and <X>/bin/cc), and was shown.
+    read = [word for name in sorted(mounts) for word in mounts[name]]
     # Sources of 34 kB, of which each becomes an object of 0.9 GB, filled the disk with 7 GB.
     write = ["--size", str(SCRATCH_BYTES), "--tmpfs", scratch, "--setenv", "TMPDIR", scratch]
     output.touch()
@@ -132,6 +145,15 @@ def _fence(output: Path, compiler: Sequence[str], zig: bool) -> list[str]:
         os.makedirs(cache, exist_ok=True)
         write += ["--bind", cache, cache]
     return ["bwrap", *SYSTEM_TO_READ, *read, *write, "--", "sh", "-c", HANDED_OUT, str(output)]
+
+
+def _private(shown: Iterable[str]) -> set[str]:
+    """The private folder, by its own path and by that from each of the ``shown`` folders: one may be a link."""
+    if not os.path.isdir(private := os.environ.get(PRIVATE, "")):
+        return set()
+    own = Path(private).resolve()
+    around = [(name, real) for name in shown if own.is_relative_to(real := os.path.realpath(name))]
+    return {str(own), *(str(Path(name, own.relative_to(real))) for name, real in around)}
 
 
 def _listed(folder: Path, identifier: str, description: ModelDescription) -> tuple[list[str], list[str]]:

@@ -16,7 +16,7 @@ from ..documents.evaluation import Evaluation
 from ..documents.files import prepare_folder
 from ..text import printable
 from .borders import Refusal
-from .files import Files
+from .files import Files, is_file
 from .runner import environment
 
 logger = logging.getLogger(__name__)
@@ -28,14 +28,14 @@ TIME = 120.0
 async def compared(files: Files, id: str, folders: Sequence[Path]) -> None:
     """Write the page that compares the evaluations in ``folders``; raises :class:`Refusal` if that fails."""
     place = files.comparison(id)
-    if (place / FILE).is_file():
+    if is_file(place / FILE):
         return
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", __name__, str(place), *map(str, folders)),
         stdin=DEVNULL,
         stdout=DEVNULL,
         stderr=PIPE,
-        env=environment(files),
+        env=environment(files, sandbox=True),
     )
     try:
         _, said = await asyncio.wait_for(process.communicate(), TIME)
@@ -43,7 +43,7 @@ async def compared(files: Files, id: str, folders: Sequence[Path]) -> None:
         with contextlib.suppress(ProcessLookupError):
             process.kill()
         raise Refusal(503, "The comparison took too long.") from None
-    if not (place / FILE).is_file():
+    if not is_file(place / FILE):
         logger.error("A comparison has failed: %s", printable(said[-2000:]))
         raise Refusal(500, "These runs could not be compared: the results of one are damaged. Begin again with it.")
 

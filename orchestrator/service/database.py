@@ -7,6 +7,7 @@ It is used by one thread. Other processes may read and write beside it, such as 
 from __future__ import annotations
 
 import sqlite3
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import astuple, fields
@@ -16,8 +17,8 @@ from ..errors import EnvironmentFault, InputError
 from .files import is_empty
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
-FORM = 4
-"""Of the tables. A later version that changes them reads this number."""
+FORM = 5
+"""Of the tables. A version that changes them reads this number."""
 
 LEAST = 100_000
 """What a run counts in a quota at the least [bytes]: of runs that are cancelled at once, with an FMU of some bytes,
@@ -47,7 +48,7 @@ LOCKED = "locked-database"
 TABLES = """
 CREATE TABLE people (
     id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL,
-    organizer INTEGER NOT NULL
+    organizer INTEGER NOT NULL, served REAL NOT NULL DEFAULT 0
 ) STRICT;
 CREATE TABLE sessions (
     key TEXT PRIMARY KEY, person TEXT NOT NULL REFERENCES people ON DELETE CASCADE, until REAL NOT NULL
@@ -58,7 +59,8 @@ CREATE TABLE runs (
     running INTEGER NOT NULL, attempts INTEGER NOT NULL, interruptions INTEGER NOT NULL, not_before REAL NOT NULL,
     started REAL NOT NULL, finished REAL NOT NULL, reason TEXT NOT NULL, bound INTEGER NOT NULL, verdict TEXT NOT NULL,
     quick_cost REAL, cost REAL, holds INTEGER, remark TEXT NOT NULL, disk INTEGER NOT NULL, revision INTEGER NOT NULL,
-    round TEXT NOT NULL, drawn_cost REAL, drawn_holds INTEGER, drawn_remark TEXT NOT NULL, deviations TEXT NOT NULL
+    round TEXT NOT NULL, drawn_cost REAL, drawn_holds INTEGER, drawn_remark TEXT NOT NULL, deviations TEXT NOT NULL,
+    seal INTEGER NOT NULL DEFAULT 0
 ) STRICT;
 CREATE INDEX runs_by_owner ON runs (owner, created);
 CREATE INDEX runs_by_state ON runs (state);
@@ -87,6 +89,20 @@ CREATE TABLE form (number INTEGER NOT NULL) STRICT;
 
 COLUMNS = ", ".join(field.name for field in fields(Submission))
 MARKS = ", ".join("?" for _ in fields(Submission))
+SEALED = f"UPDATE runs SET seal = seal({COLUMNS})"
+"""Keeps a checksum of rows as they are stored. SQLite has none: one bit of V that was another went into the table, and
+``integrity_check`` said "ok"."""
+
+UPGRADES: Mapping[int, Sequence[str]] = {
+    4: (
+        "ALTER TABLE people ADD COLUMN served REAL NOT NULL DEFAULT 0",
+        "UPDATE people SET served = COALESCE((SELECT MAX(started) FROM runs WHERE owner = people.id), 0)",
+        "ALTER TABLE runs ADD COLUMN seal INTEGER NOT NULL DEFAULT 0",
+        SEALED,
+    ),
+}
+"""What makes the tables of an earlier form those of the next one."""
+
 FINALS = ", ".join(f"'{state.value}'" for state in FINAL)
 
 HELD: Mapping[Stage, str] = {
@@ -103,9 +119,10 @@ class Changed(Exception):
 class Database:
     """The state of the service in the SQLite file ``file``. Its tables are made if it ``may_begin`` and has none.
 
-    It waits ``patience`` [s] for another process. Raises :class:`InputError` for a file of a later version, and for one
-    without tables that may not begin; :class:`EnvironmentFault` for one that cannot be opened. A method raises
-    :class:`EnvironmentFault` if the disk is full or the file locked; nothing has changed then.
+    Those of an earlier form are upgraded. It waits ``patience`` [s] for another process. Raises :class:`InputError` for
+    a file of another version, and for one without tables that may not begin; :class:`EnvironmentFault` for one that
+    cannot be opened. A method raises :class:`EnvironmentFault` if the disk is full or the file locked; nothing has
+    changed then.
     """
 
     def __init__(self, file: Path, patience: float = BUSY, may_begin: bool = True) -> None:
@@ -127,12 +144,18 @@ class Database:
             self._connection.execute("PRAGMA foreign_keys = ON")
             # Deleted means deleted, also in the free pages of the file.
             self._connection.execute("PRAGMA secure_delete = ON")
+            self._connection.create_function("seal", -1, _seal, deterministic=True)
             with self._transaction() as connection:
                 if not self._has_tables():
                     for statement in filter(str.strip, TABLES.split(";\n")):
                         connection.execute(statement)
                     connection.execute("INSERT INTO form VALUES (?)", (FORM,))
-                (form,) = connection.execute("SELECT number FROM form").fetchone() or (None,)
+                (form,) = connection.execute("SELECT number FROM form").fetchone() or (0,)
+                while form in UPGRADES:
+                    for statement in UPGRADES[form]:
+                        connection.execute(statement)
+                    form += 1
+                    connection.execute("UPDATE form SET number = ?", (form,))
         except (sqlite3.Error, OSError, UnicodeDecodeError) as problem:  # what SQLite says quotes a damaged schema
             message = f"{file} cannot be opened as the service's database: {problem}."
             raise EnvironmentFault(message, "no-database") from problem
@@ -154,6 +177,9 @@ class Database:
         (row,) = self._rows("PRAGMA integrity_check(1)")
         if row[0] != "ok":
             raise EnvironmentFault(f"The service's database is damaged: {row[0]}.", "no-database")
+        if changed := self._rows(f"SELECT id FROM runs WHERE seal <> seal({COLUMNS}) LIMIT 1"):
+            message = f"The service's database is damaged: the run {changed[0][0]} is not what was written."
+            raise EnvironmentFault(message, "no-database")
         with self._transaction() as connection:
             connection.execute("UPDATE form SET number = number")
 
@@ -208,7 +234,7 @@ class Database:
         """Add somebody, who comes in by what has the hash ``key``."""
         with self._transaction() as connection:
             values = (person.id, person.name, key, now, person.organizer)
-            connection.execute("INSERT INTO people VALUES (?, ?, ?, ?, ?)", values)
+            connection.execute("INSERT INTO people (id, name, key, created, organizer) VALUES (?, ?, ?, ?, ?)", values)
 
     def make_organizer(self, person: str) -> None:
         """Let somebody open and close rounds."""
@@ -267,6 +293,7 @@ class Database:
         try:
             with self._transaction() as connection:
                 connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
+                connection.execute(f"{SEALED} WHERE id = ?", (run.id,))
                 connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
                 connection.execute("INSERT INTO bindings VALUES (?, ?)", (run.id, binding))
         except sqlite3.IntegrityError:
@@ -334,9 +361,8 @@ class Database:
         return int(self._rows("SELECT COUNT(*) FROM runs WHERE state = ?", state.value)[0][0])
 
     def served(self) -> dict[str, float]:
-        """When a stage of each person's was last started."""
-        rows = self._rows("SELECT owner, MAX(started) FROM runs GROUP BY owner")
-        return {row[0]: row[1] for row in rows}
+        """When a stage of each person's was last started, also of a run that is deleted."""
+        return {row[0]: row[1] for row in self._rows("SELECT id, served FROM people")}
 
     def usage(self, owner: str) -> tuple[int, int, int]:
         """How many runs of somebody have not ended, how many there are, and what they take on the disk [bytes],
@@ -350,6 +376,10 @@ class Database:
     def is_used(self, sha256: str) -> bool:
         """Whether a run has this FMU."""
         return bool(self._rows("SELECT 1 FROM runs WHERE sha256 = ? LIMIT 1", sha256))
+
+    def counted(self) -> set[str]:
+        """SHA-256 of the FMUs of which a run counts what was extracted."""
+        return {row[0] for row in self._rows("SELECT DISTINCT sha256 FROM runs WHERE disk > 0")}
 
     def ids(self) -> set[str]:
         """Ids of all runs and comparisons."""
@@ -487,9 +517,18 @@ def _change(connection: sqlite3.Connection, before: Submission, after: Submissio
     )
     if changed.rowcount != 1:
         raise Changed(before.id)
+    connection.execute(f"{SEALED} WHERE id = ?", (before.id,))
+    if after.started != before.started:
+        # With the person: who deleted each run as soon as it had finished was served before all others.
+        connection.execute("UPDATE people SET served = ? WHERE id = ?", (after.started, before.owner))
     connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
     last = "SELECT rowid FROM history WHERE run = ? ORDER BY rowid DESC LIMIT 1 OFFSET ?"
     connection.execute(f"DELETE FROM history WHERE run = ? AND rowid <= ({last})", (before.id, before.id, MAX_HISTORY))
+
+
+def _seal(*values: object) -> int:
+    """A checksum of what a row holds."""
+    return zlib.crc32(repr(values).encode())
 
 
 def _person(row: sqlite3.Row | tuple[object, ...]) -> Person:

@@ -23,7 +23,7 @@ from typing import IO
 
 from filelock import FileLock, Timeout
 
-from ..cache import VARIABLE
+from ..cache import INCOMPLETE, VARIABLE, incomplete
 from ..documents.files import prepare_folder
 from ..errors import EnvironmentFault, InputError
 from ..execution import store
@@ -44,6 +44,9 @@ KINDS = ("fmus", "runs", "comparisons")
 
 FULL = "no-room"
 """Code of an error of a disk that is full."""
+
+LEFT_OUT = "LEFT_OUT.txt"
+"""What an archive is without, if a file cannot be read."""
 
 REMOVED = "removed"
 """Folder of the cache for what is being removed."""
@@ -266,11 +269,13 @@ class Files:
 
     def forget_extracted(self, sha256: str) -> None:
         """Remove what jobs have extracted of an FMU; the next one does that again."""
-        _away(self.cache / "fmus" / sha256, self.cache / REMOVED)
+        folder = self.cache / "fmus"
+        for entry in (folder / sha256, *folder.glob(f"{incomplete(sha256)}*")):  # of a job that was killed meanwhile
+            _away(entry, self.cache / REMOVED)
 
-    def sweep(self, ids: set[str], fmus: set[str]) -> None:
+    def sweep(self, ids: set[str], fmus: set[str], counted: set[str]) -> None:
         """Remove what no run or comparison of ``ids``, and none of these ``fmus``, stands for: the end of a service
-        may have come between a row and its folder."""
+        may have come between a row and its folder. So may it before what was extracted was ``counted`` in a row."""
         for bin in (self.root / "incoming", self.cache / REMOVED):
             for entry in bin.iterdir() if bin.is_dir() else ():
                 if entry.is_dir():
@@ -284,6 +289,17 @@ class Files:
         for file in (self.root / "fmus").iterdir():
             if file.stem not in fmus and SHA256.fullmatch(file.stem):
                 self.remove_fmu(file.stem)
+        for sha256 in fmus - counted:
+            self.forget_extracted(sha256)
+        if self.cache == self.root / "cache":  # in another one, somebody else may be extracting
+            for entry in (self.cache / "fmus").glob(f"{INCOMPLETE}*"):
+                _away(entry, self.cache / REMOVED)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file that can be asked for. Of one in a folder that may not be read, as after a restore by
+    another user, ``Path.is_file`` raises, and the page of its run answered 500."""
+    return os.path.isfile(path)
 
 
 def _unwritten(problem: OSError) -> EnvironmentFault:
@@ -332,12 +348,19 @@ def _files_below(folder: Path) -> Iterator[Path]:
 
 
 def packed(files: Mapping[str, Path]) -> bytes:
-    """A zip archive of ``files`` by their names in it; what is deleted meanwhile is left out."""
-    archive = io.BytesIO()
+    """A zip archive of ``files`` by their names in it. What is deleted meanwhile is left out; what cannot be read, too,
+    and named in LEFT_OUT: it kept the whole archive from everybody."""
+    archive, unread = io.BytesIO(), list[str]()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as entries:
         for name, file in files.items():
-            with contextlib.suppress(FileNotFoundError):
+            try:
                 entries.writestr(name, file.read_bytes())
+            except FileNotFoundError:
+                continue
+            except OSError as problem:
+                unread.append(f"{name} cannot be read on the service's machine: {problem.strerror}.\n")
+        if unread:
+            entries.writestr(LEFT_OUT, "".join(unread))
     return archive.getvalue()
 
 

@@ -20,7 +20,7 @@ from ..version import __version__
 from ..views.page import environment, template_text
 from . import accounts, binding
 from .borders import REPORT_POLICY, Refusal, body, key_body
-from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN
+from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN, is_file
 from .people import COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
@@ -135,7 +135,7 @@ def _run_page(
         findings=Markup(service.piece(run, FINDINGS)),
         scorecard=Markup(card),
         place=here,
-        files=[name for name in SHOWN if (service.files.run(run.id) / here / name).is_file()],
+        files=[name for name in SHOWN if is_file(service.files.run(run.id) / here / name)],
         fields=[] if interface is None else fields(interface, typed or {}),
         settable=[]
         if interface is None

@@ -18,10 +18,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..cache import VARIABLE
+from ..cache import PRIVATE, VARIABLE
 from ..codec import from_json, to_json
 from ..errors import BenchmarkError, EnvironmentFault
-from ..execution.sandbox import PRIVATE
 from ..text import printable
 from . import queue, states
 from .database import LOCKED, Changed, Database
@@ -94,7 +93,7 @@ class Runner:
             outcome, now = outcome_of(self._files.run(run.id), run.stage), time.time()
             change = states.interrupted(run) if outcome is None else states.ended(run, outcome, now)
             self._database.change(run, *change, now)
-        self._files.sweep(self._database.ids(), self._database.files())
+        self._files.sweep(self._database.ids(), self._database.files(), self._database.counted())
 
     def wake(self) -> None:
         """There is something new: for the queue, and for those who look on."""
@@ -182,9 +181,19 @@ class Runner:
         self.wake()
 
     def _clear(self, run: Submission) -> None:
+        """Remove the folder of a run that is no more, and its FMU with what was extracted, if no other run has it."""
         self._files.remove_run(run.id)
         if not self._database.is_used(run.sha256):
             self._files.remove_fmu(run.sha256)
+        elif run.sha256 not in self._database.counted():
+            # Of another run with this FMU, which was cancelled before its check: it counts none of it.
+            self._forget_extracted(run.sha256)
+
+    def _forget_extracted(self, sha256: str) -> None:
+        """Remove what was extracted of an FMU, which no row counts, and so nobody's quota; unless a job is at work with
+        it, after which it is counted, or removed."""
+        if not any(live.run.sha256 == sha256 for live in self.live.values()):
+            self._files.forget_extracted(sha256)
 
     def _drop(self, id: str) -> None:
         if (live := self.live.get(id)) is not None and not live.unwanted:
@@ -278,9 +287,9 @@ class Runner:
 
     async def _settle(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, and have room for another run."""
-        live.ended = time.time()
+        live.ended, stored = time.time(), False
         try:
-            await self._stored(live, outcome)
+            stored = await self._stored(live, outcome)
         except Exception:  # a mistake of ours: the stage begins again, a limited number of times
             logger.exception("The outcome of a run could not be stored.")
             with contextlib.suppress(Changed, BenchmarkError):
@@ -290,21 +299,23 @@ class Runner:
             self.wake()
         if self._database.run(live.run.id) is None:
             self._clear(live.run)
-        elif not outcome.disk and not any(other.run.sha256 == live.run.sha256 for other in self.live.values()):
-            # What a job extracted that was ended is in no row, and so in nobody's quota.
-            self._files.forget_extracted(live.run.sha256)
+        elif not (stored and outcome.disk):
+            # By a job that was ended, or had an outcome when its run was cancelled, and had not ended yet.
+            self._forget_extracted(live.run.sha256)
 
-    async def _stored(self, live: Live, outcome: Outcome) -> None:
-        """Store the outcome, which is tried until it is stored: a full disk may have room again."""
+    async def _stored(self, live: Live, outcome: Outcome) -> bool:
+        """Store the outcome, which is tried until it is stored: a full disk may have room again. Returns whether it is;
+        nobody wants that of a run that was cancelled or removed."""
         while not (live.unwanted or self._closing):
             try:
                 self._database.change(live.run, *states.ended(live.run, outcome, time.time()), time.time())
-                return
+                return True
             except Changed:  # cancelled or removed meanwhile
-                return
+                return False
             except BenchmarkError as problem:
                 logger.warning("%s", problem)
                 await asyncio.sleep(LOOK_EVERY)
+        return False
 
     async def _done(self, live: Live, folder: Path, stage: Stage) -> Outcome:
         log = folder / LOG
@@ -315,7 +326,7 @@ class Runner:
                 stdin=PIPE,
                 stdout=PIPE,
                 stderr=stream,
-                env=environment(self._files),
+                env=environment(self._files, self._conduct.sandbox),
                 limit=MAX_LINE,
                 # A Ctrl-C in the service's terminal is not for its jobs: it tells them itself.
                 start_new_session=True,
@@ -383,10 +394,12 @@ def protocol_of(conduct: Conduct, stage: Stage) -> str:
     return {"quick": conduct.quick_protocol, "verifying": conduct.drawn_protocol}.get(stage, conduct.protocol)
 
 
-def environment(files: Files) -> Mapping[str, str]:
-    """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted; its
-    sandbox shows nothing of the service's folder, and no module is looked for in that of a run."""
-    return {**os.environ, VARIABLE: str(files.cache), PRIVATE: str(files.root), "PYTHONSAFEPATH": "1"}
+def environment(files: Files, sandbox: bool) -> Mapping[str, str]:
+    """The environment of a job: that of the service, with a cache of its own, so that what is deleted is deleted; no
+    module is looked for in the folder of a run. Where a ``sandbox`` is used, it shows nothing of the service's folder,
+    and sources are compiled in none but one."""
+    private = {PRIVATE: str(files.root)} if sandbox else {}
+    return {**os.environ, VARIABLE: str(files.cache), **private, "PYTHONSAFEPATH": "1"}
 
 
 def _let_go(process: Process | None) -> None:

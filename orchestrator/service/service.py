@@ -25,7 +25,7 @@ from . import binding, rounds
 from .borders import Refusal
 from .comparing import compared
 from .database import Changed, Database
-from .files import BINDING, DRAWN, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, new_id, packed, plain_name
+from .files import BINDING, DRAWN, EVALUATION, ID, INTERFACE, QUICK, SHOWN, Files, is_file, new_id, packed, plain_name
 from .records import HandIn, Interface, Person, Round, Settings, State, Submission
 from .runner import Runner
 
@@ -211,19 +211,21 @@ class Service:
         if place not in (QUICK, EVALUATION) or name not in SHOWN:
             raise Refusal(404, "There is no such file.")
         file = self.files.run(run.id) / place / name
-        if not file.is_file():
+        if not is_file(file):
             raise Refusal(404, "There is no such file yet.")
         return file
 
     def piece(self, run: Submission, *path: str) -> str:
-        """A piece of a page that a job has written; empty if there is none yet."""
+        """A piece of a page that a job has written; empty if there is none yet, a sentence if it cannot be shown."""
         file = self.files.run(run.id).joinpath(*path)
         try:
             if file.stat().st_size > MAX_PIECE:
                 return "<p>This is too long to be shown here.</p>"
             return file.read_text(encoding="utf-8")
-        except (OSError, ValueError):  # a damaged one is no text
+        except FileNotFoundError:
             return ""
+        except (OSError, ValueError):  # a damaged one is no text
+            return "<p>What stands here cannot be read on the service's machine. Tell who runs the service.</p>"
 
     def command(self, run: Submission) -> str:
         """The command that repeats what is shown of a run: its evaluation, or until that has ended the quick one."""

@@ -66,8 +66,10 @@ def file_answer(file: Path, kind: str, name: str = "", headers: Mapping[str, str
     try:
         # Opened before the answer begins, which Starlette's own does not: its run may be deleted in between.
         stream = file.open("rb")
-    except OSError:
+    except FileNotFoundError:
         raise Refusal(404, "There is no such file any more.") from None
+    except OSError as problem:
+        raise Refusal(503, f"This file cannot be read on the service's machine: {problem.strerror}.") from None
     told = {"content-length": str(os.fstat(stream.fileno()).st_size), **(headers or {})}
     if name:
         told["content-disposition"] = f'attachment; filename="{name}"'

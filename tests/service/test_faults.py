@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 import sqlite3
+import struct
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -105,16 +106,20 @@ def test_commands_for_people_and_copies_need_tables(words, tmp_path):
 
 
 @pytest.mark.parametrize("words", [("--port", "0"), ("--backup", "copy")])
-@pytest.mark.parametrize("damaged", [b"finished", b"CREATE TABLE runs"], ids=["a state", "the schema"])
+@pytest.mark.parametrize(
+    "damaged", [b"finished", b"CREATE TABLE runs", struct.pack(">d", 99.5)], ids=["a state", "the schema", "V"]
+)
 def test_one_bit_of_the_database_that_is_another_is_told(damaged, words, serve, tmp_path):
-    """Pages answered 500 with a state that does not exist, and with another hash the start removed an FMU."""
+    """Pages answered 500 with a state that does not exist, with another hash the start removed an FMU, and another V
+    stood in the table."""
     client = serve()
     Asker(client).until(Asker(client).submit()["id"])
     ended(client)
     file = tmp_path / "data" / "service.sqlite"
     content = bytearray(file.read_bytes())
     # Of the row, not of the text of the schema and of the history.
-    place = content.find(damaged) if damaged.startswith(b"CREATE") else content.find(b"finished", 8 * 4096)
+    place = content.find(damaged, 8 * 4096 if damaged == b"finished" else 0)
+    assert place > 0
     content[place + 3] ^= 0x80 if damaged.startswith(b"CREATE") else 1
     file.write_bytes(content)
     refused = call("serve", "--data", "data", *words, folder=tmp_path)

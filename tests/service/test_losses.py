@@ -1,26 +1,36 @@
 """What an operator's attack showed to be lost: work that was done, a person's place, and everybody's time."""
 
 import asyncio
+import io
 import json
+import os
 import shutil
+import signal
+import sqlite3
+import tempfile
 import threading
 import time
+import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from support.command_lines import call
+from support.refusals import refusal
 from support.tools import require
 
 from orchestrator.api.benchmark import Benchmark
+from orchestrator.cache import VARIABLE, incomplete
 from orchestrator.conformance.finding import Finding, Severity
-from orchestrator.errors import EnvironmentFault
+from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.service import accounts, job, states
 from orchestrator.service.database import Database
-from orchestrator.service.files import Files
-from orchestrator.service.records import Task
+from orchestrator.service.files import LEFT_OUT, Files, new_id
+from orchestrator.service.records import State, Task
 from orchestrator.service.runner import Runner
 from service.conftest import SOME, Asker, fmu
-from service.test_rounds import Course, verified
+from service.test_rounds import RUN, Course, handed_in, verified
+from service.test_service import under_way
 
 require("starlette", "uvicorn", "python_multipart", "httpx2")
 
@@ -210,3 +220,129 @@ def test_a_database_that_cannot_be_read_is_told(serve, monkeypatch):
     monkeypatch.setattr(Database, "person", damaged)
     answer = me.get("/api/runs")
     assert answer.status_code == 503 and "cannot be read" in answer.json()["error"]
+
+
+def gone(path) -> bool:
+    """Whether a path is no more, within some seconds."""
+    for _ in range(200):
+        if not path.exists():
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_what_a_cancelled_run_has_extracted_goes_though_its_job_had_an_outcome(me):
+    """Between the outcome and the end of the job, it stayed, in nobody's quota."""
+    service, done = me.client.app.state.service, {**DONE, "stage": "checking"}
+    id = me.submit(fmu(checking={"files": {"checking.json": json.dumps(done)}, "wait": 300}))["id"]
+    under_way(me, id)
+    extracted = service.files.cache / "fmus" / service.database.run(id).sha256
+    extracted.mkdir(parents=True)
+    while not (service.files.run(id) / "checking.json").exists():
+        time.sleep(0.05)
+    me.post(f"/api/runs/{id}/cancel")
+    assert gone(extracted)
+
+
+def test_what_was_extracted_goes_with_the_last_run_that_counts_it(me):
+    """A second run with the same FMU, cancelled before its check, kept it and counted nothing."""
+    service = me.client.app.state.service
+    run = service.database.run(me.until(me.submit()["id"])["id"])
+    service.database.add_run(replace(run, id=new_id(), state=State.CANCELLED, disk=0), "received")
+    extracted = service.files.cache / "fmus" / run.sha256
+    extracted.mkdir(parents=True)
+    assert me.delete(f"/api/runs/{run.id}").status_code == 204
+    assert not extracted.exists() and service.files.fmu(run.sha256).exists()
+
+
+def test_half_of_what_a_killed_job_extracted_is_removed(me):
+    """It outlived the run and the service."""
+    service = me.client.app.state.service
+    id = me.submit(fmu(checking={"wait": 300, "times": 1}))["id"]
+    under_way(me, id)
+    folder = service.files.cache / "fmus"
+    folder.mkdir(parents=True, exist_ok=True)
+    half = Path(tempfile.mkdtemp(prefix=incomplete(service.database.run(id).sha256), dir=folder))
+    os.killpg(service.runner.live[id].process.pid, signal.SIGKILL)
+    assert me.until(id)["state"] == "finished" and gone(half)
+
+
+def test_a_start_removes_what_was_extracted_and_is_in_no_row(tmp_path, monkeypatch):
+    """The jobs of a service that is killed are killed as well, or end by themselves."""
+    monkeypatch.delenv(VARIABLE)
+    files, (counted, uncounted, strange) = Files(tmp_path / "data"), ("a" * 64, "b" * 64, "c" * 64)
+    files.prepare()
+    folder = files.cache / "fmus"
+    for name in (counted, uncounted, strange, f"{incomplete(counted)}x", f"{incomplete('d' * 64)}x"):
+        (folder / name).mkdir(parents=True)
+    files.sweep(set(), {counted, uncounted}, {counted})
+    # One that no run has may be the plant's.
+    assert {entry.name for entry in folder.iterdir()} == {counted, strange}
+    # Another cache may be somebody else's as well, who is at work there.
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    other = tmp_path / "cache" / "fmus" / f"{incomplete('d' * 64)}x"
+    other.mkdir(parents=True)
+    files.sweep(set(), {counted, uncounted}, {counted})
+    assert other.exists()
+
+
+def test_who_deletes_what_has_finished_has_no_other_turn(me):
+    """Who did so at once was served before all others: the time of the last start went with the run."""
+    database = me.client.app.state.service.database
+    id = me.until(me.submit()["id"])["id"]
+    before = database.served()
+    assert me.delete(f"/api/runs/{id}").status_code == 204
+    assert before[accounts.LOCAL.id] > 0.0 and database.served() == before
+
+
+def test_a_database_of_the_former_form_is_taken_over(tmp_path):
+    """With whose turn it is, and the checksums of its runs."""
+    file = tmp_path / "x.sqlite"
+    database = Database(file)
+    for person in (accounts.LOCAL, replace(accounts.LOCAL, id="new", name="new")):
+        database.add_person(person, "", 0.0)
+    run = replace(RUN, owner=accounts.LOCAL.id, started=5.0)
+    database.add_run(run, "received")
+    database.close()
+    former = "ALTER TABLE people DROP COLUMN served; ALTER TABLE runs DROP COLUMN seal; UPDATE form SET number = 4"
+    sqlite3.connect(file).executescript(former)
+    database = Database(file)
+    database.check()
+    assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
+    database.close()
+    for form in (3, 6):
+        sqlite3.connect(file).executescript(f"UPDATE form SET number = {form}")
+        assert refusal(Database, file, kind=InputError).what == "other-database"
+
+
+def test_a_folder_that_cannot_be_read_costs_no_page(me, monkeypatch):
+    """As after a restore by another user; the page of its run answered 500."""
+    id, keep = me.until(me.submit()["id"])["id"], os.stat
+    folder = str(me.client.app.state.service.files.run(id))
+
+    def refused(path, *given, **named):
+        if str(path).startswith(folder):
+            raise PermissionError(13, "Permission denied")
+        return keep(path, *given, **named)
+
+    monkeypatch.setattr(os, "stat", refused)
+    answer = me.get(f"/runs/{id}")
+    assert answer.status_code == 200 and "cannot be read on the service" in answer.text
+    assert me.get(f"/runs/{id}/evaluation/report.html").status_code == 404
+
+
+def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
+    course = Course(serve(SOME))
+    ada, ben = course.person("Ada"), course.person("Ben")
+    round = course.open()
+    first, second = (handed_in(person, fmu(verifying=verified(90.0))) for person in (ada, ben))
+    course.close(round)
+    course.until(round)
+    file = course.client.app.state.service.files.run(first) / "verification" / "verification.json"
+    file.unlink()
+    file.mkdir()
+    answer = ada.get(f"/api/rounds/{round}/certificates.zip")
+    assert answer.status_code == 200
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert set(archive.namelist()) == {f"{second}.json", LEFT_OUT}
+        assert f"{first}.json cannot be read" in archive.read(LEFT_OUT).decode()

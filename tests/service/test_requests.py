@@ -371,6 +371,9 @@ def test_a_file_whose_run_is_deleted_is_no_fault(me):
     assert me.get(f"/api/runs/{run['id']}/files/evaluation/results.json").content == file.read_bytes()
     file.unlink()
     file.mkdir()  # what is there when it is looked for, and cannot be opened
+    with pytest.raises(Refusal, match="cannot be read"):
+        wire.file_answer(file, "application/json")
+    file.rmdir()
     with pytest.raises(Refusal, match="no such file"):
         wire.file_answer(file, "application/json")
 

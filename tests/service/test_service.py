@@ -565,12 +565,13 @@ def test_a_locked_database_loses_no_outcome(me, monkeypatch):
 
 def test_a_job_shows_its_sandbox_nothing_of_the_services_folder_and_imports_nothing_from_a_runs(me):
     """An FMU that reads another's could tell it in its messages."""
-    from orchestrator.execution.sandbox import PRIVATE
+    from orchestrator.cache import PRIVATE
     from orchestrator.service.runner import environment
 
     files = me.client.app.state.service.files
-    variables = environment(files)
+    variables = environment(files, sandbox=True)
     assert variables[PRIVATE] == str(files.root) and variables["PYTHONSAFEPATH"]
+    assert PRIVATE not in environment(files, sandbox=False), "with --trust, sources are compiled without a sandbox"
 
 
 def test_cancelling_and_beginning_again_gets_round_no_quota(serve, limited):
