@@ -106,6 +106,13 @@ class Disturbances(Struct):
     t_4: Finite
     chirp_frequencies: Range
 
+    @property
+    def chirp_starts(self) -> tuple[float, float]:
+        """The range of t_3 [s] as far as the chirp begins before its end t_4, which a protocol of its own may have made
+        earlier: a search ended with an error when it drew a later one."""
+        low, high = self.t_3_range
+        return min(low, self.t_4), min(high, self.t_4)
+
 
 class Jitter(Struct):
     """By how much a draw may move what is listed: poses on both axes [degrees], mirrored at the workspace's ends; the

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -20,18 +20,17 @@ import numpy as np
 
 from ..benchmark.protocol import Protocol
 from ..benchmark.results import CaseResult
-from ..benchmark.variation import Variation
 from ..loop.random_streams import stable_stream
 from . import moves
 from .history import Asking, History
 from .member import Member, Pair, cost
-from .short import brisk, short
+from .short import short
 from .target import NICHES, Target, niches, severity
 
 CHILDREN = 4
 """Members per peak and generation."""
 
-EXCHANGED, CROSSED = 0.25, 0.15
+EXCHANGED, CROSSED = 0.4, 0.15
 """Shares of the children that come from another pose, as they are or crossed with one of this pose."""
 
 PUSHED, SWEPT, SHIFTED, HEARD = 0.35, 0.1, 0.1, 0.05
@@ -41,8 +40,8 @@ realization of the noise."""
 TURNED = 0.5
 """Share of the children at other poses than the configurations' that have signs turned, too."""
 
-ALONG_ARM = 0.12
-"""Share of the children that get a force along the arm, which turns the motors the least."""
+WEAKER = 0.12
+"""Share of the children that get a force near the direction that loads the joints least."""
 
 INSIDE = 0.2
 """Share of the children whose parameters move inside their ranges."""
@@ -61,9 +60,6 @@ HOPE = 0.02
 
 LATE_SHARE = 0.5
 """Share of what a start spends that a criterion with niches gets at the least: it rises late, and then by much."""
-
-REPEATED = 2
-"""Children at each pose that are repeated after a brisk simulation."""
 
 CONFIRMED = 1
 """Members of each peak that are repeated over the whole case at the end of a leg."""
@@ -146,36 +142,7 @@ class Climb:
 
 def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
     """Try ``members`` for a criterion, each at its pose, as far as the start's share lasts; gives the results."""
-    view = brisk if target.criterion in NICHES else short
-    return (yield from _looked_at(climb, target, [_seen(climb, target, member, view) for member in members]))
-
-
-def _looked_at(climb: Climb, target: Target, views: Sequence[Member]) -> Asking[list[CaseResult]]:
-    """The results of short simulations. Of those that are brisk, the best of each pose are repeated if they exceed
-    the largest value of its elite."""
-    results = yield from _try(climb, target, views)
-    ranked = sorted(
-        (
-            (severity(target, result, climb.protocol.stability), member)
-            for member, result in zip(views, results, strict=False)
-        ),
-        key=lambda pair: -pair[0],
-    )
-    taken, promising = Counter[Peak](), []
-    for value, member in ranked:
-        if _is_exact(target, member):
-            continue
-        peak = _peak(climb, target, member)
-        taken[peak] += 1
-        if taken[peak] <= REPEATED and value > climb.elites.largest(peak):
-            promising.append(_seen(climb, target, member))
-    yield from _try(climb, target, promising)
-    return results
-
-
-def _is_exact(target: Target, member: Member) -> bool:
-    """Whether a simulation shows the criterion itself; a brisk one does not."""
-    return target.criterion not in NICHES or member.short is None or member.short.t_1 is None
+    return (yield from _try(climb, target, [_seen(climb, target, member) for member in members]))
 
 
 def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
@@ -187,21 +154,17 @@ def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list
     results = yield from climb.history.results(tried)
     for member, result in zip(tried, results, strict=True):
         peak, value = _peak(climb, target, member), severity(target, result, climb.protocol.stability)
-        figures = (
-            value if _is_exact(target, member) else -math.inf,
-            *niches(target, result, moves.is_along_arm(member)),
-        )
-        for niche, figure in enumerate(figures):
+        for niche, figure in enumerate((value, *niches(target, result, moves.is_weak(member)))):
             climb.elites.take(peak._replace(niche=niche), figure, member)
     return results
 
 
-def _seen(climb: Climb, target: Target, member: Member, view: Callable[..., Variation | None] = short) -> Member:
+def _seen(climb: Climb, target: Target, member: Member) -> Member:
     """The member in as short a simulation as shows the target: B6 is waited for by what is known at the pose."""
     # Of this pose alone: while all poses waited equally long, members that settled later looked alike.
     largest = climb.elites.largest(_peak(climb, target, member))
     settling = math.ceil(min(max(SETTLING, SLOWER * largest), LONGEST))
-    return replace(member, short=view(climb.protocol, target, settling))
+    return replace(member, short=short(climb.protocol, target, settling))
 
 
 def _peak(climb: Climb, target: Target, member: Member) -> Peak:
@@ -216,7 +179,7 @@ def rise(climb: Climb, limit: float) -> Asking[None]:
         children = generation(climb, target)
         if not children or spent + _price(climb, children) > limit:
             return
-        yield from _looked_at(climb, target, children)
+        yield from _try(climb, target, children)
         price = climb.history.spent - spent
         gain = climb.weights[target] * (climb.elites.mean(target, climb.poses) - before)
         climb.spent[target] += price
@@ -224,7 +187,7 @@ def rise(climb: Climb, limit: float) -> Asking[None]:
 
 
 def _price(climb: Climb, views: Sequence[Member]) -> float:
-    """Whole cases that a generation takes, without what is repeated of it."""
+    """Whole cases that a generation takes."""
     return sum(cost(member, climb.protocol) for member in views if member not in climb.history.result_of)
 
 
@@ -263,23 +226,19 @@ def _anywhere(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member
         child = moves.turned(child, stream)
     if stream.uniform() < PUSHED:
         child = moves.with_other_force_direction(child, stream)
-    return _seen(climb, peak.target, child, brisk if peak.target.criterion in NICHES else short)
+    return _seen(climb, peak.target, child)
 
 
 def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     criterion = peak.target.criterion
     if stream.uniform() < NICHE:
         peak = _niche(climb, peak, stream)
-    # Children of the criterion's own elite see the whole chirp: after one of a second a controller takes forces for
-    # events that it misses after that. Of the worst arms known of SteadyLQG, 8 of 25 have B6 of 2.3 to 3.1 s, and of
-    # 0.3 to 0.8 s after the short one (counterexamples/steady.json).
-    view = brisk if peak.niche else short
     elite = climb.elites.members(peak)
     kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
     if kind == "exchanged" or not elite:
         child = _exchanged(climb, peak, stream)
         if replace(child, short=None) not in {replace(member, short=None) for member in elite}:
-            return _seen(climb, peak.target, child, view)
+            return _seen(climb, peak.target, child)
     else:
         child = elite[min(int(stream.exponential(1.2)), len(elite) - 1)]
         if kind == "crossed":
@@ -288,7 +247,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     push, sweep, noise, shift = stream.uniform(size=4)
     if push < PUSHED and criterion != "B7":  # which is measured before the force
         # Not from anywhere: with half of B6's new directions like that, V found of RobustLQG was 117.9, not 118.4.
-        pushed = moves.with_force_along_arm if push < ALONG_ARM else moves.with_other_force_direction
+        pushed = moves.with_weak_force if push < WEAKER else moves.with_finely_turned_force
         child = pushed(child, stream)
     if sweep < SWEPT and criterion != "B5":  # which is searched for without a chirp
         child = moves.with_other_sweep(child, climb.protocol)
@@ -297,16 +256,14 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
         child = moves.with_other_chirp_start(child, climb.protocol, stream)
     if noise < HEARD:
         child = moves.with_other_noise(child, stream)
-    return _seen(climb, peak.target, child, view)
+    return _seen(climb, peak.target, child)
 
 
 def _exchanged(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
-    """The best of another pose, under a force that is turned with the first axis or with the line from a joint."""
+    """The best of another pose, under a force near that which it has there beside the weakest direction."""
     assert peak.q_a is not None
-    best, turned_with = climb.elites.members(_neighbour(climb, peak, stream))[0], int(stream.randint(3))
-    if turned_with == 2:
-        return moves.at_pose(best, peak.q_a)
-    return moves.at_pose_by_joint(best, peak.q_a, turned_with)
+    best = climb.elites.members(_neighbour(climb, peak, stream))[0]
+    return moves.with_finely_turned_force(moves.at_pose(best, peak.q_a, stream), stream)
 
 
 def _niche(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:

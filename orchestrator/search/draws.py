@@ -36,7 +36,7 @@ def members(protocol: Protocol, distribution: Distribution, seed: int, number: i
         seed=int(stream.randint(SEEDS)),
     )
     # Last, so that all else of a draw is what it was before t_3 was drawn (Table 1: 0.5 s, more or less 0.5 s).
-    t_3 = float(stream.uniform(*protocol.disturbance.t_3_range))
+    t_3 = float(stream.uniform(*protocol.disturbance.chirp_starts))
     disturbed = replace(drawn, phi_F=float(phi_F), sweep=(low, high) if upward else (high, low), t_3=t_3)
     tests = [test for test in protocol.tests if not test.repeats]
     return tuple(replace(disturbed if test.disturbed else drawn, test=test.name) for test in tests)

@@ -22,8 +22,16 @@ MOST = 4
 FORCE_STEP, POSE_STEP = 25.0, 20.0
 """Standard deviation of the largest moves [degrees]; each is scaled by a uniform draw, so that there are small ones."""
 
-BESIDE_ARM = 10.0
-"""Largest angle [degrees] between a force along the arm and the lines from the joints to the TCP."""
+FINE_STEP, FINE_DECADES = 35.0, 2.5
+"""Standard deviation of the largest fine steps of the force's direction [degrees], and the decades below it from which
+that of a step is drawn."""
+
+WEAK, WEAK_FORCES = 12.0, 5
+"""Largest angle [degrees] between a weak force and the direction that loads the joints least, and the number of forces
+that a search begins with. In the worst arms known of SteadyLQG it is 2 to 11 (counterexamples/weak.json)."""
+
+MIRRORED = 0.25
+"""Share of the forces that are brought to another pose on the other side of that direction."""
 
 INSIDE_STEP = 0.5
 """Standard deviation of a step inside the ranges, in half-widths."""
@@ -74,17 +82,13 @@ def crossed(member: Member, other: Member, stream: np.random.RandomState) -> Mem
     return replace(member, deviations=tuple(deviations))
 
 
-def at_pose(member: Member, q_a: Pair) -> Member:
-    """The member at another pose, with the force's direction turned with the arm's first axis."""
-    if member.phi_F is None:
-        return replace(member, q_a=q_a)
-    return replace(member, q_a=q_a, phi_F=_direction(math.degrees(member.phi_F) + q_a[0] - member.q_a[0]))
-
-
-def at_pose_by_joint(member: Member, q_a: Pair, joint: int) -> Member:
-    """The member at another pose, with the force's direction turned with the line from a joint, 0 or 1, to the TCP."""
-    turn = through_joints(q_a)[joint] - through_joints(member.q_a)[joint]
-    return replace(member, q_a=q_a, phi_F=_direction(math.degrees((member.phi_F or 0.0) + turn)))
+def at_pose(member: Member, q_a: Pair, stream: np.random.RandomState) -> Member:
+    """The member at another pose, with a force as far from the :func:`weakest` direction as its own: along it or
+    against it, and on the same side of it or on the other one."""
+    aside = math.degrees((member.phi_F or 0.0) - weakest(member.q_a))
+    mirrored, against = stream.uniform() < MIRRORED, int(stream.randint(2))
+    turn = (-aside if mirrored else aside) + 180.0 * against
+    return replace(member, q_a=q_a, phi_F=_direction(math.degrees(weakest(q_a)) + turn, 2))
 
 
 def with_other_force_direction(member: Member, stream: np.random.RandomState) -> Member:
@@ -93,52 +97,54 @@ def with_other_force_direction(member: Member, stream: np.random.RandomState) ->
     return replace(member, phi_F=_direction(math.degrees(member.phi_F or 0.0) + step))
 
 
+def with_finely_turned_force(member: Member, stream: np.random.RandomState) -> Member:
+    """The force from another direction, in hundredths of a degree, by a step of any order of magnitude.
+
+    The worst B6 of a controller that reacts to events can be that of half a degree: a force that moves the arm a little
+    more is an event, and one that moves it less leaves less of a ring (counterexamples/weak.json).
+    """
+    step = FINE_STEP * 10.0 ** stream.uniform(-FINE_DECADES, 0.0) * stream.standard_normal()
+    return replace(member, phi_F=_direction(math.degrees(member.phi_F or 0.0) + step, 2))
+
+
 def with_any_force_direction(member: Member, stream: np.random.RandomState) -> Member:
     """The force from any direction."""
     return replace(member, phi_F=_direction(stream.uniform(0.0, 360.0)))
 
 
-def with_force_along_arm(member: Member, stream: np.random.RandomState) -> Member:
-    """The force from a direction between the lines from the joints to the TCP, or near them, either way."""
-    first, second = map(math.degrees, through_joints(member.q_a))
-    apart = _angle_of_lines(second - first)
-    share, near = stream.uniform(size=2)
-    turn = share * apart + (2.0 * near - 1.0) * BESIDE_ARM + 180.0 * int(stream.randint(2))
-    return replace(member, phi_F=_direction(first + turn))
+def with_weak_force(member: Member, stream: np.random.RandomState) -> Member:
+    """A force within WEAK of the :func:`weakest` direction, along it or against it."""
+    aside, against = stream.uniform(-WEAK, WEAK), int(stream.randint(2))
+    return replace(member, phi_F=_direction(math.degrees(weakest(member.q_a)) + aside + 180.0 * against))
 
 
-def through_joints(q_a: Pair) -> tuple[float, float]:
-    """Directions [rad] along the lines from the joints to the TCP: such a force turns that joint's motor the least."""
+def weak_forces(member: Member) -> list[Member]:
+    """The member under forces at even distances from WEAK on one side of the :func:`weakest` direction to the other."""
+    first = math.degrees(weakest(member.q_a)) - WEAK
+    turns = np.linspace(0.0, 2.0 * WEAK, WEAK_FORCES).tolist()
+    return [replace(member, phi_F=_direction(first + turn)) for turn in turns]
+
+
+def is_weak(member: Member) -> bool:
+    """Whether the force is as :func:`with_weak_force` draws it."""
+    aside = math.degrees((member.phi_F or 0.0) - weakest(member.q_a))
+    return abs((aside + 90.0) % 180.0 - 90.0) <= WEAK + 0.5  # directions are rounded
+
+
+def weakest(q_a: Pair) -> float:
+    """The direction [rad], from -pi/2 to pi/2, in which a force on the TCP loads the joints least: the torques are
+    J' F with the Jacobian J of eq. (9), and J J' has the smaller eigenvalue there."""
     q_a1, q_a2 = map(math.radians, q_a)
-    x, z = math.cos(q_a1 + q_a2), -math.sin(q_a1 + q_a2)  # from the second joint, in lengths of its link
-    ratio = NOMINAL["l[1]"] / NOMINAL["l[2]"]
-    first = math.degrees(math.atan2(ratio * math.cos(q_a1) + z, ratio * math.sin(q_a1) + x))
-    return _direction(first), _direction(math.degrees(math.atan2(z, x)))
+    l_1, l_2 = NOMINAL["l[1]"], NOMINAL["l[2]"]
+    x_2, z_2 = -l_2 * math.sin(q_a1 + q_a2), -l_2 * math.cos(q_a1 + q_a2)  # of the TCP, by q_a2
+    x_1, z_1 = l_1 * math.cos(q_a1) + x_2, -l_1 * math.sin(q_a1) + z_2  # by q_a1
+    strongest = 0.5 * math.atan2(2.0 * (x_1 * z_1 + x_2 * z_2), x_1 * x_1 + x_2 * x_2 - z_1 * z_1 - z_2 * z_2)
+    return strongest - math.copysign(0.5 * math.pi, strongest)
 
 
-def is_along_arm(member: Member) -> bool:
-    """Whether the force is as :func:`with_force_along_arm` draws it."""
-    first, second = map(math.degrees, through_joints(member.q_a))
-    low, high = sorted((0.0, _angle_of_lines(second - first)))
-    beside = _angle_of_lines(math.degrees(member.phi_F or 0.0) - first)
-    return low - BESIDE_ARM <= beside <= high + BESIDE_ARM
-
-
-def _angle_of_lines(degrees: float) -> float:
-    """An angle between two lines, which have no sense, from -90 to 90 degrees."""
-    return (degrees + 90.0) % 180.0 - 90.0
-
-
-def along_arm(q_a: Pair) -> tuple[float, float, float]:
-    """The directions [rad] of :func:`through_joints`, and the one in the middle between these lines."""
-    first, second = through_joints(q_a)
-    apart = _angle_of_lines(math.degrees(second - first))
-    return first, _direction(math.degrees(first) + 0.5 * apart), second
-
-
-def _direction(degrees: float) -> float:
-    """A direction of whole degrees [rad], so that a command says it shortly."""
-    return math.radians(round(degrees) % 360)
+def _direction(degrees: float, digits: int = 0) -> float:
+    """A direction of whole degrees [rad], so that a command says it shortly, or with further decimal ``digits``."""
+    return math.radians(round(degrees, digits) % 360.0)
 
 
 def with_other_sweep(member: Member, protocol: Protocol) -> Member:
@@ -149,7 +155,7 @@ def with_other_sweep(member: Member, protocol: Protocol) -> Member:
 
 def with_other_chirp_start(member: Member, protocol: Protocol, stream: np.random.RandomState) -> Member:
     """The chirp from another time on, in hundredths of a second."""
-    return replace(member, t_3=round(stream.uniform(*protocol.disturbance.t_3_range), 2))
+    return replace(member, t_3=round(stream.uniform(*protocol.disturbance.chirp_starts), 2))
 
 
 def with_other_noise(member: Member, stream: np.random.RandomState) -> Member:

@@ -24,23 +24,6 @@ MOMENT = Fraction(1, 100)
 """Time [s] by which a simulation goes on beyond the chirp's criterion, B7."""
 
 
-CHIRP = Fraction(1, 10), Fraction(1)
-"""Beginning and end [s] of a brisk chirp."""
-
-
-def brisk(protocol: Protocol, _: Target, settling: float) -> Variation:
-    """B6 after a chirp of a second: in half of the time, it shows most of what a controller with a memory does, but not
-    all."""
-    rules = protocol.disturbance
-    length, pause = (
-        Fraction(time).limit_denominator(1000) for time in (rules.t_2 - rules.t_1, max(rules.t_1 - rules.t_4, 0.0))
-    )
-    # The pause is whole: a controller may take a force soon after a chirp for a part of it.
-    (t_3, t_4), t_1 = CHIRP, CHIRP[1] + pause
-    until = t_1 + length + Fraction(round(10.0 * settling), 10)
-    return Variation(duration=until, t_3=float(t_3), t_4=float(t_4), t_1=float(t_1), t_2=float(t_1 + length))
-
-
 def short(protocol: Protocol, target: Target, settling: float) -> Variation | None:
     """What of a case shows the ``target``; None for the whole.
 

@@ -71,16 +71,16 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
                 taken[member.q_a] += 1
                 if taken[member.q_a] <= STARTERS:
                     starters.append(spelled(member, hunt.protocol, target.test))
-        # Such a force turns a motor the least: a controller that reacts to large errors may leave the arm ringing.
+        # A controller that reacts to large errors may leave the arm ringing after a weak force.
         if target.criterion == "B6":
-            starters += _along_arm(hunt, target)
+            starters += _weakly_pushed(hunt, target)
         yield from by_pose.begin(climb, target, starters)
 
 
-def _along_arm(hunt: Hunt, target: Target) -> list[Member]:
-    """Each arm of the list in ``target``'s test at each configuration, under forces along it."""
+def _weakly_pushed(hunt: Hunt, target: Target) -> list[Member]:
+    """Each arm of the list in ``target``'s test at each configuration, under forces that load the joints little."""
     arms = {(member.q_a, member.system): spelled(member, hunt.protocol, target.test) for member in hunt.listed}
-    return [replace(member, phi_F=direction) for member in arms.values() for direction in moves.along_arm(member.q_a)]
+    return [pushed for arm in arms.values() for pushed in moves.weak_forces(arm)]
 
 
 def _explore(climb: Climb, target: Target) -> Asking[None]:

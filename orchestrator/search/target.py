@@ -25,7 +25,7 @@ PASSIVE, LASTING = 0.5, 1.05
 beyond which a larger one adds nothing."""
 
 
-NICHES = {"B6": 4}
+NICHES = {"B6": 3}
 """Number of the figures of :func:`niches` of a criterion."""
 
 SMALL_PEAK = 1e-3
@@ -50,20 +50,20 @@ def targets(protocol: Protocol) -> tuple[Target, ...]:
     return (*criteria, *(Target(test.name, test.name) for test in disturbed if test.axis and not test.repeats))
 
 
-def niches(target: Target, result: Judgement, along_arm: bool) -> tuple[float, ...]:
+def niches(target: Target, result: Judgement, weak: bool) -> tuple[float, ...]:
     """Other figures of a simulation by which the best are kept beside the worst, so that what is on its way to a larger
     value is not lost to what has one already; only comparisons are meant.
 
     A controller that reacts to a large error leaves a small one alone: the arm rings on its gears then, and settles
     later than any that the controller notices. So for B6 those stay that ring long below its limit, those that
-    settle late after a small error, and those whose force comes along the arm, which turns the motors the least.
+    settle late after a small error, and those whose force is near the direction that loads the joints least.
     """
     figures = result.measurements
     if target.criterion not in NICHES or not result.simulated or figures.B6 is None:
         return ()
     recovery = figures.recovery or 0.0
-    along = figures.B6 + recovery if along_arm else -math.inf
-    return figures.B6, recovery, figures.B6 / max(figures.B5 or 0.0, SMALL_PEAK), along
+    weakly = figures.B6 + recovery if weak else -math.inf
+    return recovery, figures.B6 / max(figures.B5 or 0.0, SMALL_PEAK), weakly
 
 
 def fails(result: Judgement, limits: Stability) -> bool:
