@@ -1,7 +1,7 @@
 """V by pose: each maximum of eq. (14), of one criterion at one configuration, is searched for by itself.
 
-An evolution strategy with a population for each of these peaks. Good members are exchanged between the poses, with the
-force turned with the arm. A generation takes short simulations; at the end of each leg the best members are repeated
+An evolution strategy with a population for each of these peaks. Good members are exchanged between the poses, with a
+force as weak as it was. A generation takes short simulations; at the end of each leg the best members are repeated
 over the whole case, where all criteria count. The next generation is that of the criterion by which V has lately
 risen the most for what it costs. The search depends on results, seed and start alone: the answer is the same for any
 number of processes.
