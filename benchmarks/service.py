@@ -232,10 +232,10 @@ def growth(count: int) -> None:
                 print(f"{number} submissions: {service.memory():.1f} MB")
 
 
-def day(fmu: Path, count: int) -> None:
+def day(fmu: Path, count: int, scheduler: str) -> None:
     """Evaluations a day, by the time from the first that is finished to the last: each FMU has other bytes, so that
-    nothing of it is in the store."""
-    with serving() as service:
+    nothing of it is in the store. With the address of a Dask ``scheduler``, on its workers."""
+    with serving(*(("--scheduler", scheduler) if scheduler else ())) as service:
         client, ends = Client(service.url), []
         for number in range(count):
             other = service.folder.parent / f"controller-{number}.fmu"
@@ -261,6 +261,7 @@ def main() -> None:
     parser.add_argument("--submissions", type=int, default=30, help="of kills, at the least")
     parser.add_argument("--pause", type=float, default=15.0, help="longest time [s] between two kills")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scheduler", default="", help="of day: the address of a Dask scheduler")
     given = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
     with tempfile.TemporaryDirectory() as place:
@@ -274,7 +275,7 @@ def main() -> None:
         elif given.what == "growth":
             growth(given.count or 2000)
         else:
-            day(fmu, given.count or 10)
+            day(fmu, given.count or 10, given.scheduler)
 
 
 if __name__ == "__main__":
