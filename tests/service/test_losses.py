@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 import zipfile
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from orchestrator.cache import VARIABLE, incomplete
 from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.service import accounts, job, states
-from orchestrator.service.database import Database
+from orchestrator.service.database import Database, _seal
 from orchestrator.service.files import LEFT_OUT, Files, new_id
 from orchestrator.service.records import State, Task
 from orchestrator.service.runner import Runner
@@ -346,3 +347,9 @@ def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert set(archive.namelist()) == {f"{second}.json", LEFT_OUT}
         assert f"{first}.json cannot be read" in archive.read(LEFT_OUT).decode()
+
+
+def test_a_checksum_is_the_same_with_every_version_of_python():
+    """``repr`` spells letters of a newer Unicode by their numbers in an older Python, and as they are in a newer one."""
+    letter = "\U0001fae8"  # of Unicode 15, which Python 3.11 does not know
+    assert _seal(letter, 1.5, None) == zlib.crc32(b"('\\U0001fae8', 1.5, None)")
