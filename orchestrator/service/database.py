@@ -527,8 +527,8 @@ def _change(connection: sqlite3.Connection, before: Submission, after: Submissio
 
 
 def _seal(*values: object) -> int:
-    """A checksum of what a row holds, the same with every version of Python: ``repr`` spells a letter of a newer Unicode
-    otherwise, and after an upgrade of the system one in an FMU's name had the database called damaged."""
+    """A checksum of what a row holds, the same with every version of Python: ``repr`` spells a letter of a newer
+    Unicode otherwise, and after an upgrade of the system one in an FMU's name had the database called damaged."""
     return zlib.crc32(ascii(values).encode())
 
 

@@ -350,6 +350,6 @@ def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
 
 
 def test_a_checksum_is_the_same_with_every_version_of_python():
-    """``repr`` spells letters of a newer Unicode by their numbers in an older Python, and as they are in a newer one."""
+    """``repr`` spells letters of a newer Unicode by their numbers in an older Python, as they are in a newer one."""
     letter = "\U0001fae8"  # of Unicode 15, which Python 3.11 does not know
     assert _seal(letter, 1.5, None) == zlib.crc32(b"('\\U0001fae8', 1.5, None)")
