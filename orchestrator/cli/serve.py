@@ -45,7 +45,7 @@ MB = 1e6
 OPEN_FILES = 65536
 """Files that the service may have open at a time, where the system lets it: 450 connections take up to 900."""
 
-PACKAGES = ("starlette", "uvicorn", "python_multipart")
+PACKAGES = ("starlette", "uvicorn")
 """What the extra installs."""
 
 

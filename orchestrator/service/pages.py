@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import AsyncIterator
 from importlib import resources
 from typing import Any
 
 from markupsafe import Markup
-from starlette.datastructures import UploadFile
-from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
@@ -25,7 +22,7 @@ from .people import COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
-from .wire import PIECE_BYTES, cut, file_answer, form_fields, sliced, split
+from .wire import cut, file_answer, form_fields, split, uploaded_file
 
 FILES = resources.files(__package__) / "templates"
 
@@ -85,30 +82,9 @@ async def submit(request: Request) -> Response:
     pieces = body(request, limits.upload + (1 << 20), limits.patience, limits.upload_time)
     service.check_quota(person)
     with service.uploading(person):
-        try:
-            # In UTF-8 alone, as browsers send it: a charset that the client names may take minutes, such as Punycode.
-            if "charset" in request.headers.get("content-type", "").lower():
-                raise Refusal(400, "This is no upload: a form names no charset.")
-            slices = sliced(pieces, service.parsing)
-            parser = MultiPartParser(request.headers, slices, max_files=1, max_fields=0)
-            form = await parser.parse()
-        except OSError as problem:  # it is spooled into the system's folder for temporary files
-            raise Refusal(503, f"The upload cannot be stored: {problem.strerror or problem}.") from None
-        except MultiPartException as problem:
-            raise Refusal(400, f"This is no upload: {problem.message}") from None
-        except (KeyError, UnicodeError):  # of headers that are none
-            raise Refusal(400, "This is no upload.") from None
-        file = form.get("file")
-        if not isinstance(file, UploadFile) or not file.filename:
-            raise Refusal(400, "Choose an FMU first.")
-        run = await service.accept(person, file.filename, _pieces(file))
-        await form.close()
+        name, file = await uploaded_file(request.headers.get("content-type", ""), pieces)
+        run = await service.accept(person, name, file)
     return RedirectResponse(f"/runs/{run.id}", 303)
-
-
-async def _pieces(file: UploadFile) -> AsyncIterator[bytes]:
-    while piece := await file.read(PIECE_BYTES):
-        yield piece
 
 
 async def run_page(request: Request) -> Response:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import re
 import socket
 from types import FrameType
@@ -15,6 +14,7 @@ from starlette.applications import Starlette
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from .service import Service
+from .turns import PRESENCE, Presence
 
 GRACE = 3
 """Seconds that requests under way have to end, once the service is to end."""
@@ -63,6 +63,9 @@ class Parser(h11.Connection):
             if size > MAX_HEAD or received.count(b"\n", 0, size) > MAX_HEAD_LINES:
                 self._refuse(431, "The head of this request is too long.")
         event = super().next_event()
+        if event is h11.PAUSED:
+            # Nothing is read then, so that a client that has left is not noticed. Browsers and servers in front wait.
+            self._refuse(400, "Send a request after the answer to the one before.")
         if isinstance(event, h11.Request):
             self.is_head = event.method == b"HEAD"
             if any(name == b"transfer-encoding" for name, _ in event.headers):
@@ -85,6 +88,8 @@ class Connection(H11Protocol):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.conn = Parser(h11.SERVER)
+        self._presence = Presence()
+        self.app_state = {**self.app_state, PRESENCE: self._presence}
 
     def send_400_response(self, msg: str) -> None:
         """Say why this is no request, unless another answer has begun."""
@@ -115,6 +120,7 @@ class Connection(H11Protocol):
         if self._timer is not None:
             self._timer.cancel()
         super().connection_lost(exc)
+        self._presence.end()
 
     def _look(self) -> None:
         """Close it if there was no request since the last look, and none is under way; or if its client takes nothing
@@ -136,8 +142,6 @@ class Server(uvicorn.Server):
     """Serves ``app`` until it is told to end, by a signal or by ``should_exit``."""
 
     def __init__(self, app: Starlette) -> None:
-        # A line for each form that is none would fill the disk.
-        logging.getLogger("python_multipart").setLevel(logging.CRITICAL)
         config = uvicorn.Config(
             app,
             http=Connection,

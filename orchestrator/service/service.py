@@ -69,7 +69,6 @@ class Service:
     forms: Counter[str] = field(default_factory=Counter)
     comparisons: Counter[str] = field(default_factory=Counter)
     closing: bool = False
-    parsing: asyncio.Lock = field(default_factory=asyncio.Lock)
     comparing: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
     def own(self, person: Person, id: str) -> Submission:

@@ -13,7 +13,7 @@ from service.test_jobs import ONE_POSE
 from service.unusual import BINDING, unusual
 from support.tools import require
 
-require("starlette", "uvicorn", "python_multipart")
+require("starlette", "uvicorn")
 
 pytestmark = pytest.mark.slow
 

@@ -65,7 +65,7 @@ Serve = Callable[..., Any]
 @pytest.fixture
 def serve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
     """A function that starts a service in a folder and gives a client, whose ``app.state`` has the service."""
-    require("starlette", "uvicorn", "python_multipart", "httpx2")
+    require("starlette", "uvicorn", "httpx2")
     from starlette.testclient import TestClient
 
     from orchestrator.service import states

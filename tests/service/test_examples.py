@@ -19,7 +19,7 @@ from orchestrator.service.database import Database
 from orchestrator.service.files import Files
 from service.conftest import ALONE, FAKE, SOME, fmu
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "tutorial-service.md").read_text(encoding="utf-8")
 ADDRESS = "http://127.0.0.1:8080"
@@ -137,7 +137,7 @@ def test_the_name_of_the_extra_is_said_where_it_is_missing(tmp_path, monkeypatch
 
 def test_commands_say_so_without_the_packages_of_the_extra(tmp_path):
     """In a process where none of them can be imported."""
-    blocked = "import sys; sys.modules.update(dict.fromkeys(('starlette', 'uvicorn', 'python_multipart')))"
+    blocked = "import sys; sys.modules.update(dict.fromkeys(('starlette', 'uvicorn')))"
     code = f"{blocked}; from orchestrator.cli.guard import run; sys.exit(run(sys.argv[1], sys.argv[2:]))"
 
     def run(*words: str) -> subprocess.CompletedProcess:

@@ -35,7 +35,7 @@ from service.test_jobs import ONE_POSE
 from service.test_rounds import RUN, Course, handed_in, verified
 from service.test_service import under_way
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 
 def everything_below(folder: Path) -> set[str]:
@@ -733,18 +733,6 @@ def test_a_failure_has_the_headers_of_all_answers(me, monkeypatch):
     answer = me.get("/api/runs")
     assert answer.status_code == 500 and answer.headers["x-content-type-options"] == "nosniff"
     assert "content-security-policy" in answer.headers and answer.headers["cache-control"] == "no-store"
-
-
-def test_an_upload_by_a_form_that_cannot_be_spooled_is_told(me, monkeypatch):
-    from starlette.formparsers import MultiPartParser
-
-    async def full(parser):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(MultiPartParser, "parse", full)
-    own = {"origin": "http://127.0.0.1:8080"}
-    answer = me.client.post("/runs", files={"file": ("f.fmu", fmu())}, headers=own)
-    assert answer.status_code == 503 and "No space left" in answer.text
 
 
 def test_the_database_refuses_what_it_cannot_write(tmp_path):

@@ -16,7 +16,7 @@ from controller_fmu.export.archive import pack, unpack
 from service.conftest import ALONE, Asker
 from service.unusual import BINDING, NAMES, unusual
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 pytestmark = pytest.mark.slow
 

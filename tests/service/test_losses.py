@@ -33,7 +33,7 @@ from service.conftest import SOME, Asker, fmu
 from service.test_rounds import RUN, Course, handed_in, verified
 from service.test_service import under_way
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 DONE = {"stage": "evaluating", "kind": "done", "cost": 88.5, "holds": True, "disk": 1000}
 

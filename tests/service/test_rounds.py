@@ -24,7 +24,7 @@ from service.conftest import SOME, Asker, fmu
 from service.test_jobs import ONE_POSE
 from service.unusual import BINDING, unusual
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 RUN = Submission("a" * 24, "ada", "my.fmu", "my.fmu", "0" * 64, 100, 1.0, State.FINISHED, cost=90.0)
 CERTIFICATE = {"verification/verification.json": "{}"}

@@ -14,7 +14,7 @@ from orchestrator.service import accounts, database
 from orchestrator.service.files import Files
 from service.conftest import ALONE, SOME, Asker, fmu
 
-require("starlette", "uvicorn", "python_multipart", "httpx2")
+require("starlette", "uvicorn", "httpx2")
 
 
 def texts(run: dict) -> list[str]:

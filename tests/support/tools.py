@@ -88,7 +88,7 @@ PACKAGES = {
     "beacon": ("py_ecc",),
     "gymnasium": ("gymnasium", "greenlet"),
     "onnx": ("onnxruntime",),
-    "service": ("starlette", "uvicorn", "python_multipart"),
+    "service": ("starlette", "uvicorn"),
     "test": ("onnx", "playwright", "axe_playwright_python", "nbclient", "nbformat", "jsonschema", "httpx2"),
 }
 """Optional Python packages by the extra that installs them."""
