@@ -220,7 +220,12 @@ def exp(x: float) -> float:
     rest = (0.49999999999985073 + 0.16666666666664534 * r) + r * r * (0.04166670739519196 + 0.008333339151693497 * r)
     whole = int(k)
     power = POWERS[whole & 63]
-    return (power + (POWERS_REST[whole & 63] + power * (r + r * r * rest))) * math.ldexp(1.0, whole >> 6)
+    return (power + (POWERS_REST[whole & 63] + power * (r + r * r * rest))) * power_of_two(whole >> 6)
+
+
+def power_of_two(k: int) -> float:
+    """2^k for -1022 <= k <= 1023, which are normal numbers."""
+    return math.ldexp(1.0, k)
 
 
 def log(x: float) -> float:

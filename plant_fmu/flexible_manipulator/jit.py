@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 try:
+    import llvmlite.ir
     import numba
     import numba.extending
 except ImportError:
@@ -34,3 +35,21 @@ def callable_from_compiled(function: Callable[..., Any]) -> None:
     """Let compiled functions call ``function``, which itself stays as it is."""
     if numba is not None:
         numba.extending.register_jitable(fastmath=False, error_model="numpy")(function)
+
+
+def compiled_to_an_exponent(function: Callable[[int], float]) -> None:
+    """Let compiled functions call ``function``, which is 2^k for normal numbers, and put k where a number has its
+    exponent. Numba calls a function of C for ``math.ldexp``, which took a fifth of the time of the plant."""
+    if numba is None:
+        return
+
+    def exponent(_context: Any, k: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+            word = llvmlite.ir.IntType(64)
+            bits = builder.shl(builder.add(values[0], word(1023)), word(52))
+            return builder.bitcast(bits, llvmlite.ir.DoubleType())
+
+        return numba.float64(numba.int64), generate
+
+    with_exponent = numba.extending.intrinsic(exponent)
+    numba.extending.overload(function)(lambda k: lambda k: with_exponent(k))
