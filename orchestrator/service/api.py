@@ -15,7 +15,7 @@ from starlette.routing import Route
 from ..codec import Malformed, from_json, to_json
 from ..version import __version__
 from . import binding
-from .borders import MAX_BINDING_JSON, MAX_FORM, Refusal, body
+from .borders import Refusal, body
 from .files import SHOWN
 from .people import asking, sent
 from .records import Interface
@@ -134,10 +134,10 @@ async def _interface(request: Request) -> Response:
     return _json(found)
 
 
-async def _asked(request: Request, kind: type[T], what: str, most: int = MAX_FORM) -> T:
+async def _asked(request: Request, kind: type[T], what: str) -> T:
     """What the body of a request says; ``what`` it has to be."""
     try:
-        return from_json(await sent(request, most), kind)
+        return from_json(await sent(request), kind)
     except Malformed as problem:
         raise Refusal(400, f"This is no {what}: {problem}.") from None
 
@@ -145,7 +145,7 @@ async def _asked(request: Request, kind: type[T], what: str, most: int = MAX_FOR
 async def _bind(request: Request) -> Response:
     service, person = asking(request)
     run = service.own(person, request.path_params["id"])
-    asked = await _asked(request, Bind, "binding", MAX_BINDING_JSON)
+    asked = await _asked(request, Bind, "binding")
     return _json(run_view(service, service.bind(run, binding.written(asked.map, asked.parameters))))
 
 

@@ -11,11 +11,14 @@ from .records import ConnectorRecord, Interface, VariableRecord
 
 REAL = ("Real", "Float64", "Float32")
 
-MAX_BINDING = 512 * 1024
+MAX_BINDING = 64 * 1024
 """Longest binding [bytes]: each look at its run shows it."""
 
 MAX_VALUE = 10_000
 """Longest text of a value."""
+
+
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def components(connector: ConnectorRecord) -> tuple[str, str]:
@@ -81,7 +84,7 @@ def mapping_file(interface: Interface, chosen: Mapping[str, str], given: Mapping
 
 def written(mapping: Mapping[str, str], parameters: Mapping[str, Scalar | Sequence[Scalar]]) -> str:
     """A mapping file with these tables; empty if both are. Raises :class:`InputError` if it were too large."""
-    too_large = InputError(f"A binding of more than {MAX_BINDING / 1e6:.1f} MB is not taken here.", "file-limit")
+    too_large = InputError(f"A binding of more than {MAX_BINDING / 1e3:.0f} kB is not taken here.", "file-limit")
     # Before it is written, letter by letter: one name of 8 MB would keep the whole service waiting for 11 s.
     entries = len(mapping) + len(parameters)
     if (
@@ -126,7 +129,7 @@ def _scalar(variable: VariableRecord, text: str) -> Scalar:
     """A typed value. What it may be, the check says: a text that is no number goes on as it is."""
     if variable.type == "Boolean" and text.lower() in ("true", "false"):
         return text.lower() == "true"
-    if variable.type in REAL and re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", text, re.ASCII):
+    if variable.type in REAL and NUMBER.fullmatch(text):
         return float(text)
     return int(text) if re.fullmatch(r"-?\d{1,18}", text, re.ASCII) and variable.type not in REAL else text
 

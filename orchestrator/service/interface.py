@@ -46,8 +46,14 @@ def interface_of(controller: Controller) -> Interface:
         connectors=tuple(_connector(controller, connector, mapping) for connector in CONTROLLER),
         variables=tuple(offered),
         left_out=len(shown) - len(offered),
-        given=given,
+        given=_of(given, {record.name for record in offered}),
     )
+
+
+def _of(given: dict[str, Scalar], names: set[str]) -> dict[str, Scalar]:
+    """The values of the variables ``names`` and of their elements: each look at a run reads them, and 30,000 of a
+    binding took 0.6 s."""
+    return {name: value for name, value in given.items() if name in names or name.rpartition("[")[0] in names}
 
 
 def _connector(controller: Controller, connector: Connector, mapping: dict[str, str]) -> ConnectorRecord:

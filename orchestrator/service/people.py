@@ -49,9 +49,9 @@ def asking(request: Request) -> tuple[Service, Person]:
     return service_of(request), person
 
 
-async def sent(request: Request, most: int = MAX_FORM) -> bytes:
-    """What somebody has sent that is no upload, of ``most`` bytes; raises as :func:`.body`, and :func:`asking`."""
+async def sent(request: Request) -> bytes:
+    """What somebody has sent that is no upload; raises as :func:`.body`, and :func:`asking`."""
     service, person = asking(request)
     patience = service.settings.limits.patience
     with service.sending(person):
-        return await whole_body(request, most, patience, 4 * patience)
+        return await whole_body(request, MAX_FORM, patience, 4 * patience)

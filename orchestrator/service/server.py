@@ -29,6 +29,9 @@ wait for 11 s, and with those of 16 kB for 4 s. Browsers send some twenty lines.
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")
 
+MANY_BLANKS = re.compile(rb"[ \t]{100}")
+"""Before a byte that no head has, h11's time is quadratic in blanks: 16 kB of them kept everybody waiting for 1.5 s."""
+
 HEAD_TIME = 20.0
 """Seconds after which a connection without a request is closed."""
 
@@ -62,10 +65,9 @@ class Parser(h11.Connection):
             size = end.start() if end else len(received)
             if size > MAX_HEAD or received.count(b"\n", 0, size) > MAX_HEAD_LINES:
                 self._refuse(431, "The head of this request is too long.")
+            if MANY_BLANKS.search(received, 0, size):
+                self._refuse(400, "A line of the head of this request has too many blanks.")
         event = super().next_event()
-        if event is h11.PAUSED:
-            # Nothing is read then, so that a client that has left is not noticed. Browsers and servers in front wait.
-            self._refuse(400, "Send a request after the answer to the one before.")
         if isinstance(event, h11.Request):
             self.is_head = event.method == b"HEAD"
             if any(name == b"transfer-encoding" for name, _ in event.headers):
@@ -121,6 +123,12 @@ class Connection(H11Protocol):
             self._timer.cancel()
         super().connection_lost(exc)
         self._presence.end()
+
+    def on_response_complete(self) -> None:
+        """Read no further, if the client goes on with a body that nobody reads: it takes no turns, and has no end."""
+        super().on_response_complete()
+        if self.conn.their_state is h11.SEND_BODY:
+            self.transport.close()
 
     def _look(self) -> None:
         """Close it if there was no request since the last look, and none is under way; or if its client takes nothing

@@ -25,10 +25,11 @@ read took 1.7 GB."""
 
 PIECE_BYTES = 1 << 18
 
-BOUNDARY = re.compile(r'^multipart/form-data\s*;\s*boundary=(?:"([!-~]{1,70})"|([!#-:<-~]{1,70}))\s*$', re.IGNORECASE)
-FILE_FIELD = re.compile(
-    rb'\r\nContent-Disposition:[ \t]*form-data;[ \t]*name="?file"?;[ \t]*filename="([^"\r\n]*)"', re.IGNORECASE
-)
+PARAMETER = re.compile(r';[ \t]*([a-z]+)[ \t]*=[ \t]*(?:"([^"]*)"|([^\s;"]*))', re.IGNORECASE)
+DISPOSITION = re.compile(r"\r\nContent-Disposition:[ \t]*form-data[ \t]*(;[^\r\n]*)", re.IGNORECASE)
+MAX_BOUNDARY = 70
+"""Longest boundary of a form (RFC 2046)."""
+
 MAX_PART_HEAD = 4096
 NO_UPLOAD = "This is no upload: a form has one field, a file."
 
@@ -59,26 +60,34 @@ async def uploaded_file(kind: str, pieces: AsyncGenerator[bytes, None]) -> tuple
     byte by byte while everybody waits (four uploads had each page wait for a second), and a charset that takes minutes;
     with its pauses, and a copy of the file for each upload, 20 MB took 38 s beside somebody who asks for many pages.
     """
-    boundary = BOUNDARY.search(kind)
-    if boundary is None:
+    boundary = _parameters(kind).get("boundary", "")
+    if not kind.lower().startswith("multipart/form-data") or not 0 < len(boundary) <= MAX_BOUNDARY:
         raise Refusal(400, NO_UPLOAD)
-    line = b"\r\n--" + (boundary[1] or boundary[2]).encode()
-    received, end = b"\r\n", -1  # before the first boundary there is no line
+    line = b"\r\n--" + boundary.encode("latin-1", "replace")
+    received, begin, end = b"\r\n", -1, -1  # before the first boundary there may be no line
     async for piece in pieces:
         received += piece
-        if (end := received.find(b"\r\n\r\n")) >= 0 or len(received) > MAX_PART_HEAD:
+        begin = received.find(line + b"\r\n")
+        end = received.find(b"\r\n\r\n", begin + len(line)) if begin >= 0 else -1
+        if end >= 0 or len(received) > MAX_PART_HEAD:
             break
-    head = received[: end + 2] if 0 <= end <= MAX_PART_HEAD else b""
-    name = FILE_FIELD.search(head)
-    if not head.startswith(line + b"\r\n") or name is None:
+    head = received[begin : end + 2] if 0 <= end <= MAX_PART_HEAD else b""
+    field = DISPOSITION.search(head.decode("utf-8", "replace"))
+    named = _parameters(field[1]) if field else {}
+    if named.get("name") != "file" or "filename" not in named:
         raise Refusal(400, NO_UPLOAD)
-    if not name[1]:
+    if not named["filename"]:
         raise Refusal(400, "Choose an FMU first.")
-    return name[1].decode("utf-8", "replace").replace("%22", '"'), _until(line, received[end + 4 :], pieces)
+    return named["filename"].replace("%22", '"'), _until(line, received[end + 4 :], pieces)
+
+
+def _parameters(text: str) -> dict[str, str]:
+    """What stands behind a header's value, such as ``; boundary=x``, with or without quotation marks."""
+    return {match[1].lower(): match[2] or match[3] or "" for match in PARAMETER.finditer(text)}
 
 
 async def _until(line: bytes, received: bytes, pieces: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
-    """What comes before the last boundary ``line``, of which nothing but the end of the form may come after."""
+    """What comes before the boundary ``line``, which has to be the last one."""
     while (end := received.find(line)) < 0 or len(received) < end + len(line) + 2:
         sure = len(received) - len(line) - 2 if end < 0 else end
         if sure > 0:
@@ -91,6 +100,8 @@ async def _until(line: bytes, received: bytes, pieces: AsyncGenerator[bytes, Non
     if received[end + len(line) :][:2] != b"--":
         raise Refusal(400, NO_UPLOAD)
     yield received[:end]
+    async for _ in pieces:  # else a client that still sends loses the answer
+        pass
 
 
 def file_answer(file: Path, kind: str, name: str = "", headers: Mapping[str, str] | None = None) -> Response:

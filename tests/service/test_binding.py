@@ -92,6 +92,12 @@ def test_what_is_too_large_is_refused_before_it_is_written(value, monkeypatch):
     assert refused.value.what == "file-limit"
 
 
+def test_what_is_nearly_a_number_is_a_text_at_once():
+    """10,000 digits took 5 s, and as many as here would take hours."""
+    text = "1" * 1_000_000 + "x"
+    assert binding._scalar(variable("K", "parameter"), text) == text
+
+
 @given(st.dictionaries(st.text(st.characters(codec="utf-8"), min_size=1), st.text(st.characters(codec="utf-8"))))
 def test_any_text_is_read_as_it_was_written(names):
     text = binding.written(names, names)
@@ -106,6 +112,15 @@ def test_the_interface_of_an_fmu_shows_what_is_bound_and_what_could_be(pid_file)
     assert "K_p[1]" in {v.name for v in binding.values(interface)} and "q_m[1]" not in {
         v.name for v in binding.values(interface)
     }
+
+
+def test_the_interface_has_the_values_of_what_it_offers_alone(pid_file, monkeypatch):
+    """Each look at a run reads them: 30,000 of a binding took 0.6 s."""
+    monkeypatch.setattr("orchestrator.service.interface.MOST", 11)
+    given = {f"{name}[{axis}]": 2.0 for name in ("K_p", "K_i", "K_d") for axis in (1, 2)}
+    interface = interface_of(Controller(pid_file, parameters=given))
+    offered = {variable.name for variable in interface.variables}
+    assert {} != interface.given == {name: given[name] for name in given if name in offered} != given
 
 
 def test_names_without_an_end_make_no_page_without_one(pid_file, tmp_path):

@@ -136,13 +136,37 @@ def test_what_is_no_request_makes_no_traceback(address, caplog):
     assert not [record for record in caplog.records if record.exc_info or record.levelname == "ERROR"]
 
 
-def test_a_request_follows_the_answer_to_the_one_before(address, caplog):
-    """While one waits behind another, nothing is read, and a client that leaves is not noticed."""
-    with connected(
-        address, "Connection: keep-alive\r\n\r\nGET /join HTTP/1.1\r\nHost: a", "/join", method="GET"
-    ) as client:
-        assert b" 400 " in answer(client)
-    assert not [record for record in caplog.records if record.exc_info or record.levelname == "ERROR"]
+@pytest.mark.parametrize("blanks", [" ", "\t", " \t"])
+def test_a_line_of_a_head_has_few_blanks(address, blanks):
+    """Before a byte that no head has, they kept everybody waiting for 1.5 s, before any turn."""
+    with connected(address, f"a: b{blanks * 5000}\0", "/join", method="GET") as client:
+        refused = b"".join(iter(lambda: client.recv(1 << 16), b""))
+        assert b" 400 " in refused and b"blanks" in refused
+
+
+@pytest.mark.parametrize("upgrade", ["h2c", "websocket"])
+def test_who_offers_another_protocol_is_answered_by_this_one(address, upgrade):
+    """As Java's client and ``curl --http2`` do."""
+    with connected(address, f"Connection: Upgrade\r\nUpgrade: {upgrade}", "/join", method="GET") as client:
+        assert b" 200 " in answer(client)
+
+
+def test_requests_may_be_sent_before_the_answer_to_the_one_before(address):
+    with connected(address, "\r\nGET /nothing HTTP/1.1\r\nHost: a", "/join", method="GET") as client:
+        client.sendall(b"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+        received = b""
+        while piece := client.recv(1 << 16):
+            received += piece
+        assert received.count(b"HTTP/1.1 200") == 1 and received.count(b"HTTP/1.1 4") == 2
+
+
+def test_a_body_that_nobody_reads_ends_the_connection(address):
+    """It came without a limit, and outside of the turns."""
+    with connected(address, "Content-Length: 99999999999", "/join", method="GET") as client:
+        assert b" 200 " in answer(client)
+        with pytest.raises(OSError):
+            for _ in range(10_000):
+                client.sendall(bytes(1 << 16))
 
 
 def test_a_stranger_keeps_a_connection_for_a_few_seconds_only(tmp_path):
@@ -209,7 +233,7 @@ def test_a_client_that_takes_nothing_of_an_answer_is_gone_after_a_while(tmp_path
 def test_a_run_whose_binding_is_refused_waits_for_nobody(address, tmp_path):
     (tmp_path / "my.fmu").write_bytes(fmu(checking={"wait": 60}))
     refused = call("submit", "my.fmu", "--to", address, "--set", f"K={'x' * 600_000}", folder=tmp_path)
-    assert refused.code == 2 and "is not taken" in refused.err
+    assert refused.code == 2 and "66 kB that are taken" in refused.err
     nothing_is_left(tmp_path, address)
 
 
