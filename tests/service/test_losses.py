@@ -24,7 +24,7 @@ from orchestrator.api.benchmark import Benchmark
 from orchestrator.cache import VARIABLE, incomplete
 from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, job, states
+from orchestrator.service import accounts, job, runner, states
 from orchestrator.service.database import Database, _seal
 from orchestrator.service.files import LEFT_OUT, Files, new_id
 from orchestrator.service.records import State, Task
@@ -80,6 +80,23 @@ def test_a_round_waits_for_an_outcome_that_is_being_stored(serve, monkeypatch, b
     ada.until(id, "finished", "verifying")
     if by == "hand":
         course.close(round)
+    assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
+
+
+def test_what_is_on_the_disk_at_the_close_of_a_round_counts(serve, monkeypatch):
+    """A service that was stopped over the date had not heard of the end of the job; after a kill -9, it counted."""
+    course, done = Course(serve(SOME)), {"evaluating.json": json.dumps(DONE)}
+    ada, service = course.person("Ada"), course.client.app.state.service
+    round = course.open()
+    id = ada.submit(fmu(evaluating={"files": done, "wait": 300}, verifying=verified(90.0)))["id"]
+    while not (file := service.files.run(id) / "evaluating.json").exists():
+        time.sleep(0.05)
+    written = file.stat().st_mtime
+    assert service.runner.is_storing(written) and not service.runner.is_storing(written - 1.0)
+    assert course.teacher.post(f"/api/rounds/{round}/close").status_code == 503
+    monkeypatch.setattr(runner, "END_TIME", 0.0)  # a job that does not end after its outcome keeps no round open
+    assert ada.until(id)["cost"] == 88.5
+    course.close(round)
     assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
 
 
