@@ -27,7 +27,7 @@ from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.service import accounts, job, runner, states
 from orchestrator.service.database import Database, _seal
 from orchestrator.service.files import LEFT_OUT, Files, new_id
-from orchestrator.service.records import State, Task
+from orchestrator.service.records import HandIn, Round, State, Task
 from orchestrator.service.runner import Runner
 from service.conftest import SOME, Asker, fmu
 from service.test_rounds import RUN, Course, handed_in, verified
@@ -314,23 +314,73 @@ def test_who_deletes_what_has_finished_has_no_other_turn(me):
 
 
 def test_a_database_of_the_former_form_is_taken_over(tmp_path):
-    """With whose turn it is, and the checksums of its runs."""
+    """With whose turn it is, and the checksums of its runs and rounds."""
     file = tmp_path / "x.sqlite"
     database = Database(file)
     for person in (accounts.LOCAL, replace(accounts.LOCAL, id="new", name="new")):
         database.add_person(person, "", 0.0)
     run = replace(RUN, owner=accounts.LOCAL.id, started=5.0)
     database.add_run(run, "received")
+    round, entry = Round("b" * 24, "Spring", 1.0, 9.0), HandIn(accounts.LOCAL.id, run.id, "me", "my.fmu")
+    database.add_round(round)
+    round = replace(round, closed=8.0, bits="0" * 64)
+    database.close_round(round, [entry], [])
     database.close()
-    former = "ALTER TABLE people DROP COLUMN served; ALTER TABLE runs DROP COLUMN seal; UPDATE form SET number = 4"
-    sqlite3.connect(file).executescript(former)
-    database = Database(file)
-    database.check()
-    assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
-    database.close()
-    for form in (3, 6):
+    of_5 = """
+        ALTER TABLE rounds DROP COLUMN seal; ALTER TABLE entries DROP COLUMN seal; DROP TRIGGER bits_stay;
+        CREATE TRIGGER bits_stay BEFORE UPDATE ON rounds WHEN OLD.bits <> ''
+        BEGIN SELECT RAISE(ABORT, 'drawn already'); END; UPDATE form SET number = 5;
+    """
+    of_4 = f"{of_5} ALTER TABLE people DROP COLUMN served; ALTER TABLE runs DROP COLUMN seal;"
+    for former in (f"{of_4} UPDATE form SET number = 4", of_5):
+        sqlite3.connect(file).executescript(former)
+        database = Database(file)
+        database.check()
+        assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
+        assert (database.rounds(), database.entries(round.id)) == ([round], [entry])
+        with pytest.raises(sqlite3.IntegrityError, match="drawn already"):
+            sqlite3.connect(file).execute("UPDATE rounds SET bits = ?", ("1" * 64,))
+        database.close()
+    for form in (3, 7):
         sqlite3.connect(file).executescript(f"UPDATE form SET number = {form}")
         assert refusal(Database, file, kind=InputError).what == "other-database"
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [("runs", "cost", 91.0), ("rounds", "bits", "1" + "0" * 63), ("rounds", "closes", 8.5)]
+    + [("entries", column, "x") for column in ("owner", "run", "person", "name")],
+)
+def test_what_a_place_follows_from_has_a_checksum(tmp_path, table, column, value):
+    """One bit of a round's bits that was another gave other draws in silence."""
+    database = Database(tmp_path / "x.sqlite")
+    database.add_person(accounts.LOCAL, "", 0.0)
+    database.add_run(replace(RUN, owner=accounts.LOCAL.id), "received")
+    round = Round("b" * 24, "Spring", 1.0, 9.0)
+    database.add_round(round)
+    database.choose(round.id, HandIn("other", "c" * 24))
+    database.choose(round.id, HandIn(accounts.LOCAL.id, RUN.id))
+    database.check()
+    entries = [HandIn(owner, RUN.id, "me", "my.fmu") for owner in (accounts.LOCAL.id, "other")]
+    database.close_round(replace(round, closed=8.0, bits="0" * 64), entries, [])
+    database.check()
+    database._connection.execute("DROP TRIGGER bits_stay")
+    database._connection.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = 1", (value,))
+    assert f"is damaged: what it has in {table}" in str(refusal(database.check, kind=EnvironmentFault))
+    database.close()
+
+
+def test_who_is_removed_leaves_a_closed_round_whole(tmp_path):
+    database = Database(tmp_path / "x.sqlite")
+    database.add_person(accounts.LOCAL, "", 0.0)
+    round = Round("b" * 24, "Spring", 1.0, 9.0)
+    database.add_round(round)
+    entry = HandIn(accounts.LOCAL.id, RUN.id, "me", "my.fmu")
+    database.close_round(replace(round, closed=8.0, bits="0" * 64), [entry], [])
+    database.remove_person(accounts.LOCAL.id)
+    database.check()
+    assert database.entries(round.id) == [replace(entry, person="", name="")]
+    database.close()
 
 
 def test_a_folder_that_cannot_be_read_costs_no_page(me, monkeypatch):
