@@ -6,6 +6,7 @@ It is used by one thread. Other processes may read and write beside it, such as 
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .files import is_empty
+from .files import FULL, is_empty
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
 FORM = 6
@@ -41,6 +42,9 @@ MAX_ROWS = 500
 
 BUSY = 5.0
 """Seconds that a transaction of a command waits for another process."""
+
+SHARED = 1 << 16
+"""Bytes, and more than the file -shm takes at a time."""
 
 LOCKED = "locked-database"
 """Code of the error when that was too short."""
@@ -147,6 +151,7 @@ class Database:
     """
 
     def __init__(self, file: Path, patience: float = BUSY, may_begin: bool = True) -> None:
+        self._file = file
         try:
             # The thread that makes it need not be the one that uses it; only one does.
             self._connection = sqlite3.connect(file, timeout=patience, isolation_level=None, check_same_thread=False)
@@ -241,8 +246,14 @@ class Database:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             # The codes of SQLite have been attributes of the exceptions since Python 3.11.
-            what = LOCKED if "locked" in str(problem) else "no-database"
+            what = LOCKED if "locked" in str(problem) else FULL if self._is_full(problem) else "no-database"
             raise EnvironmentFault(f"The service's database cannot be written: {problem}.", what) from problem
+
+    def _is_full(self, problem: sqlite3.DatabaseError) -> bool:
+        """Whether it is the disk that is full, where SQLite says so, or that the file -shm could not grow there."""
+        if "disk I/O error" in str(problem):
+            return shutil.disk_usage(self._file.parent).free < SHARED
+        return "disk is full" in str(problem)
 
     def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         try:

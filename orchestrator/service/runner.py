@@ -23,7 +23,7 @@ from ..codec import from_json, to_json
 from ..errors import BenchmarkError, EnvironmentFault
 from ..text import printable
 from . import queue, states
-from .database import LOCKED, Changed, Database
+from .database import Changed, Database
 from .files import BINDING, FULL, LOG, Files
 from .job import OUTCOME, outcome_of
 from .records import Conduct, Outcome, Progress, Stage, Submission, Task
@@ -176,9 +176,10 @@ class Runner:
         try:
             self._database.remove_run(run.id)
         except EnvironmentFault as problem:
-            if problem.what == LOCKED:
+            # Of no other fault: where the file could not be changed at all, results were gone, and the run was not.
+            if problem.what != FULL:
                 raise
-            # A full disk: its results make the room that the database needs for that. Else they go after the row, so
+            # Its results make the room that the database needs for that. Else they go after the row, so
             # that a power cut between the two leaves no run without them.
             self._files.remove_run(run.id, at_once=True)
             self._database.remove_run(run.id)

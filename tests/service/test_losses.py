@@ -339,7 +339,7 @@ def test_a_database_of_the_former_form_is_taken_over(tmp_path):
         assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
         assert (database.rounds(), database.entries(round.id)) == ([round], [entry])
         with pytest.raises(sqlite3.IntegrityError, match="drawn already"):
-            sqlite3.connect(file).execute("UPDATE rounds SET bits = ?", ("1" * 64,))
+            database._connection.execute("UPDATE rounds SET bits = ?", ("1" * 64,))
         database.close()
     for form in (3, 7):
         sqlite3.connect(file).executescript(f"UPDATE form SET number = {form}")
