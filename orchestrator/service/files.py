@@ -15,6 +15,7 @@ import re
 import secrets
 import shutil
 import threading
+import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -354,14 +355,22 @@ def packed(files: Mapping[str, Path]) -> bytes:
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as entries:
         for name, file in files.items():
             try:
-                entries.writestr(name, file.read_bytes())
+                entries.writestr(_entry(name), file.read_bytes())
             except FileNotFoundError:
                 continue
             except OSError as problem:
                 unread.append(f"{name} cannot be read on the service's machine: {problem.strerror}.\n")
         if unread:
-            entries.writestr(LEFT_OUT, "".join(unread))
+            entries.writestr(_entry(LEFT_OUT), "".join(unread))
     return archive.getvalue()
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """A file in an archive, of now. Of a time before 1980, as where the clock has no battery, a zip archive knows
+    nothing, and there was none of the certificates."""
+    entry = zipfile.ZipInfo(name, max(time.localtime()[:6], (1980, 1, 1, 0, 0, 0)))
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    return entry
 
 
 class Incoming:

@@ -26,7 +26,7 @@ from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.errors import EnvironmentFault, InputError
 from orchestrator.service import accounts, job, runner, states
 from orchestrator.service.database import Database, _seal
-from orchestrator.service.files import LEFT_OUT, Files, new_id
+from orchestrator.service.files import LEFT_OUT, Files, new_id, packed
 from orchestrator.service.records import HandIn, Round, State, Task
 from orchestrator.service.runner import Runner
 from service.conftest import SOME, Asker, fmu
@@ -414,6 +414,14 @@ def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert set(archive.namelist()) == {f"{second}.json", LEFT_OUT}
         assert f"{first}.json cannot be read" in archive.read(LEFT_OUT).decode()
+
+
+def test_there_are_certificates_where_the_clock_has_no_battery(tmp_path, monkeypatch):
+    monkeypatch.setattr("orchestrator.service.files.time.localtime", lambda: time.gmtime(5.0))
+    (tmp_path / "a.json").write_text("{}" * 1000)
+    with zipfile.ZipFile(io.BytesIO(packed({"a.json": tmp_path / "a.json", LEFT_OUT: tmp_path}))) as archive:
+        assert [entry.date_time[0] for entry in archive.infolist()] == [1980, 1980]
+        assert archive.read("a.json") == b"{}" * 1000 and archive.getinfo("a.json").compress_size < 1000
 
 
 def test_a_checksum_is_the_same_with_every_version_of_python():
