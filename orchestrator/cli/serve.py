@@ -257,7 +257,8 @@ def _manage(given: argparse.Namespace) -> int:
     files.check_own()
     if given.invite is None and not files.database.exists():  # a slip in --data would look like an empty service
         raise InputError(f"{given.data} is not the folder of a service: nobody was invited there.", "no-folder")
-    files.prepare()
+    # No folder is made beside: as root, it would be one in which the service may not write.
+    (files.check_writable if given.invite is None else files.prepare)()
     database = Database(files.database, may_begin=given.invite is not None)
     try:
         if given.invite is not None:

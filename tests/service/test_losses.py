@@ -416,6 +416,35 @@ def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
         assert f"{first}.json cannot be read" in archive.read(LEFT_OUT).decode()
 
 
+def test_what_belongs_to_another_user_is_to_be_given_back(tmp_path, monkeypatch):
+    """After a command as root, the service said "Choose another folder"."""
+    files, user, access, nobody = Files(tmp_path / "data"), os.geteuid(), os.access, 54321
+    files.prepare()
+    Database(files.database).close()
+    monkeypatch.setattr(os, "geteuid", lambda: nobody)
+    monkeypatch.setattr(os, "access", lambda path, mode: path != files.database and access(path, mode))
+    told = refusal(files.prepare, kind=InputError)
+    assert told.what == "foreign-folder" and f"chown -R {nobody} {files.root}" in str(told)
+    monkeypatch.setattr(os, "access", access)
+    (files.root / "runs").rmdir()
+    (files.root / "runs").touch()  # it cannot be written to
+    told = refusal(files.prepare, kind=InputError)
+    assert told.what == "foreign-folder" and f"{files.root / 'runs'} cannot be written to" in str(told)
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    assert refusal(files.prepare, kind=InputError).what == "folder-not-writable"
+
+
+def test_a_list_of_people_makes_no_folder(tmp_path):
+    """As root, it made some in which the service could not write."""
+    assert call("serve", "--data", "data", "--invite", "Ada", folder=tmp_path).code == 0
+    for name in ("cache", "incoming", "runs"):
+        shutil.rmtree(tmp_path / "data" / name, ignore_errors=True)
+    before = {entry.name for entry in (tmp_path / "data").iterdir()}
+    for words in (["--people"], ["--organizer", "Ada"], ["--remove", "Ada"]):
+        assert call("serve", "--data", "data", *words, folder=tmp_path).code == 0
+    assert {entry.name for entry in (tmp_path / "data").iterdir()} == before
+
+
 def test_there_are_certificates_where_the_clock_has_no_battery(tmp_path, monkeypatch):
     monkeypatch.setattr("orchestrator.service.files.time.localtime", lambda: time.gmtime(5.0))
     (tmp_path / "a.json").write_text("{}" * 1000)
