@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import functools
 import hashlib
 import logging
@@ -135,6 +136,15 @@ def compiled_code_folder() -> Path:
     a helper from another module.
     """
     return cache_folder() / "numba" / _compiled_code()[:16]
+
+
+def forget_compiled_code(folder: Path) -> None:
+    """Remove a :func:`compiled_code_folder`: everything is compiled anew."""
+    with contextlib.suppress(OSError):
+        # Renamed first: another process may be reading there, or compiling, and makes what is missing anew.
+        away = Path(tempfile.mkdtemp(prefix=INCOMPLETE, dir=folder.parent))
+        folder.replace(away / folder.name)
+        shutil.rmtree(away, ignore_errors=True)
 
 
 @functools.cache

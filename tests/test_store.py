@@ -371,10 +371,29 @@ def test_records_that_make_no_sense_are_none(opened, own, tmp_path):
     put(opened, own, replace(run_of(CASES[1]), result=case_result(CASES[1], Judgement(status=Status.DONE, time=2.0))))
     put(opened, own, run_of(CASES[2], time=1e6))  # its case cannot have it, nor that without a figure
     names = list(key_of(own).values())[3:]
-    wrong = [b"", b"{}", b"[1]", b"null", b"\xff", b'{"judgement": {"status": "fine"}}', "text", 1]
+    for record in (b"", b"{}", b"[1]", b"null", b"\xff", b'{"judgement": {"status": "fine"}}'):
+        opened.put(names.pop(), "", record)
     with closing(sqlite3.connect(tmp_path / store.FILE)) as other, other:
-        other.executemany("INSERT INTO records VALUES (?, '', ?)", zip(names, wrong, strict=False))
+        other.executemany("INSERT INTO records VALUES (?, '', ?)", zip(names, ("text", 1, b"", b"123"), strict=False))
     assert load(opened, own) == [run_of(CASES[0])]
+
+
+def test_a_record_with_one_bit_that_is_another_is_none(opened, tmp_path):
+    """B3 of 1.6 in the place of 5.6 gave another V, without a word."""
+    record = b'{"judgement": {"measurements": {"B3": 5.6}}}'
+    opened.put("key", "", record)
+    opened.put("other", "", record)
+    (stored,) = opened._connection.execute("SELECT record FROM records WHERE key = 'key'").fetchone()
+    for bit in range(8 * len(stored)):
+        flipped = (int.from_bytes(stored, "big") ^ 1 << bit).to_bytes(len(stored), "big")
+        opened._connection.execute("UPDATE records SET record = ? WHERE key = 'key'", (flipped,))
+        assert opened.get(["key"]) == {}, bit
+    opened._connection.execute("UPDATE records SET key = 'othes' WHERE key = 'other'")
+    # As an earlier version has stored it: simulated again.
+    opened._connection.execute("UPDATE records SET record = ? WHERE key = 'key'", (record,))
+    assert opened.get(["key", "other", "othes"]) == {}
+    opened.put("key", "", record)
+    assert opened.get(["key"]) == {"key": record}
 
 
 def test_a_folder_is_for_one_evaluation_at_a_time(tmp_path):

@@ -66,6 +66,7 @@ REMEDIES = {
     "no-fence": "Install bubblewrap, or give --trust if you trust all of them.",
     "no-port": "Choose another one with --port.",
     "no-host": "Give the name or an address of this machine with --host.",
+    "no-person": "List who was invited with --people.",
     "no-key": "Put your key into the environment variable BENCHMARK_KEY.",
     "standstill": "--timeout shortens this.",
     "stored": "--force runs them again, --keep-going those that failed.",

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ..benchmark import protocol
 from ..documents.files import prepare_folder
@@ -97,7 +98,9 @@ def _parser() -> Parser:
     chosen.add_argument("--organizer", metavar="NAME", help="let somebody who was invited open and close rounds")
     chosen.add_argument("--remove", metavar="NAME", help="remove somebody with all runs")
     chosen.add_argument("--people", action="store_true", help="list who was invited")
-    people.add_argument("--url", metavar="URL", help="the service's address in links (default: of --host and --port)")
+    people.add_argument(
+        "--url", type=_url, metavar="URL", help="the service's address in links (default: of --host and --port)"
+    )
     work = parser.add_argument_group("work")
     work.add_argument(
         "--protocol",
@@ -136,6 +139,14 @@ def _parser() -> Parser:
         help=f"runs that have not ended (default: {Allowance.queue})",
     )
     return parser
+
+
+def _url(text: str) -> str:
+    """The address of a service in links. A link that begins with a mere name leads nowhere."""
+    parts = urlsplit(text)
+    if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
+        raise argparse.ArgumentTypeError(f"{text} is no address such as https://bench.example.org")
+    return f"{parts.scheme}://{parts.netloc}"
 
 
 def _place(name: str) -> str:
@@ -246,13 +257,14 @@ def _manage(given: argparse.Namespace) -> int:
     files.check_own()
     if given.invite is None and not files.database.exists():  # a slip in --data would look like an empty service
         raise InputError(f"{given.data} is not the folder of a service: nobody was invited there.", "no-folder")
-    files.prepare()
+    # No folder is made beside: as root, it would be one in which the service may not write.
+    (files.check_writable if given.invite is None else files.prepare)()
     database = Database(files.database, may_begin=given.invite is not None)
     try:
         if given.invite is not None:
             key = accounts.invited(database, given.invite)
             # Behind the #, which browsers do not send: no log of a server on the way has it.
-            print(f"{(given.url or _address(given.host, given.port)).rstrip('/')}/join#{key}")
+            print(f"{given.url or _address(given.host, given.port)}/join#{key}")
         elif given.organizer is not None:
             accounts.made_organizer(database, given.organizer)
         elif given.remove is not None:

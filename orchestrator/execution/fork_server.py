@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from .interpreter import lean_imports, protect
-from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
+from .messages import DESCRIPTORS, NUMBER, READY, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
 
 POLL_INTERVAL = 1.0
@@ -36,7 +36,8 @@ class _Worker:
 
 
 def main(control: int, owner: int, module: str, scratch: str, protected: int) -> None:
-    """Fork a worker for every message that comes through the socket ``control``, until that is closed.
+    """Fork a worker for every message that comes through the socket ``control``, until that is closed; say READY there
+    when everything is loaded.
 
     It also ends, and all workers with it, at SIGTERM and when the process ``owner`` is not its parent any more.
     ``module`` is imported first, and its function ``prepare`` called if there is one. Workers work in folders inside
@@ -56,6 +57,7 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
             if prepare is not None:
                 prepare()
         requests, awake = socket.socket(fileno=control), _wake_up()
+        requests.send(READY)
         # A server whose owner was killed has another parent, and would wait for ever.
         while os.getppid() == owner:
             ready = readable((control, awake), POLL_INTERVAL)

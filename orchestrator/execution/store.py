@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 import sqlite3
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ SCHEMA = """
 CREATE TABLE IF NOT EXISTS records (
     key TEXT PRIMARY KEY,      -- hash of all that the record depends on
     label TEXT NOT NULL,       -- for people who look into the file
-    record BLOB NOT NULL
+    record BLOB NOT NULL       -- a checksum of SEAL bytes, and then the record
 )
 """
 
@@ -28,6 +29,9 @@ MEMORY = ":memory:"
 
 DAMAGED = "damaged-store"
 """Code of the error of a store that is damaged."""
+
+SEAL = 4
+"""Bytes of a checksum. SQLite has none: one bit of a criterion that was another gave another V, without a word."""
 
 CHUNK = 500
 """Keys per query; SQLite has a limit on parameters."""
@@ -45,20 +49,25 @@ class Store:
         return self._place != MEMORY
 
     def get(self, keys: Sequence[str]) -> dict[str, bytes]:
-        """The records of those of ``keys`` that have one."""
+        """The records of those of ``keys`` that have one. What is not what was stored is none."""
         records: dict[str, bytes] = {}
         with self._reported():
             for first in range(0, len(keys), CHUNK):
                 chunk = list(keys[first : first + CHUNK])
                 marks = ", ".join("?" * len(chunk))
                 rows = self._connection.execute(f"SELECT key, record FROM records WHERE key IN ({marks})", chunk)
-                records.update((key, bytes(record)) for key, record in rows if isinstance(record, bytes))
+                records.update(
+                    (key, record[SEAL:])
+                    for key, record in rows
+                    if isinstance(record, bytes) and record[:SEAL] == _seal(key, record[SEAL:])
+                )
         return records
 
     def put(self, key: str, label: str, record: bytes) -> None:
         """Store a record and commit it; a second one of the same key takes the first one's place."""
         with self._reported(), self._connection:
-            self._connection.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", (key, label, record))
+            row = key, label, _seal(key, record) + record
+            self._connection.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", row)
 
     def forget(self, keys: Iterable[str]) -> None:
         """Delete the records of ``keys``."""
@@ -71,6 +80,11 @@ class Store:
             yield
         except sqlite3.Error as problem:
             raise _fault(self._place, problem) from problem
+
+
+def _seal(key: str, record: bytes) -> bytes:
+    """The checksum of a record under its key."""
+    return zlib.crc32(record, zlib.crc32(key.encode())).to_bytes(SEAL, "big")
 
 
 @contextmanager

@@ -6,6 +6,7 @@ It is used by one thread. Other processes may read and write beside it, such as 
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,10 +15,10 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .files import is_empty
+from .files import FULL, is_empty
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
-FORM = 5
+FORM = 6
 """Of the tables. A version that changes them reads this number."""
 
 LEAST = 100_000
@@ -42,10 +43,19 @@ MAX_ROWS = 500
 BUSY = 5.0
 """Seconds that a transaction of a command waits for another process."""
 
+SHARED = 1 << 16
+"""Bytes, and more than the file -shm takes at a time."""
+
 LOCKED = "locked-database"
 """Code of the error when that was too short."""
 
-TABLES = """
+STAY = """
+CREATE TRIGGER bits_stay BEFORE UPDATE OF id, name, opened, closes, closed, bits ON rounds WHEN OLD.bits <> ''
+BEGIN SELECT RAISE(ABORT, 'drawn already'); END
+"""
+"""Keeps a round that is closed as it is."""
+
+TABLES = f"""
 CREATE TABLE people (
     id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE, key TEXT NOT NULL, created REAL NOT NULL,
     organizer INTEGER NOT NULL, served REAL NOT NULL DEFAULT 0
@@ -76,12 +86,12 @@ CREATE TABLE comparisons (
 ) STRICT;
 CREATE TABLE rounds (
     id TEXT PRIMARY KEY, name TEXT NOT NULL, opened REAL NOT NULL, closes REAL NOT NULL, closed REAL,
-    bits TEXT NOT NULL
+    bits TEXT NOT NULL, seal INTEGER NOT NULL DEFAULT 0
 ) STRICT;
-CREATE TRIGGER bits_stay BEFORE UPDATE ON rounds WHEN OLD.bits <> '' BEGIN SELECT RAISE(ABORT, 'drawn already'); END;
+{STAY.strip()};
 CREATE TABLE entries (
     round TEXT NOT NULL REFERENCES rounds ON DELETE CASCADE, owner TEXT NOT NULL, run TEXT NOT NULL,
-    person TEXT NOT NULL, name TEXT NOT NULL, PRIMARY KEY (round, owner)
+    person TEXT NOT NULL, name TEXT NOT NULL, seal INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (round, owner)
 ) STRICT;
 CREATE TABLE protocols (stage TEXT PRIMARY KEY, name TEXT NOT NULL, contents TEXT NOT NULL) STRICT;
 CREATE TABLE form (number INTEGER NOT NULL) STRICT;
@@ -89,16 +99,31 @@ CREATE TABLE form (number INTEGER NOT NULL) STRICT;
 
 COLUMNS = ", ".join(field.name for field in fields(Submission))
 MARKS = ", ".join("?" for _ in fields(Submission))
-SEALED = f"UPDATE runs SET seal = seal({COLUMNS})"
-"""Keeps a checksum of rows as they are stored. SQLite has none: one bit of V that was another went into the table, and
-``integrity_check`` said "ok"."""
+ROUND = ", ".join(field.name for field in fields(Round))
+ENTRY = ", ".join(("round", *(field.name for field in fields(HandIn))))
+
+SEALED: Mapping[str, str] = {"runs": COLUMNS, "rounds": ROUND, "entries": ENTRY}
+"""The tables whose rows have a checksum, and what it is of: all that a place and its draws follow from."""
+
+
+def _sealing(table: str) -> str:
+    """Keeps a checksum of rows as they are stored. SQLite has none: one bit of V that was another went into the table,
+    one of a round's bits into the draws, and ``integrity_check`` said "ok"."""
+    return f"UPDATE {table} SET seal = seal({SEALED[table]})"
+
 
 UPGRADES: Mapping[int, Sequence[str]] = {
     4: (
         "ALTER TABLE people ADD COLUMN served REAL NOT NULL DEFAULT 0",
         "UPDATE people SET served = COALESCE((SELECT MAX(started) FROM runs WHERE owner = people.id), 0)",
         "ALTER TABLE runs ADD COLUMN seal INTEGER NOT NULL DEFAULT 0",
-        SEALED,
+        _sealing("runs"),
+    ),
+    5: (
+        "DROP TRIGGER bits_stay",
+        STAY,
+        *(f"ALTER TABLE {table} ADD COLUMN seal INTEGER NOT NULL DEFAULT 0" for table in ("rounds", "entries")),
+        *map(_sealing, ("rounds", "entries")),
     ),
 }
 """What makes the tables of an earlier form those of the next one."""
@@ -126,6 +151,7 @@ class Database:
     """
 
     def __init__(self, file: Path, patience: float = BUSY, may_begin: bool = True) -> None:
+        self._file = file
         try:
             # The thread that makes it need not be the one that uses it; only one does.
             self._connection = sqlite3.connect(file, timeout=patience, isolation_level=None, check_same_thread=False)
@@ -177,9 +203,10 @@ class Database:
         (row,) = self._rows("PRAGMA integrity_check(1)")
         if row[0] != "ok":
             raise EnvironmentFault(f"The service's database is damaged: {row[0]}.", "no-database")
-        if changed := self._rows(f"SELECT id FROM runs WHERE seal <> seal({COLUMNS}) LIMIT 1"):
-            message = f"The service's database is damaged: the run {changed[0][0]} is not what was written."
-            raise EnvironmentFault(message, "no-database")
+        for table, columns in SEALED.items():
+            if changed := self._rows(f"SELECT {columns} FROM {table} WHERE seal <> seal({columns}) LIMIT 1"):
+                message = f"The service's database is damaged: what it has in {table} of {changed[0][0]} is not what "
+                raise EnvironmentFault(f"{message}was written.", "no-database")
         with self._transaction() as connection:
             connection.execute("UPDATE form SET number = number")
 
@@ -219,8 +246,14 @@ class Database:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             # The codes of SQLite have been attributes of the exceptions since Python 3.11.
-            what = LOCKED if "locked" in str(problem) else "no-database"
+            what = LOCKED if "locked" in str(problem) else FULL if self._is_full(problem) else "no-database"
             raise EnvironmentFault(f"The service's database cannot be written: {problem}.", what) from problem
+
+    def _is_full(self, problem: sqlite3.DatabaseError) -> bool:
+        """Whether it is the disk that is full, where SQLite says so, or that the file -shm could not grow there."""
+        if "disk I/O error" in str(problem):
+            return shutil.disk_usage(self._file.parent).free < SHARED
+        return "disk is full" in str(problem)
 
     def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         try:
@@ -260,6 +293,7 @@ class Database:
         """Remove somebody with all sessions, runs and comparisons; in rounds that are closed, the name."""
         with self._transaction() as connection:
             connection.execute("UPDATE entries SET person = '', name = '' WHERE owner = ?", (id,))
+            connection.execute(f"{_sealing('entries')} WHERE owner = ?", (id,))
             connection.execute("DELETE FROM people WHERE id = ?", (id,))
         self.give_back(FREED)
 
@@ -293,7 +327,7 @@ class Database:
         try:
             with self._transaction() as connection:
                 connection.execute(f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", _values(run))
-                connection.execute(f"{SEALED} WHERE id = ?", (run.id,))
+                connection.execute(f"{_sealing('runs')} WHERE id = ?", (run.id,))
                 connection.execute("INSERT INTO history VALUES (?, ?, ?)", (run.id, run.created, text))
                 connection.execute("INSERT INTO bindings VALUES (?, ?)", (run.id, binding))
         except sqlite3.IntegrityError:
@@ -451,22 +485,23 @@ class Database:
         with self._transaction() as connection:
             if connection.execute("SELECT 1 FROM rounds WHERE closed IS NULL").fetchone():
                 raise Changed(round.id)
-            connection.execute("INSERT INTO rounds VALUES (?, ?, ?, ?, ?, ?)", astuple(round))
+            connection.execute(f"INSERT INTO rounds ({ROUND}) VALUES (?, ?, ?, ?, ?, ?)", astuple(round))
+            connection.execute(f"{_sealing('rounds')} WHERE id = ?", (round.id,))
 
     def round(self, id: str) -> Round | None:
         """The round with this id."""
-        return next((Round(*row) for row in self._rows("SELECT * FROM rounds WHERE id = ?", id)), None)
+        return next((Round(*row) for row in self._rows(f"SELECT {ROUND} FROM rounds WHERE id = ?", id)), None)
 
     def rounds(self) -> list[Round]:
         """All rounds, the newest first."""
-        return [Round(*row) for row in self._rows("SELECT * FROM rounds ORDER BY opened DESC, rowid DESC")]
+        return [Round(*row) for row in self._rows(f"SELECT {ROUND} FROM rounds ORDER BY opened DESC, rowid DESC")]
 
     def choose(self, round: str, entry: HandIn) -> None:
         """Have a run count for its owner in a ``round`` that is open; raises :class:`Changed` if it is not."""
         with self._transaction() as connection:
             if not connection.execute("SELECT 1 FROM rounds WHERE id = ? AND closed IS NULL", (round,)).fetchone():
                 raise Changed(round)
-            connection.execute("INSERT OR REPLACE INTO entries VALUES (?, ?, ?, ?, ?)", (round, *astuple(entry)))
+            _add_entries(connection, round, [entry])
 
     def entries(self, round: str) -> list[HandIn]:
         """What was chosen in a ``round``; from its close on, all that counts."""
@@ -499,8 +534,8 @@ class Database:
             if connection.execute(query, (round.closed, round.bits, round.id)).rowcount != 1:
                 raise Changed(round.id)
             connection.execute("DELETE FROM entries WHERE round = ?", (round.id,))
-            rows = [(round.id, *astuple(entry)) for entry in entries]
-            connection.executemany("INSERT INTO entries VALUES (?, ?, ?, ?, ?)", rows)
+            connection.execute(f"{_sealing('rounds')} WHERE id = ?", (round.id,))
+            _add_entries(connection, round.id, entries)
             for before, after, text in runs:
                 _change(connection, before, after, text, round.closed)
 
@@ -517,13 +552,21 @@ def _change(connection: sqlite3.Connection, before: Submission, after: Submissio
     )
     if changed.rowcount != 1:
         raise Changed(before.id)
-    connection.execute(f"{SEALED} WHERE id = ?", (before.id,))
+    connection.execute(f"{_sealing('runs')} WHERE id = ?", (before.id,))
     if after.started != before.started:
         # With the person: who deleted each run as soon as it had finished was served before all others.
         connection.execute("UPDATE people SET served = ? WHERE id = ?", (after.started, before.owner))
     connection.execute("INSERT INTO history VALUES (?, ?, ?)", (before.id, now, text))
     last = "SELECT rowid FROM history WHERE run = ? ORDER BY rowid DESC LIMIT 1 OFFSET ?"
     connection.execute(f"DELETE FROM history WHERE run = ? AND rowid <= ({last})", (before.id, before.id, MAX_HISTORY))
+
+
+def _add_entries(connection: sqlite3.Connection, round: str, entries: Sequence[HandIn]) -> None:
+    """Have what counts in a ``round``, in the place of what counted for the same people, within a transaction."""
+    rows = [(round, *astuple(entry)) for entry in entries]
+    connection.executemany(f"INSERT OR REPLACE INTO entries ({ENTRY}) VALUES (?, ?, ?, ?, ?)", rows)
+    whose = [(round, entry.owner) for entry in entries]  # not all: a damaged one would be taken for whole
+    connection.executemany(f"{_sealing('entries')} WHERE round = ? AND owner = ?", whose)
 
 
 def _seal(*values: object) -> int:

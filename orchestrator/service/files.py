@@ -13,8 +13,10 @@ import io
 import os
 import re
 import secrets
+import shlex
 import shutil
 import threading
+import time
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -101,8 +103,27 @@ def make_private(folder: Path) -> None:
     try:
         folder.chmod(0o700)
     except OSError as problem:
-        message = f"The folder {folder} cannot be made private: {problem.strerror}."
-        raise InputError(message, "folder-not-writable", folder) from problem
+        raise _refused(f"The folder {folder} cannot be made private: {problem.strerror}.", folder, folder) from problem
+
+
+def _refused(message: str, place: Path, whole: Path) -> InputError:
+    """The error for a ``place`` in the ``whole`` folder that cannot be used. Where another user owns it, as after a
+    command as root, it does not help to choose another folder."""
+    with contextlib.suppress(OSError):
+        if (owner := place.stat().st_uid) != os.geteuid():
+            given = shlex.quote(str(whole if place.is_relative_to(whole) else place))
+            back = f"if it is the service's, give it back: chown -R {_user(os.geteuid())} {given}"
+            return InputError(f"{message} It belongs to {_user(owner)}; {back}", "foreign-folder", place)
+    return InputError(message, "folder-not-writable", place)
+
+
+def _user(number: int) -> str:
+    import pwd  # not on Windows, where commands of the client run
+
+    try:
+        return pwd.getpwuid(number).pw_name
+    except KeyError:
+        return str(number)
 
 
 @dataclass(frozen=True)
@@ -127,11 +148,20 @@ class Files:
 
         Raises :class:`~orchestrator.errors.InputError` if that fails.
         """
-        prepare_folder(self.root)
-        make_private(self.root)
-        for name in (*KINDS, "incoming"):
-            prepare_folder(self.root / name)
-        prepare_folder(self.cache)
+        for folder in (self.root, *(self.root / name for name in (*KINDS, "incoming")), self.cache):
+            try:
+                prepare_folder(folder)
+            except InputError as problem:
+                raise _refused(str(problem), folder, self.root) from problem
+            if folder == self.root:
+                make_private(folder)
+        self.check_writable()
+
+    def check_writable(self) -> None:
+        """Raise :class:`~orchestrator.errors.InputError` for a database that is there and cannot be written."""
+        for file in (self.database, *(self.root / f"{self.database.name}-{end}" for end in ("wal", "shm"))):
+            if file.exists() and not os.access(file, os.R_OK | os.W_OK):
+                raise _refused(f"{file} cannot be written.", file, self.root)
 
     def check_own(self) -> None:
         """Raise :class:`~orchestrator.errors.InputError` for a folder of somebody else's, for one that has lost its
@@ -151,7 +181,7 @@ class Files:
             other = bool(there - {*own}) or not is_empty(self.root)
         except OSError as problem:
             message = f"The folder {self.root} cannot be read: {problem.strerror}."
-            raise InputError(message, "folder-not-writable", self.root) from problem
+            raise _refused(message, self.root, self.root) from problem
         if other:
             message = (
                 f"{self.root} has files, but no {self.database.name} of a service. Choose an empty folder, or put a "
@@ -169,7 +199,7 @@ class Files:
             raise InputError(message, "service-in-use", self.root) from None
         except OSError as problem:
             message = f"{self.root / '.lock'} cannot be written: {problem.strerror}. Remove it if no service runs."
-            raise InputError(message, "folder-not-writable", self.root) from problem
+            raise _refused(message, self.root / ".lock", self.root) from problem
         return lock
 
     def fmu(self, sha256: str) -> Path:
@@ -354,14 +384,22 @@ def packed(files: Mapping[str, Path]) -> bytes:
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as entries:
         for name, file in files.items():
             try:
-                entries.writestr(name, file.read_bytes())
+                entries.writestr(_entry(name), file.read_bytes())
             except FileNotFoundError:
                 continue
             except OSError as problem:
                 unread.append(f"{name} cannot be read on the service's machine: {problem.strerror}.\n")
         if unread:
-            entries.writestr(LEFT_OUT, "".join(unread))
+            entries.writestr(_entry(LEFT_OUT), "".join(unread))
     return archive.getvalue()
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    """A file in an archive, of now. Of a time before 1980, as where the clock has no battery, a zip archive knows
+    nothing, and there was none of the certificates."""
+    entry = zipfile.ZipInfo(name, max(time.localtime()[:6], (1980, 1, 1, 0, 0, 0)))
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    return entry
 
 
 class Incoming:

@@ -23,7 +23,7 @@ from ..codec import from_json, to_json
 from ..errors import BenchmarkError, EnvironmentFault
 from ..text import printable
 from . import queue, states
-from .database import LOCKED, Changed, Database
+from .database import Changed, Database
 from .files import BINDING, FULL, LOG, Files
 from .job import OUTCOME, outcome_of
 from .records import Conduct, Outcome, Progress, Stage, Submission, Task
@@ -38,7 +38,7 @@ HOLD_TIME = 10.0
 """Seconds that a run is passed over whose folder cannot be written."""
 
 END_TIME = 15.0
-"""Seconds that a job has to end when it is told to."""
+"""Seconds that a job has to end when it is told to, or has an outcome."""
 
 GONE = "the FMU is not there any more: upload it again"
 
@@ -62,8 +62,6 @@ class Live:
     progress: Progress = field(default_factory=Progress)
     findings: deque[tuple[str, str, str]] = field(default_factory=lambda: deque(maxlen=MAX_FINDINGS))
     unwanted: bool = False
-    ended: float | None = None
-    """When it had an outcome, which is being stored."""
 
 
 class Runner:
@@ -111,7 +109,17 @@ class Runner:
 
     def is_storing(self, moment: float) -> bool:
         """Whether an outcome of before this ``moment`` is not stored yet, as while the database is locked."""
-        return any(live.ended is not None and live.ended <= moment and not live.unwanted for live in self.live.values())
+        # By the files: a service that was stopped, or at work, over a date has not heard of the end of a job. What
+        # finished in time did not count then, and after a kill -9 it did.
+        return any(not live.unwanted and self._had_outcome(live, moment) for live in self.live.values())
+
+    def _had_outcome(self, live: Live, moment: float) -> bool:
+        """Whether the stage of a run had an outcome at this ``moment``."""
+        assert live.run.stage is not None
+        try:
+            return (self._files.run(live.run.id) / OUTCOME.format(live.run.stage)).stat().st_mtime <= moment
+        except OSError:
+            return False
 
     def place(self, run: Submission) -> int | None:
         """How many stages of the same length begin before that of a run; None if it does not wait."""
@@ -124,6 +132,7 @@ class Runner:
             self._woken.clear()
             try:
                 self._drop_removed()
+                self._end_done()
                 while (run := self._next()) is not None:
                     self._start(run)
             except Changed:  # cancelled or removed since it was looked for
@@ -167,9 +176,10 @@ class Runner:
         try:
             self._database.remove_run(run.id)
         except EnvironmentFault as problem:
-            if problem.what == LOCKED:
+            # Of no other fault: where the file could not be changed at all, results were gone, and the run was not.
+            if problem.what != FULL:
                 raise
-            # A full disk: its results make the room that the database needs for that. Else they go after the row, so
+            # Its results make the room that the database needs for that. Else they go after the row, so
             # that a power cut between the two leaves no run without them.
             self._files.remove_run(run.id, at_once=True)
             self._database.remove_run(run.id)
@@ -210,6 +220,13 @@ class Runner:
         """End the jobs of runs that are no more: whoever removes somebody is another process."""
         for id in [id for id in self.live if self._database.run(id) is None]:
             self._drop(id)
+
+    def _end_done(self) -> None:
+        """End the jobs that have had an outcome for a while, and have not ended: a round would wait for them."""
+        for live in self.live.values():
+            process = live.process
+            if process is not None and process.returncode is None and self._had_outcome(live, time.time() - END_TIME):
+                _kill(process)
 
     def begin_anew(self, run: Submission, binding: str) -> Submission:
         """Bind a refused run otherwise; raises :class:`.Changed` if it is another by now."""
@@ -287,7 +304,7 @@ class Runner:
 
     async def _settle(self, live: Live, outcome: Outcome) -> None:
         """Store the outcome, and have room for another run."""
-        live.ended, stored = time.time(), False
+        stored = False
         try:
             stored = await self._stored(live, outcome)
         except Exception:  # a mistake of ours: the stage begins again, a limited number of times

@@ -45,10 +45,8 @@ def ended(run: Submission, outcome: Outcome, now: float) -> Change:
     """The stage has ended with an ``outcome``. What the machine lost is tried again, while the controller's own faults
     are final: they would only be repeated."""
     disk = outcome.disk or run.disk
-    # What is left of an evaluation are results, with a remark. Of a verification it is none, and nobody would see that
-    # it can be done again.
-    final = outcome.stage != "verifying" and run.attempts + 1 >= MAX_ATTEMPTS
-    if outcome.kind == "fault" or (outcome.lost and not final):
+    # However often: a run that was finished without a V, for what the machine had lost, could not begin again.
+    if outcome.kind == "fault" or outcome.lost:
         return _again(replace(run, disk=disk), outcome.reason or "cases were lost to this machine", now)
     at_rest = replace(run, running=False, attempts=0, interruptions=0, not_before=0.0, disk=disk, reason="")
     if outcome.stage == "verifying":

@@ -106,6 +106,11 @@ def test_people_are_invited_listed_and_removed_on_the_command_line(tmp_path):
     link = call("serve", *place, "--invite", "Ada", "--url", "https://bench.example.org/", folder=tmp_path)
     assert re.fullmatch(r"https://bench\.example\.org/join#[0-9a-f]{24}\.[\w-]{43}\n", link.out), link
     assert call("serve", *place, "--people", folder=tmp_path).out == "Ada\n"
+    for wrong in ("bench", "bench.example.org:8080", "https://", "ftp://bench", "https://bench.example.org/path"):
+        refused = call("serve", *place, "--invite", "Ben", "--url", wrong, folder=tmp_path)
+        assert refused.code == 2 and "no address such as" in refused.err, wrong
+    slip = call("serve", *place, "--organizer", "ada", folder=tmp_path)
+    assert slip.code == 2 and "nobody called ada" in slip.err and "--people" in slip.err
     assert call("serve", *place, "--remove", "Ada", folder=tmp_path).code == 0
     assert call("serve", *place, "--remove", "Ada", folder=tmp_path).code == 2
     assert call("serve", *place, "--people", folder=tmp_path).out == "nobody was invited\n"

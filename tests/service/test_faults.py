@@ -13,6 +13,7 @@ import struct
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.command_lines import call
@@ -428,12 +429,39 @@ def test_what_is_deleted_on_a_full_disk_makes_the_room_for_that(me, monkeypatch)
 
     def full(database, id):
         if files.run(id).exists():
-            raise EnvironmentFault("The service's database cannot be written: database or disk is full.", "no-database")
+            raise EnvironmentFault("The service's database cannot be written: database or disk is full.", FULL)
         remove(database, id)
 
     id = me.until(me.submit()["id"])["id"]
     monkeypatch.setattr(Database, "remove_run", full)
     assert me.delete(f"/api/runs/{id}").status_code == 204 and me.get("/api/runs").json() == []
+
+
+def test_a_full_disk_is_told_from_other_faults(tmp_path, monkeypatch):
+    """Where its file could not be written (chattr +i), a run was not deleted, and its results were."""
+    database, free = Database(tmp_path / "x.sqlite"), [0]
+    monkeypatch.setattr("orchestrator.service.database.shutil.disk_usage", lambda _: SimpleNamespace(free=free[0]))
+
+    def code(words: str) -> str:
+        with pytest.raises(EnvironmentFault) as told, database._transaction():
+            raise sqlite3.OperationalError(words)
+        return told.value.what
+
+    assert code("database or disk is full") == code("disk I/O error") == FULL
+    assert code("attempt to write a readonly database") == "no-database"
+    free[0] = 10**9
+    assert code("disk I/O error") == "no-database"
+    database.close()
+
+
+def test_a_run_that_can_never_be_deleted_keeps_its_results(me, monkeypatch):
+    files, id = me.client.app.state.service.files, me.until(me.submit()["id"])["id"]
+
+    def refused(*_):
+        raise EnvironmentFault("The service's database cannot be written: a readonly database.", "no-database")
+
+    monkeypatch.setattr(Database, "remove_run", refused)
+    assert me.delete(f"/api/runs/{id}").status_code == 503 and files.run(id).is_dir()
 
 
 def test_a_run_that_cannot_be_deleted_now_keeps_its_results(me, monkeypatch, tmp_path):

@@ -24,10 +24,10 @@ from orchestrator.api.benchmark import Benchmark
 from orchestrator.cache import VARIABLE, incomplete
 from orchestrator.conformance.finding import Finding, Severity
 from orchestrator.errors import EnvironmentFault, InputError
-from orchestrator.service import accounts, job, states
+from orchestrator.service import accounts, job, runner, states
 from orchestrator.service.database import Database, _seal
-from orchestrator.service.files import LEFT_OUT, Files, new_id
-from orchestrator.service.records import State, Task
+from orchestrator.service.files import LEFT_OUT, Files, new_id, packed
+from orchestrator.service.records import HandIn, Round, State, Task
 from orchestrator.service.runner import Runner
 from service.conftest import SOME, Asker, fmu
 from service.test_rounds import RUN, Course, handed_in, verified
@@ -80,6 +80,23 @@ def test_a_round_waits_for_an_outcome_that_is_being_stored(serve, monkeypatch, b
     ada.until(id, "finished", "verifying")
     if by == "hand":
         course.close(round)
+    assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
+
+
+def test_what_is_on_the_disk_at_the_close_of_a_round_counts(serve, monkeypatch):
+    """A service that was stopped over the date had not heard of the end of the job; after a kill -9, it counted."""
+    course, done = Course(serve(SOME)), {"evaluating.json": json.dumps(DONE)}
+    ada, service = course.person("Ada"), course.client.app.state.service
+    round = course.open()
+    id = ada.submit(fmu(evaluating={"files": done, "wait": 300}, verifying=verified(90.0)))["id"]
+    while not (file := service.files.run(id) / "evaluating.json").exists():
+        time.sleep(0.05)
+    written = file.stat().st_mtime
+    assert service.runner.is_storing(written) and not service.runner.is_storing(written - 1.0)
+    assert course.teacher.post(f"/api/rounds/{round}/close").status_code == 503
+    monkeypatch.setattr(runner, "END_TIME", 0.0)  # a job that does not end after its outcome keeps no round open
+    assert ada.until(id)["cost"] == 88.5
+    course.close(round)
     assert [entry["person"] for entry in course.until(round)["entries"]] == ["Ada"]
 
 
@@ -297,23 +314,73 @@ def test_who_deletes_what_has_finished_has_no_other_turn(me):
 
 
 def test_a_database_of_the_former_form_is_taken_over(tmp_path):
-    """With whose turn it is, and the checksums of its runs."""
+    """With whose turn it is, and the checksums of its runs and rounds."""
     file = tmp_path / "x.sqlite"
     database = Database(file)
     for person in (accounts.LOCAL, replace(accounts.LOCAL, id="new", name="new")):
         database.add_person(person, "", 0.0)
     run = replace(RUN, owner=accounts.LOCAL.id, started=5.0)
     database.add_run(run, "received")
+    round, entry = Round("b" * 24, "Spring", 1.0, 9.0), HandIn(accounts.LOCAL.id, run.id, "me", "my.fmu")
+    database.add_round(round)
+    round = replace(round, closed=8.0, bits="0" * 64)
+    database.close_round(round, [entry], [])
     database.close()
-    former = "ALTER TABLE people DROP COLUMN served; ALTER TABLE runs DROP COLUMN seal; UPDATE form SET number = 4"
-    sqlite3.connect(file).executescript(former)
-    database = Database(file)
-    database.check()
-    assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
-    database.close()
-    for form in (3, 6):
+    of_5 = """
+        ALTER TABLE rounds DROP COLUMN seal; ALTER TABLE entries DROP COLUMN seal; DROP TRIGGER bits_stay;
+        CREATE TRIGGER bits_stay BEFORE UPDATE ON rounds WHEN OLD.bits <> ''
+        BEGIN SELECT RAISE(ABORT, 'drawn already'); END; UPDATE form SET number = 5;
+    """
+    of_4 = f"{of_5} ALTER TABLE people DROP COLUMN served; ALTER TABLE runs DROP COLUMN seal;"
+    for former in (f"{of_4} UPDATE form SET number = 4", of_5):
+        sqlite3.connect(file).executescript(former)
+        database = Database(file)
+        database.check()
+        assert (database.served(), database.run(run.id)) == ({accounts.LOCAL.id: 5.0, "new": 0.0}, run)
+        assert (database.rounds(), database.entries(round.id)) == ([round], [entry])
+        with pytest.raises(sqlite3.IntegrityError, match="drawn already"):
+            database._connection.execute("UPDATE rounds SET bits = ?", ("1" * 64,))
+        database.close()
+    for form in (3, 7):
         sqlite3.connect(file).executescript(f"UPDATE form SET number = {form}")
         assert refusal(Database, file, kind=InputError).what == "other-database"
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [("runs", "cost", 91.0), ("rounds", "bits", "1" + "0" * 63), ("rounds", "closes", 8.5)]
+    + [("entries", column, "x") for column in ("owner", "run", "person", "name")],
+)
+def test_what_a_place_follows_from_has_a_checksum(tmp_path, table, column, value):
+    """One bit of a round's bits that was another gave other draws in silence."""
+    database = Database(tmp_path / "x.sqlite")
+    database.add_person(accounts.LOCAL, "", 0.0)
+    database.add_run(replace(RUN, owner=accounts.LOCAL.id), "received")
+    round = Round("b" * 24, "Spring", 1.0, 9.0)
+    database.add_round(round)
+    database.choose(round.id, HandIn("other", "c" * 24))
+    database.choose(round.id, HandIn(accounts.LOCAL.id, RUN.id))
+    database.check()
+    entries = [HandIn(owner, RUN.id, "me", "my.fmu") for owner in (accounts.LOCAL.id, "other")]
+    database.close_round(replace(round, closed=8.0, bits="0" * 64), entries, [])
+    database.check()
+    database._connection.execute("DROP TRIGGER bits_stay")
+    database._connection.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = 1", (value,))
+    assert f"is damaged: what it has in {table}" in str(refusal(database.check, kind=EnvironmentFault))
+    database.close()
+
+
+def test_who_is_removed_leaves_a_closed_round_whole(tmp_path):
+    database = Database(tmp_path / "x.sqlite")
+    database.add_person(accounts.LOCAL, "", 0.0)
+    round = Round("b" * 24, "Spring", 1.0, 9.0)
+    database.add_round(round)
+    entry = HandIn(accounts.LOCAL.id, RUN.id, "me", "my.fmu")
+    database.close_round(replace(round, closed=8.0, bits="0" * 64), [entry], [])
+    database.remove_person(accounts.LOCAL.id)
+    database.check()
+    assert database.entries(round.id) == [replace(entry, person="", name="")]
+    database.close()
 
 
 def test_a_folder_that_cannot_be_read_costs_no_page(me, monkeypatch):
@@ -347,6 +414,43 @@ def test_a_certificate_that_cannot_be_read_keeps_the_others_from_nobody(serve):
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert set(archive.namelist()) == {f"{second}.json", LEFT_OUT}
         assert f"{first}.json cannot be read" in archive.read(LEFT_OUT).decode()
+
+
+def test_what_belongs_to_another_user_is_to_be_given_back(tmp_path, monkeypatch):
+    """After a command as root, the service said "Choose another folder"."""
+    files, user, access, nobody = Files(tmp_path / "data"), os.geteuid(), os.access, 54321
+    files.prepare()
+    Database(files.database).close()
+    monkeypatch.setattr(os, "geteuid", lambda: nobody)
+    monkeypatch.setattr(os, "access", lambda path, mode: path != files.database and access(path, mode))
+    told = refusal(files.prepare, kind=InputError)
+    assert told.what == "foreign-folder" and f"chown -R {nobody} {files.root}" in str(told)
+    monkeypatch.setattr(os, "access", access)
+    (files.root / "runs").rmdir()
+    (files.root / "runs").touch()  # it cannot be written to
+    told = refusal(files.prepare, kind=InputError)
+    assert told.what == "foreign-folder" and f"{files.root / 'runs'} cannot be written to" in str(told)
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    assert refusal(files.prepare, kind=InputError).what == "folder-not-writable"
+
+
+def test_a_list_of_people_makes_no_folder(tmp_path):
+    """As root, it made some in which the service could not write."""
+    assert call("serve", "--data", "data", "--invite", "Ada", folder=tmp_path).code == 0
+    for name in ("cache", "incoming", "runs"):
+        shutil.rmtree(tmp_path / "data" / name, ignore_errors=True)
+    before = {entry.name for entry in (tmp_path / "data").iterdir()}
+    for words in (["--people"], ["--organizer", "Ada"], ["--remove", "Ada"]):
+        assert call("serve", "--data", "data", *words, folder=tmp_path).code == 0
+    assert {entry.name for entry in (tmp_path / "data").iterdir()} == before
+
+
+def test_there_are_certificates_where_the_clock_has_no_battery(tmp_path, monkeypatch):
+    monkeypatch.setattr("orchestrator.service.files.time.localtime", lambda: time.gmtime(5.0))
+    (tmp_path / "a.json").write_text("{}" * 1000)
+    with zipfile.ZipFile(io.BytesIO(packed({"a.json": tmp_path / "a.json", LEFT_OUT: tmp_path}))) as archive:
+        assert [entry.date_time[0] for entry in archive.infolist()] == [1980, 1980]
+        assert archive.read("a.json") == b"{}" * 1000 and archive.getinfo("a.json").compress_size < 1000
 
 
 def test_a_checksum_is_the_same_with_every_version_of_python():

@@ -33,20 +33,25 @@ def test_a_fault_of_the_controller_is_final_at_once(kind, state):
     assert (run.state, run.reason, run.attempts) == (state, "it divides by zero", 0)
 
 
-@pytest.mark.parametrize("fields", [{"kind": "fault", "reason": "disk full"}, {"kind": "done", "lost": True}])
-def test_a_fault_of_the_machine_is_tried_again_three_times(fields):
-    run = RUN
+LOST = {"lost": True, "remark": "incomplete: 3 lost, 2 skipped"}
+CASES = "cases were lost"
+
+
+@pytest.mark.parametrize(
+    ("stage", "fields", "words"),
+    [("checking", {"kind": "fault", "reason": "disk full"}, "disk full"), ("quick", LOST, CASES)]
+    + [("evaluating", LOST, CASES)],
+)
+def test_a_fault_of_the_machine_is_tried_again_three_times_and_held_against_nobody(stage, fields, words):
+    """An evaluation whose cases the machine had lost each time was finished, without a V, and could not begin again."""
+    run = replace(RUN, state=State(stage))
     for attempt in (1, 2):
         run = done(run, **fields)
-        assert (run.attempts, run.stage, run.running) == (attempt, "checking", False) and run.not_before > 6.0
-    run, text = states.ended(*[states.started(run, 5.0)[0], Outcome("checking", **fields), 6.0])
-    if fields["kind"] == "fault":
-        assert (
-            run.state is State.FAILED and "nothing is held against the controller" in run.reason and "disk full" in text
-        )
-    else:  # what is left are results, with a remark of their own
-        assert run.state is State.QUICK
-    assert not run.attempts
+        assert (run.attempts, run.stage, run.running) == (attempt, stage, False) and run.not_before > 6.0
+    run, text = states.ended(states.started(run, 5.0)[0], Outcome(stage, **{"kind": "done", **fields}), 6.0)
+    assert run.state is State.FAILED and "nothing is held against the controller" in run.reason and words in text
+    assert (run.attempts, run.finished, run.remark) == (0, 0.0, "")
+    assert states.retried(run)[0].state is State.RECEIVED
 
 
 def test_an_end_of_the_service_queues_again_and_is_no_attempt():
