@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -12,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ..codec import Malformed, from_json, to_json
+from ..codec import Malformed, convert, to_json
 from ..version import __version__
 from . import binding
 from .borders import Refusal, body
@@ -136,9 +137,11 @@ async def _interface(request: Request) -> Response:
 
 async def _asked(request: Request, kind: type[T], what: str) -> T:
     """What the body of a request says; ``what`` it has to be."""
+    text = await sent(request)
     try:
-        return from_json(await sent(request), kind)
-    except Malformed as problem:
+        # By Python's parser: msgspec takes 25 us for a number such as 9e307, and everybody waits.
+        return convert(json.loads(text), kind)
+    except (Malformed, ValueError, RecursionError) as problem:
         raise Refusal(400, f"This is no {what}: {problem}.") from None
 
 

@@ -20,6 +20,9 @@ MOST_TEXT = 30_000
 """Letters of all their names and units as a page has them, where an apostrophe has five: two thousand names of 74
 letters made a page of 5.5 MB, and the service answers nobody for the second in which it makes one."""
 
+MOST_NAMES = 5000
+"""Letters of the names that a connector is bound to: two of 5 MB made a page of 100 MB."""
+
 ORDER = ("input", "output", "parameter")
 
 
@@ -68,6 +71,8 @@ def _connector(controller: Controller, connector: Connector, mapping: dict[str, 
             found = binding[connector.name].spelled
     if own and not bound:  # it does not fit, and is what was asked for
         bound, found = tuple(own.values()), "mapped"
+    if sum(map(len, bound)) > MOST_NAMES:
+        bound, found = (), ""
     return ConnectorRecord(
         connector.name, connector.unit, connector.meaning, connector.required, connector.causalities, bound, found
     )

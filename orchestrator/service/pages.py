@@ -269,11 +269,12 @@ async def open_round(request: Request) -> Response:
 async def round_page(request: Request) -> Response:
     """A round: its table, what counts for who asks, and the organizer's buttons."""
     service, person = asking(request)
-    view = round_view(service, service.round(request.path_params["id"]), person.id)
+    round = service.round(request.path_params["id"])
+    view = round_view(service, round, person.id)
     return page(
         *(request, "round.html"),
         view=view,
-        own=[run for run in map(service.database.run, view.own) if run is not None],
+        own=service.database.handed_in(round, person.id) if view.own else [],
         organizer=person.organizer,
         accounts=service.settings.accounts,
         protocol=service.settings.conduct.protocol_name,

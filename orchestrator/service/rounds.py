@@ -23,7 +23,8 @@ def phase(round: Round, runs: Iterable[Submission]) -> Phase:
 
 def counted(chosen: Iterable[HandIn], handed_in: Sequence[Submission]) -> dict[str, Submission]:
     """The one run of each person that counts, by its owner: what was ``chosen``, else the latest of those
-    ``handed_in``, the oldest upload first. A choice that is deleted or has not finished is none."""
+    ``handed_in``, the oldest upload first. A choice that is deleted or has not finished is none. Of what was handed in,
+    those of :meth:`.Database.may_count` do."""
     latest = {run.owner: run for run in handed_in}
     by_id = {run.id: run for run in handed_in}
     runs = {entry.owner: by_id[entry.run] for entry in chosen if entry.run in by_id}

@@ -173,8 +173,9 @@ class Service:
 
     def interface(self, run: Submission) -> Interface | None:
         """What the form is made of; None before the FMU was opened, or if it cannot be."""
+        file = self.files.run(run.id) / INTERFACE
         try:
-            return from_json((self.files.run(run.id) / INTERFACE).read_bytes(), Interface)
+            return from_json(file.read_bytes(), Interface) if file.stat().st_size <= MAX_PIECE else None
         except (OSError, ValueError):
             return None
 
@@ -234,9 +235,10 @@ class Service:
 
     async def compare(self, person: Person, ids: Sequence[str]) -> str:
         """Compare finished runs; returns the id of the comparison."""
-        runs = [self.own(person, id) for id in dict.fromkeys(ids)]
-        if not 2 <= len(runs) <= MAX_COMPARED:
+        ids = list(dict.fromkeys(ids))
+        if not 2 <= len(ids) <= MAX_COMPARED:
             raise Refusal(400, f"Tick two to {MAX_COMPARED} finished runs to compare them.")
+        runs = [self.own(person, id) for id in ids]
         if any(run.state is not State.FINISHED for run in runs):
             raise Refusal(409, "Only finished runs can be compared.")
         # The same runs are the same comparison: pressing twice makes no second one.
@@ -299,7 +301,7 @@ class Service:
         """Have a run count for its owner in a round that is open."""
         if round.closed is not None or time.time() >= round.closes:
             raise Refusal(409, CLOSED)
-        if run not in self.database.handed_in(round):
+        if not self.database.is_handed_in(round, run.id):
             raise Refusal(409, "What counts is a finished run with a V that was handed in since the round was opened.")
         try:
             self.database.choose(round.id, HandIn(person.id, run.id))
@@ -308,7 +310,7 @@ class Service:
 
     def counted(self, round: Round) -> dict[str, Submission]:
         """What counts in a round that is open, by its owner, if it were closed now."""
-        return rounds.counted(self.database.entries(round.id), self.database.handed_in(round))
+        return rounds.counted(self.database.entries(round.id), self.database.may_count(round))
 
     def close_round(self, person: Person, round: Round) -> Round:
         """Close a round before its date."""

@@ -194,12 +194,11 @@ def round_view(service: Service, round: Round, person_id: str) -> RoundView:
     runs = {run.id: run for run in service.database.in_round(round.id)}
     phase = rounds.phase(round, runs.values())
     if phase == "open":
-        handed_in = service.database.handed_in(round)
-        counting = rounds.counted(service.database.entries(round.id), handed_in)
+        counting = service.counted(round)
         names = {person.id: person.name for person in service.database.people()}
         entries = [HandIn(owner, run.id, names.get(owner, ""), run.name) for owner, run in counting.items()]
         runs = {run.id: run for run in counting.values()}
-        mine = tuple(run.id for run in reversed(handed_in) if run.owner == person_id)
+        mine = tuple(run.id for run in service.database.handed_in(round, person_id))
     else:
         entries, mine = service.database.entries(round.id), ()
     places = rounds.places(runs.values()) if phase == "final" else {}

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from orchestrator import Controller, InputError
 from orchestrator.bounded import read_toml
+from orchestrator.codec import to_json
 from orchestrator.service import binding
 from orchestrator.service.interface import MOST_TEXT, interface_of
 from orchestrator.service.records import ConnectorRecord, Interface, VariableRecord
@@ -112,6 +113,19 @@ def test_the_interface_of_an_fmu_shows_what_is_bound_and_what_could_be(pid_file)
     assert "K_p[1]" in {v.name for v in binding.values(interface)} and "q_m[1]" not in {
         v.name for v in binding.values(interface)
     }
+
+
+def test_names_without_an_end_are_bound_to_nothing_on_a_page(pid_file, tmp_path):
+    """Two of 5 MB, bound since their last parts are those of a connector, made a page of 100 MB."""
+
+    def lengthened(root: Element) -> None:
+        for variable in root.iter("ScalarVariable"):
+            if variable.get("name") in ("q_m[1]", "q_m[2]"):
+                variable.set("name", f"{'a' * 100_000}.{variable.get('name')}")
+
+    interface = interface_of(Controller(edited(pid_file, tmp_path / "long.fmu", lengthened)))
+    assert {connector.name: connector.bound for connector in interface.connectors}["q_m"] == ()
+    assert len(to_json(interface)) < 100_000
 
 
 def test_the_interface_has_the_values_of_what_it_offers_alone(pid_file, monkeypatch):

@@ -6,8 +6,11 @@ from contextlib import suppress
 from dataclasses import replace
 from urllib.parse import urlsplit
 
+import h11
 import pytest
 from browser.test_service_in_browser import served
+from hypothesis import given
+from hypothesis import strategies as st
 from support.command_lines import call
 from support.tools import require
 
@@ -142,6 +145,39 @@ def test_a_line_of_a_head_has_few_blanks(address, blanks):
     with connected(address, f"a: b{blanks * 5000}\0", "/join", method="GET") as client:
         refused = b"".join(iter(lambda: client.recv(1 << 16), b""))
         assert b" 400 " in refused and b"blanks" in refused
+
+
+@given(
+    heads=st.lists(
+        st.tuples(st.integers(0, 98), st.sampled_from([0, 50, 99, 100, 101, 300]), st.sampled_from([5, 17_000])),
+        max_size=3,
+    ),
+    cuts=st.lists(st.integers(0, 40_000), max_size=20),
+)
+def test_a_head_is_the_same_in_whatever_pieces_it_comes(heads, cuts):
+    """Each packet had the whole head searched again: 300 connections had others wait for 2 s."""
+    sent = b"".join(
+        b"GET / HTTP/1.1\r\nHost: a\r\n" + lines * b"b: c\r\n" + b"d:" + blanks * b" " + letters * b"e" + b"\r\n\r\n"
+        for lines, blanks, letters in heads
+    )
+
+    def events(pieces: list[bytes]) -> list[object]:
+        parser, told = server.Parser(h11.SERVER), []
+        for piece in pieces:
+            parser.receive_data(piece)
+            try:
+                while (event := parser.next_event()) not in (h11.NEED_DATA, h11.PAUSED):
+                    told.append(type(event).__name__)
+                    if isinstance(event, h11.EndOfMessage):
+                        parser.send(h11.Response(status_code=204, headers=[]))
+                        parser.send(h11.EndOfMessage())
+                        parser.start_next_cycle()
+            except h11.RemoteProtocolError:
+                return [*told, "refused"]
+        return told
+
+    at = [0, *sorted(cut for cut in cuts if cut < len(sent)), len(sent)]
+    assert events([sent[a:b] for a, b in zip(at, at[1:], strict=False) if a < b]) == events([sent] if sent else [])
 
 
 @pytest.mark.parametrize("upgrade", ["h2c", "websocket"])

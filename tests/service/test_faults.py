@@ -310,7 +310,7 @@ def test_a_run_counts_in_one_round(tmp_path):
     for number, round in enumerate(("", "d" * 24)):
         run = replace(RUN, id=f"{number:024}", owner=accounts.LOCAL.id, created=15.0, round=round)
         database.add_run(run, "received")
-    handed = database.handed_in(Round("c" * 24, "x", 10.0, 20.0))
+    handed = database.handed_in(Round("c" * 24, "x", 10.0, 20.0), accounts.LOCAL.id)
     assert [run.round for run in handed] == [""]
 
 

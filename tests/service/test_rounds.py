@@ -7,19 +7,23 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.command_lines import call
 from support.tools import require
 
 from orchestrator.service import accounts, rounds
 from orchestrator.service.database import Database
 from orchestrator.service.files import Files
-from orchestrator.service.records import HandIn, Round, State, Submission
+from orchestrator.service.records import HandIn, Person, Round, State, Submission
 from service.conftest import SOME, Asker, fmu
 from service.test_jobs import ONE_POSE
 from service.unusual import BINDING, unusual
@@ -310,7 +314,39 @@ def test_a_round_that_lasts_until_a_date_takes_nothing_from_behind_it(tmp_path):
     database.add_round(round)
     for number, created in enumerate((9.0, 10.0, 19.9, 20.0)):
         database.add_run(replace(RUN, id=f"{number:024}", owner=accounts.LOCAL.id, created=created), "received")
-    assert [run.created for run in database.handed_in(round)] == [10.0, 19.9]
+    handed = database.handed_in(round, accounts.LOCAL.id)
+    assert [run.created for run in handed] == [19.9, 10.0]
+    assert [run.created for run in database.may_count(round)] == [19.9]
+    database.choose(round.id, HandIn(accounts.LOCAL.id, handed[1].id))
+    assert [run.created for run in database.handed_in(round, accounts.LOCAL.id, 1)] == [10.0]
+    assert [run.created for run in database.may_count(round)] == [10.0, 19.9]
+    assert [database.is_handed_in(round, f"{number:024}") for number in range(5)] == [False, True, True, False, False]
+
+
+@given(
+    runs=st.lists(st.tuples(st.integers(0, 3), st.floats(0, 30), st.booleans()), max_size=12),
+    chosen=st.lists(st.tuples(st.integers(0, 3), st.integers(0, 11)), max_size=5),
+)
+def test_what_counts_follows_from_what_may_count(runs, chosen):
+    """As from all that was handed in, of which there may be thousands."""
+    round = Round("c" * 24, "x", 10.0, 20.0)
+    with tempfile.TemporaryDirectory() as folder:
+        database = Database(Path(folder, "x.sqlite"))
+        for owner in range(4):
+            database.add_person(Person(str(owner), str(owner)), str(owner), 0.0)
+        database.add_round(round)
+        made = [
+            replace(RUN, id=f"{n:024}", owner=str(owner), created=created, cost=1.0 if done else None)
+            for n, (owner, created, done) in enumerate(runs)
+        ]
+        for run in made:
+            database.add_run(run, "received")
+        for owner, number in chosen:
+            database.choose(round.id, HandIn(str(owner), f"{number:024}"))
+        entries = database.entries(round.id)
+        all_of_them = [run for run in made if run.cost is not None and 10.0 <= run.created < 20.0]
+        assert rounds.counted(entries, database.may_count(round)) == rounds.counted(entries, all_of_them)
+        database.close()
 
 
 def test_an_organizer_is_named_on_the_command_line(tmp_path):
