@@ -138,13 +138,40 @@ def compiled_code_folder() -> Path:
     return cache_folder() / "numba" / _compiled_code()[:16]
 
 
-def forget_compiled_code(folder: Path) -> None:
-    """Remove a :func:`compiled_code_folder`: everything is compiled anew."""
+COMPILED_MARK = ".compiled"
+
+
+def drop_damaged_code(folder: Path) -> None:
+    """Remove the files of a :func:`compiled_code_folder` that are not whole, and what :func:`note_compiled` wrote.
+
+    Numba takes what a power cut leaves of them, files without a byte, for whole: each start of each command failed, for
+    good. What is missing is compiled anew. Others may be at work there: Numba writes a file beside, and renames it.
+    """
+    damaged = [file for file in folder.rglob("*.nb[ci]") if not _is_pickle(file)]
+    if damaged:
+        logger.warning("%s files of compiled code are damaged: they are compiled anew", len(damaged))
+    for file in (*damaged, *(folder.glob(f"*{COMPILED_MARK}") if damaged else ())):
+        file.unlink(missing_ok=True)
+
+
+def _is_pickle(file: Path) -> bool:
+    """Whether a file begins and ends as one of pickles does, or is gone meanwhile."""
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return True
+    return content[:1] == b"\x80" and content[-1:] == b"."
+
+
+def note_compiled(folder: Path, module: str) -> None:
+    """Write that all is compiled that workers of ``module`` need."""
     with contextlib.suppress(OSError):
-        # Renamed first: another process may be reading there, or compiling, and makes what is missing anew.
-        away = Path(tempfile.mkdtemp(prefix=INCOMPLETE, dir=folder.parent))
-        folder.replace(away / folder.name)
-        shutil.rmtree(away, ignore_errors=True)
+        (folder / f"{module}{COMPILED_MARK}").touch()
+
+
+def is_compiled(folder: Path, module: str) -> bool:
+    """Whether that was written."""
+    return (folder / f"{module}{COMPILED_MARK}").exists()
 
 
 @functools.cache

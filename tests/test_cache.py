@@ -2,6 +2,7 @@
 with no other."""
 
 import ast
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,16 @@ from support.refusals import refusal
 from test_rooms import imported, modules
 
 from orchestrator import cache
-from orchestrator.cache import VARIABLE, cache_folder, closure, compiled_code_folder, source_hash
+from orchestrator.cache import (
+    VARIABLE,
+    cache_folder,
+    closure,
+    compiled_code_folder,
+    drop_damaged_code,
+    is_compiled,
+    note_compiled,
+    source_hash,
+)
 from orchestrator.errors import EnvironmentFault
 
 
@@ -110,6 +120,25 @@ def test_whatever_a_case_loads_is_in_the_closure(build, request):
     loaded = {Path(line) for line in done.stdout.splitlines()} - {cache.PACKAGE / name for name in ASKING}
     assert len(loaded) > 50
     assert loaded <= {*closure(*cache.COMPUTING)}
+
+
+def test_damaged_files_of_compiled_code_are_removed(tmp_path, caplog):
+    """After a power cut 105 of 110 files had no byte, and each start of each command failed, for good."""
+    whole = pickle.dumps("machine code")
+    damaged = {"a.nbi": b"", "inner/b.1.nbc": whole[:-1], "c.1.nbc": bytes(len(whole)), "d.nbi": whole[1:]}
+    kept = {"e.nbi": whole + whole, "inner/f.1.nbc": whole, "g.1.nbc.tmp.1": b"", "h.txt": b""}
+    for name, content in {**damaged, **kept}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    note_compiled(tmp_path, "work")
+    assert is_compiled(tmp_path, "work") and not is_compiled(tmp_path, "other")
+    for count in (1, 1):
+        drop_damaged_code(tmp_path)
+        assert {file.relative_to(tmp_path).as_posix() for file in tmp_path.rglob("*") if file.is_file()} == {*kept}
+        assert len(caplog.records) == count and not is_compiled(tmp_path, "work")
+    note_compiled(tmp_path, "work")
+    drop_damaged_code(tmp_path)
+    assert is_compiled(tmp_path, "work")
 
 
 def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, caplog):

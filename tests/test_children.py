@@ -22,7 +22,7 @@ from hostile.runs import STRUCK, bench, job, noise_cases, run, short_cases
 from support.refusals import refusal
 
 from orchestrator import Benchmark, Controller
-from orchestrator.cache import INCOMPLETE, VARIABLE, compiled_code_folder
+from orchestrator.cache import VARIABLE, compiled_code_folder
 from orchestrator.errors import EnvironmentFault
 from orchestrator.execution import launch, pool
 from orchestrator.execution.supervision import run_isolated
@@ -157,30 +157,19 @@ def test_a_fork_server_that_is_lost_costs_nothing(disturb, harmless):
     assert not Path(server._scratch).exists()
 
 
-def test_compiled_code_that_is_damaged_is_compiled_anew(monkeypatch, tmp_path):
-    """After a power cut each start of each command failed, for good: 105 of 110 files had no byte. In a sandbox each
-    process compiled for itself."""
+def test_what_a_sandbox_needs_is_compiled_once_and_again_if_it_is_damaged(monkeypatch, tmp_path):
+    """It keeps no compiled code, and compiled on the time of its controller, which was told to have a timeout."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    damaged = compiled_code_folder() / "loop" / "closed_loop.1.nbc"
-    for start in (launch._ready_server, launch._compile):
-        damaged.parent.mkdir(parents=True)
-        damaged.touch()
-        start("hostile.damaged", *([True] if start is launch._ready_server else []), stop=threading.Event())
-        assert not any((tmp_path / "numba").rglob("*.nbc")) and not any((tmp_path / "numba").glob(f"{INCOMPLETE}*"))
-        running = {key[2] for key in launch._servers if key[0] == "hostile.damaged"}
-        assert running == {False}, "one that only compiles takes memory, and is ended"
-
-
-def test_compiled_code_outlives_a_process_that_somebody_else_ends(monkeypatch, tmp_path):
-    monkeypatch.setenv(VARIABLE, str(tmp_path))
-    kept = compiled_code_folder() / "closed_loop.1.nbc"
-    kept.parent.mkdir(parents=True)
-    kept.touch()
-    server = launch._fork_server("orchestrator.pairing.work", True)
-    server._process.kill()
-    assert not server.is_ready(threading.Event())
-    launch._discard(server)
-    assert kept.exists()
+    lines, stop = compiled_code_folder() / "lines.txt", threading.Event()
+    for damage, count in ((False, 1), (False, 1), (True, 2), (False, 2)):
+        if damage:
+            (lines.parent / "a.1.nbc").touch()
+        launch._compile("hostile.prepared", stop)
+        assert lines.read_text().count("prepared") == count
+    (lines.parent / "a.1.nbc").touch()
+    stop.set()
+    with pytest.raises(launch.Stopped):
+        launch._compile("hostile.prepared", stop)
 
 
 def test_a_start_that_fails_or_is_interrupted_leaves_nothing(harmless, monkeypatch):

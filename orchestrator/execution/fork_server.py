@@ -17,10 +17,12 @@ import sys
 import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
+from ..cache import note_compiled
 from ..errors import InputError
 from .interpreter import lean_imports, protect
-from .messages import DESCRIPTORS, NUMBER, READY, REQUEST, Described, read_frame, readable, write_all
+from .messages import DESCRIPTORS, NUMBER, REQUEST, Described, read_frame, readable, write_all
 from .process_tree import adopt_orphans, children
 
 POLL_INTERVAL = 1.0
@@ -35,9 +37,18 @@ class _Worker:
     folder: str
 
 
+def load(module: str) -> None:
+    """Import what workers of ``module`` need, and have it compiled by its function ``prepare``, if there is one."""
+    with lean_imports():
+        importlib.import_module(f"{__package__}.worker")
+        prepare = getattr(importlib.import_module(module), "prepare", None)
+        if prepare is not None:
+            prepare()
+    note_compiled(Path(os.environ["NUMBA_CACHE_DIR"]), module)
+
+
 def main(control: int, owner: int, module: str, scratch: str, protected: int) -> None:
-    """Fork a worker for every message that comes through the socket ``control``, until that is closed; say READY there
-    when everything is loaded.
+    """Fork a worker for every message that comes through the socket ``control``, until that is closed.
 
     It also ends, and all workers with it, at SIGTERM and when the process ``owner`` is not its parent any more.
     ``module`` is imported first, and its function ``prepare`` called if there is one. Workers work in folders inside
@@ -51,13 +62,8 @@ def main(control: int, owner: int, module: str, scratch: str, protected: int) ->
         if protected:
             protect()
         adopt_orphans()
-        with lean_imports():
-            importlib.import_module(f"{__package__}.worker")
-            prepare = getattr(importlib.import_module(module), "prepare", None)
-            if prepare is not None:
-                prepare()
+        load(module)
         requests, awake = socket.socket(fileno=control), _wake_up()
-        requests.send(READY)
         # A server whose owner was killed has another parent, and would wait for ever.
         while os.getppid() == owner:
             ready = readable((control, awake), POLL_INTERVAL)

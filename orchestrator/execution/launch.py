@@ -18,23 +18,20 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Protocol
 
-from ..cache import VARIABLE, cache_folder, compiled_code_folder, forget_compiled_code
+from ..cache import VARIABLE, cache_folder, compiled_code_folder, drop_damaged_code, is_compiled
 from ..errors import EnvironmentFault
 from ..fmi.library import WINE
 from . import sandbox
 from .interpreter import program
 from .job import Job
-from .messages import NUMBER, READY, REQUEST, Described, SharedTrace, frame, readable
-from .process_tree import FOREIGN_SIGNALS, ProcessTree, end_of, exit_code
+from .messages import NUMBER, REQUEST, Described, SharedTrace, frame, readable
+from .process_tree import ProcessTree, exit_code
 
 ATTEMPTS = 3
 """Fork servers that the start of a worker may cost: one may be killed for no fault of the worker's."""
 
 POLL_INTERVAL = 0.2
 """Seconds between two looks whether a start is still wanted."""
-
-READY_INTERVAL = 0.02
-"""Seconds between two looks whether a fork server is ready."""
 
 EXIT_TIMEOUT = 5.0
 """Seconds for a process that was killed to be gone."""
@@ -153,9 +150,9 @@ class ForkServer:
     def __init__(self, module: str, protected: bool) -> None:
         self._lock = threading.Lock()
         self._closed, self._words = False, ""
+        drop_damaged_code(compiled_code_folder())
         # Numba's files of machine code end so; where there are none, the first start seems to hang.
-        self._compiled = compiled_code_folder()
-        if not any(self._compiled.rglob("*.nbc")):
+        if not any(compiled_code_folder().rglob("*.nbc")):
             logger.info("compiling the master loop, once: this takes some ten seconds")
         with ExitStack() as stack:
             self._output = stack.enter_context(TemporaryFile())
@@ -166,20 +163,6 @@ class ForkServer:
             self._process = _spawned(command, self._output.fileno(), [far.fileno()], environment())
             far.close()
             self._resources = stack.pop_all()
-
-    def is_ready(self, stop: threading.Event) -> bool:
-        """Wait until it has everything loaded and compiled; False if it ends before."""
-        while True:
-            with self._lock:
-                if self._closed or readable([self._control.fileno()], 0.0):
-                    return not self._closed and self._said_ready()
-            if stop.wait(READY_INTERVAL):
-                raise Stopped
-
-    def _said_ready(self) -> bool:
-        with suppress(OSError):
-            return self._control.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == READY  # it stays for who asks next
-        return False
 
     def request(self, descriptors: tuple[int, ...], described: Described) -> None:
         """Ask for a worker; raises :class:`OSError` if the server is gone."""
@@ -198,11 +181,6 @@ class ForkServer:
                 except subprocess.TimeoutExpired:
                     self._process.kill()
                     self._process.wait()
-                if end_of(self._process.returncode, False)[1] not in FOREIGN_SIGNALS and not self._said_ready():
-                    # Numba takes what a power cut leaves of compiled code, files without a byte, for the whole: each
-                    # start failed, of each run and command, for good.
-                    logger.warning("what starts simulations has ended at once: everything is compiled anew")
-                    forget_compiled_code(self._compiled)
                 self._words = os.pread(self._output.fileno(), 1 << 20, 0)[-2000:].decode(errors="replace").strip()
                 self._resources.close()
             return self._words
@@ -214,44 +192,18 @@ class ForkServer:
         self._output.close()
 
 
-_servers: dict[tuple[str, bool, bool, Path, Path], ForkServer] = {}
+_servers: dict[tuple[str, bool, Path, Path], ForkServer] = {}
 _servers_lock = threading.Lock()
-_compiled: set[tuple[str, Path]] = set()
 _compile_lock = threading.Lock()
 
 
-def _fork_server(module: str, protected: bool, compiling: bool = False) -> ForkServer:
-    """The fork server of this process for this module and cache; from a ``protected`` one the package is read-only.
-    One that is only ``compiling`` has no workers."""
-    key = (module, protected, compiling, cache_folder(), compiled_code_folder())
+def _fork_server(module: str, protected: bool) -> ForkServer:
+    """The fork server of this process for this module and cache; from a ``protected`` one the package is read-only."""
+    key = (module, protected, cache_folder(), compiled_code_folder())
     with _servers_lock:
         if key not in _servers:
             _servers[key] = ForkServer(module, protected)
         return _servers[key]
-
-
-def _ready_server(module: str, protected: bool, stop: threading.Event, compiling: bool = False) -> ForkServer:
-    """The same when it has everything loaded and compiled.
-
-    Raises :class:`EnvironmentFault` if it cannot be, :class:`Stopped` if ``stop`` is set meanwhile.
-    """
-    words = ""
-    for _ in range(ATTEMPTS):
-        server = _fork_server(module, protected, compiling)
-        if server.is_ready(stop):
-            return server
-        words = _discard(server)
-    raise _cannot_start(f"the one that starts them ends at once\n  {words}")
-
-
-def _compile(module: str, stop: threading.Event) -> None:
-    """Have the code of ``module`` compiled, once in this process, and whole. Each sandbox with damaged code, or none,
-    would else compile for itself, on the time of its controller."""
-    with _compile_lock:
-        if (place := (module, compiled_code_folder())) not in _compiled:
-            # No sandbox uses it, and it takes memory.
-            _discard(_ready_server(module, True, stop, compiling=True))
-            _compiled.add(place)
 
 
 def start_ahead(module: str) -> None:
@@ -264,6 +216,27 @@ def start_ahead(module: str) -> None:
 def _preparing(job: Job) -> str:
     """The module that loads and compiles what workers of ``job`` need."""
     return job.prepared_by or job.work.partition(":")[0]
+
+
+def _compile(module: str, stop: threading.Event) -> None:
+    """Have compiled what a worker in a sandbox needs, if it is not: it can keep none, and would compile on the time of
+    its controller, which was told to have a timeout. Raises :class:`Stopped` if ``stop`` is set meanwhile."""
+    folder = compiled_code_folder()
+    with _compile_lock:
+        drop_damaged_code(folder)
+        if is_compiled(folder, module):
+            return
+        logger.info("compiling for the sandbox, once: this takes some ten seconds")
+        command = program(f"from {__package__}.fork_server import load; load({module!a})")
+        with TemporaryFile() as output:
+            process = _spawned(command, output.fileno(), (), environment())
+            try:
+                while process.poll() is None:
+                    if stop.wait(POLL_INTERVAL):
+                        raise Stopped
+            finally:
+                process.kill()
+                process.wait()
 
 
 def _discard(server: ForkServer) -> str:
@@ -282,7 +255,7 @@ def _end_fork_servers() -> None:
 
 def _forget_fork_servers() -> None:
     global _servers_lock, _compile_lock
-    _servers_lock, _compile_lock = threading.Lock(), threading.Lock()  # another thread may have held it at the fork
+    _servers_lock, _compile_lock = threading.Lock(), threading.Lock()  # another thread may have held them at the fork
     for server in _servers.values():
         server.forget()
     _servers.clear()
@@ -300,7 +273,7 @@ class _ForkedProcess:
         words = ""
         for _ in range(ATTEMPTS):
             # A worker with an isolated controller starts a sandbox, which takes rights that a protected one gives up.
-            server = _ready_server(_preparing(job), not job.isolated, stop)
+            server = _fork_server(_preparing(job), not job.isolated)
             self._status, far = socket.socketpair()
             try:
                 with far, suppress(OSError):

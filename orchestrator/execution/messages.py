@@ -41,9 +41,6 @@ REQUEST, DESCRIPTORS = b".", 4
 and of where to send its process number (or the negative error number) and later its exit code, each as a NUMBER. A
 frame with the :class:`Described` FMUs follows."""
 
-READY = b"!"
-"""What a fork server says when it has everything loaded and compiled."""
-
 NUMBER = struct.Struct("!i")
 
 MAX_TEXT, MAX_LINE, MAX_LINES = 16_000, 500, 40

@@ -6,8 +6,9 @@ It is used by one thread. Other processes may read and write beside it, such as 
 
 from __future__ import annotations
 
-import shutil
+import os
 import sqlite3
+import tempfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -15,7 +16,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..errors import EnvironmentFault, InputError
-from .files import FULL, is_empty
+from .files import FULL, NO_ROOM, is_empty
 from .records import FINAL, HandIn, Person, Round, Stage, State, Submission
 
 FORM = 6
@@ -251,10 +252,18 @@ class Database:
             raise EnvironmentFault(f"The service's database cannot be written: {problem}.", what) from problem
 
     def _is_full(self, problem: sqlite3.DatabaseError) -> bool:
-        """Whether it is the disk that is full, where SQLite says so, or that the file -shm could not grow there."""
-        if "disk I/O error" in str(problem):
-            return shutil.disk_usage(self._file.parent).free < SHARED
-        return "disk is full" in str(problem)
+        """Whether it is the disk, or a quota of it, that is full. SQLite says so, or "disk I/O error": of a quota, and
+        where the file -shm cannot grow."""
+        if "disk I/O error" not in str(problem):
+            return "disk is full" in str(problem)
+        try:
+            with tempfile.TemporaryFile(dir=self._file.parent) as probe:
+                probe.write(bytes(SHARED))
+                probe.flush()
+                os.fsync(probe.fileno())
+        except OSError as found:
+            return found.errno in NO_ROOM
+        return False
 
     def _rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         try:

@@ -95,6 +95,10 @@ def is_empty(root: Path) -> bool:
     return not any((root / kind).is_dir() and any((root / kind).iterdir()) for kind in KINDS)
 
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+"""What a full disk, and a full quota, are told by."""
+
+
 def make_private(folder: Path) -> None:
     """Let nobody else read a folder: FMUs and results are other people's.
 
@@ -334,7 +338,7 @@ def is_file(path: Path) -> bool:
 
 def _unwritten(problem: OSError) -> EnvironmentFault:
     """Why a run's folder cannot be written."""
-    code = FULL if problem.errno in (errno.ENOSPC, errno.EDQUOT) else "not-written"
+    code = FULL if problem.errno in NO_ROOM else "not-written"
     return EnvironmentFault(f"The run's folder cannot be written: {problem.strerror}.", code)
 
 

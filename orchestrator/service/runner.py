@@ -261,7 +261,7 @@ class Runner:
             folder = self._files.begin(run.id, run.sha256, run.file_name, binding)
             # An outcome is taken over only if a service has ended during this very stage: one of a former attempt,
             # binding or round, or one that the FMU itself has written there, decides nothing.
-            if not run.interruptions:
+            if not run.interruptions or outcome_of(folder, run.stage) is None:
                 self._files.forget_outcome(run.id, OUTCOME.format(run.stage))
         except EnvironmentFault as problem:
             if problem.what == FULL:
