@@ -2,8 +2,10 @@
 
 import asyncio
 import contextlib
+import errno
 import hashlib
 import io
+import json
 import logging
 import os
 import shutil
@@ -13,7 +15,6 @@ import struct
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from support.command_lines import call
@@ -438,20 +439,40 @@ def test_what_is_deleted_on_a_full_disk_makes_the_room_for_that(me, monkeypatch)
 
 
 def test_a_full_disk_is_told_from_other_faults(tmp_path, monkeypatch):
-    """Where its file could not be written (chattr +i), a run was not deleted, and its results were."""
-    database, free = Database(tmp_path / "x.sqlite"), [0]
-    monkeypatch.setattr("orchestrator.service.database.shutil.disk_usage", lambda _: SimpleNamespace(free=free[0]))
+    """Where its file could not be written (chattr +i), a run was not deleted, and its results were. A quota is told as
+    that."""
+    database = Database(tmp_path / "x.sqlite")
 
-    def code(words: str) -> str:
+    def code(words: str, error: int = 0) -> str:
+        def synced(descriptor):
+            if error:
+                raise OSError(error, os.strerror(error))
+
+        monkeypatch.setattr("orchestrator.service.database.os.fsync", synced)
         with pytest.raises(EnvironmentFault) as told, database._transaction():
             raise sqlite3.OperationalError(words)
         return told.value.what
 
-    assert code("database or disk is full") == code("disk I/O error") == FULL
+    assert code("database or disk is full") == FULL
+    assert code("disk I/O error", errno.ENOSPC) == code("disk I/O error", errno.EDQUOT) == FULL
+    assert code("disk I/O error") == code("disk I/O error", errno.EIO) == "no-database"
     assert code("attempt to write a readonly database") == "no-database"
-    free[0] = 10**9
-    assert code("disk I/O error") == "no-database"
     database.close()
+
+
+def test_half_an_outcome_ends_no_later_attempt(serve):
+    """As a power cut leaves it: the next attempt was taken for one that has an outcome and does not end."""
+    client = serve()
+    me = Asker(client)
+    id = me.submit(fmu(checking={"wait": 3, "times": 2}))["id"]
+    under_way(me, id)
+    torn = client.app.state.service.files.run(id) / "checking.json"
+    ended(client)
+    torn.touch()
+    os.utime(torn, (0.0, 0.0))
+    me = Asker(serve())
+    run = me.until(id)
+    assert run["state"] == "finished" and "signal" not in json.dumps(run["history"])
 
 
 def test_a_run_that_can_never_be_deleted_keeps_its_results(me, monkeypatch):
