@@ -140,7 +140,8 @@ async def body(request: Request, most: int, patience: float, time: float) -> Asy
     end = clock() + time
     while True:
         try:
-            piece = await asyncio.wait_for(anext(pieces), min(patience, max(end - clock(), 0.001)))
+            # From the end on, not even what is there already: who never paused had no end.
+            piece = await asyncio.wait_for(anext(pieces), min(patience, end - clock()))
         except StopAsyncIteration:
             return
         except asyncio.TimeoutError:

@@ -11,6 +11,7 @@ from urllib.parse import urlencode
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from starlette.requests import Request
 from support.command_lines import call
 from support.tools import require
 
@@ -75,6 +76,21 @@ NOT_UPLOADS = {
     "a long head": UPLOAD.replace(b"\r\n\r\n", b"\r\na: " + b"b" * 5000 + b"\r\n\r\n", 1),
     "no end of the head": b"--x\r\n" + b"a" * 100_000,
 }
+
+
+def test_a_body_that_never_pauses_has_an_end():
+    """What was there already had no limit in time."""
+
+    async def receive():
+        return {"type": "http.request", "body": b"x", "more_body": True}
+
+    async def read() -> None:
+        request = Request({"type": "http", "method": "POST", "headers": []}, receive)
+        with pytest.raises(Refusal, match="too long"):
+            async for _ in borders.body(request, 20_000, 5.0, 0.05):
+                pass
+
+    asyncio.run(read())
 
 
 @pytest.mark.parametrize("form", NOT_UPLOADS.values(), ids=NOT_UPLOADS)
