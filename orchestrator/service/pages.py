@@ -18,7 +18,7 @@ from ..views.page import environment, template_text
 from . import accounts, binding
 from .borders import REPORT_POLICY, Refusal, body, key_body
 from .files import EVALUATION, FINDINGS, QUICK, SCORECARD, SHOWN, is_file
-from .people import COOKIE, asking, person_asking, service_of, session_of
+from .people import COOKIE, HOSTS_COOKIE, asking, person_asking, service_of, session_of
 from .records import ConnectorRecord, Interface, State, Submission, VariableRecord
 from .service import Service
 from .shown import moment, round_view, run_view, shown_cost, state_words, table
@@ -325,7 +325,8 @@ async def come_in(request: Request) -> Response:
     secure = "https" in (request.url.scheme, request.headers.get("origin", "").partition(":")[0])
     token = accounts.begin_session(service.database, person)
     age = int(accounts.SESSION_TIME)
-    answer.set_cookie(COOKIE, token, max_age=age, httponly=True, samesite="lax", secure=secure)
+    name = HOSTS_COOKIE if secure else COOKIE
+    answer.set_cookie(name, token, max_age=age, httponly=True, samesite="lax", secure=secure)
     return answer
 
 
@@ -335,6 +336,7 @@ async def leave(request: Request) -> Response:
     service.database.end_session(accounts.hashed(session_of(request)))
     answer = RedirectResponse("/join", 303)
     answer.delete_cookie(COOKIE)
+    answer.delete_cookie(HOSTS_COOKIE, secure=True)
     return answer
 
 

@@ -12,7 +12,10 @@ from .records import Person
 from .service import Service
 
 COOKIE = "session"
-SESSION = re.compile(rf"(?:^|; ?){COOKIE}=([A-Za-z0-9_-]{{1,100}})(?:;|$)")
+HOSTS_COOKIE = f"__Host-{COOKIE}"
+"""The same over https, where no other host of the domain can set it."""
+
+SESSION = re.compile(rf"(?:^|; ?)(__Host-)?{COOKIE}=([A-Za-z0-9_-]{{1,100}})(?=;|$)")
 
 
 def service_of(request: Request) -> Service:
@@ -35,10 +38,12 @@ def person_asking(request: Request) -> Person | None:
 
 
 def session_of(request: Request) -> str:
-    """What the browser keeps of its session; empty if there is none. Python's parser of cookies is quadratic in
-    backslashes: one head of a stranger kept everybody waiting for 24 s."""
-    found = SESSION.search(request.headers.get("cookie", ""))
-    return found[1] if found else ""
+    """What the browser keeps of its session; empty if there is none, or more than one. Python's parser of cookies is
+    quadratic in backslashes: one head of a stranger kept everybody waiting for 24 s."""
+    found = SESSION.findall(request.headers.get("cookie", ""))
+    # A page of another host of the domain may set a cookie for one path here: what was uploaded went to somebody else.
+    tokens = {token for of_host, token in found if of_host} or {token for _, token in found}
+    return tokens.pop() if len(tokens) == 1 else ""
 
 
 def asking(request: Request) -> tuple[Service, Person]:

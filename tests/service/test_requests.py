@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import threading
 from collections import Counter
 from contextlib import suppress
@@ -309,6 +310,35 @@ def test_a_session_is_found_among_other_cookies(serve):
         assert asker.get("/api/runs", cookie=cookie).status_code == 200
     for cookie in (f"xsession={token}", f"session={token}x", f'session="{token}"', ""):
         assert asker.get("/api/runs", cookie=cookie).status_code == 401
+
+
+def test_a_session_that_another_host_has_set_is_not_taken_for_ones_own(serve):
+    """For one path it came first: what Ada uploaded was Bob's."""
+    client = serve(SOME)
+    state = client.app.state.service.database
+    ada, bob = (
+        accounts.begin_session(state, accounts.known(state, accounts.invited(state, name))) for name in ("Ada", "Bob")
+    )
+    asker = Asker(client)
+    for cookie in (f"session={bob}; session={ada}", f"session={ada};session={bob}"):
+        assert asker.get("/api/runs", cookie=cookie).status_code == 401
+    for cookie in (f"session={bob}; __Host-session={ada}", f"__Host-session={ada}; session={bob}"):
+        assert "Ada" in asker.get("/", cookie=cookie).text
+
+
+def test_over_https_the_session_is_a_cookie_that_no_other_host_sets(serve):
+    client = serve(SOME)
+    key, own = accounts.invited(client.app.state.service.database, "Ada"), {"origin": "https://127.0.0.1:8080"}
+    entered = client.post("/join", data={"key": key}, headers=own, follow_redirects=False)
+    assert re.fullmatch(
+        "__Host-session=[^;]+; HttpOnly; Max-Age=[0-9]+; Path=/; SameSite=lax; Secure", entered.headers["set-cookie"]
+    )
+    left = client.post(
+        "/leave", headers={**own, "cookie": entered.headers["set-cookie"].partition(";")[0]}, follow_redirects=False
+    )
+    assert any(
+        cookie.startswith('__Host-session=""') and "Secure" in cookie for cookie in left.headers.get_list("set-cookie")
+    )
 
 
 def test_a_binding_that_is_too_large_is_refused_before_it_is_written(monkeypatch):
