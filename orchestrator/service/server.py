@@ -160,8 +160,7 @@ class Connection(H11Protocol):
             self.transport.abort()
             return
         if self.cycle is self._last and (self.cycle is None or self.cycle.response_complete):
-            self.transport.close()
-            return
+            self.transport.close()  # which waits until what was said is taken: it is looked at until it has ended
         self._last = self.cycle
         self._timer = self.loop.call_later(HEAD_TIME, self._look)
 

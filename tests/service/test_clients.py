@@ -1,6 +1,7 @@
 """Clients that send half, nothing, or slowly, over real connections: they cost nothing and keep nothing."""
 
 import socket
+import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -269,6 +270,25 @@ def test_more_connections_than_there_may_be_are_closed_at_once(address, tmp_path
         client.close()
     assert closed == 2
     nothing_is_left(tmp_path, address)
+
+
+def test_a_client_that_leaves_the_end_of_an_answer_is_gone_after_a_while(address, monkeypatch):
+    """It was told to close, and nobody looked at it again: 450 would have locked everybody out for good."""
+    monkeypatch.setattr(server, "HEAD_TIME", 0.3)
+    made, lost, gone = server.Connection.connection_made, server.Connection.connection_lost, threading.Event()
+
+    def with_a_small_buffer(self, transport):
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        made(self, transport)
+
+    monkeypatch.setattr(server.Connection, "connection_made", with_a_small_buffer)
+    monkeypatch.setattr(server.Connection, "connection_lost", lambda self, exc: [lost(self, exc), gone.set()])
+    parts = urlsplit(address)
+    with socket.socket() as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        client.connect((parts.hostname, parts.port))
+        client.sendall(f"GET /static/style.css HTTP/1.1\r\nHost: {parts.netloc}\r\n\r\n".encode() * 3)
+        assert gone.wait(20)
 
 
 def test_a_client_that_takes_nothing_of_an_answer_is_gone_after_a_while(tmp_path, monkeypatch):
