@@ -510,3 +510,20 @@ def test_an_array_whose_size_is_nowhere_is_told(size, said, room):
     file.write_bytes(pack({"modelDescription.xml": f"{text}</ModelVariables></fmiModelDescription>".encode()}))
     error = refusal(open_archive, file)
     assert error.what == "bad-description" and f"the size of q_m is a variable {said}" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "said"), [((10**6, 1), "have 1000001 elements"), ((5 * 10**8, -5 * 10**8), "a negative size")]
+)
+def test_arrays_larger_than_memory_are_refused(sizes, said, room):
+    """Where one of a negative size was taken off the sum, the other was made."""
+    variables = "".join(
+        f'<Float64 name="a{size}" valueReference="{reference}" causality="local"><Dimension start="{size}"/></Float64>'
+        for reference, size in enumerate(sizes)
+    )
+    text = f'<fmiModelDescription fmiVersion="3.0" modelName="x" instantiationToken="x"><ModelVariables>{variables}'
+    end = "</ModelVariables><CoSimulation modelIdentifier='x'/></fmiModelDescription>"
+    file = room / "arrays.fmu"
+    file.write_bytes(pack({"modelDescription.xml": (text + end).encode()}))
+    error = refusal(open_archive, file)
+    assert error.what == "bad-description" and said in str(error)
