@@ -38,7 +38,17 @@ UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Methods of compression that are unpacked. Of bzip2 and LZMA zipfile unpacks all that it has read at once, whatever
 the entry says it holds: 2 kB that said 1 kB took 6 GB of memory, in a process that has no limit."""
 
-METHODS = {6: "Implode", 9: "Deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "xz", 96: "JPEG", 97: "WavPack", 98: "PPMd"}
+METHODS = {
+    6: "Implode",
+    9: "Deflate64",
+    12: "bzip2",
+    14: "LZMA",
+    93: "Zstandard",
+    95: "xz",
+    96: "JPEG",
+    97: "WavPack",
+    98: "PPMd",
+}
 """Names of others."""
 
 ENCRYPTED, PATCHED, AES = 1 << 0 | 1 << 6, 1 << 5, 99
