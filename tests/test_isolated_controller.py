@@ -1,5 +1,7 @@
 """A controller in a process of its own: the same numbers, whatever its kind, and every failure is told."""
 
+import os
+import shutil
 from dataclasses import replace
 from fractions import Fraction
 
@@ -74,6 +76,29 @@ def test_what_a_signal_ends_is_a_fault_from_outside_and_not_tried_again(what, pl
     own = replace(bench(plant_file, faulty(Fault(what)), limit=3.0), isolated=True)
     problem = refusal(run, own, short_cases((STRUCK, STRUCK)), kind=EnvironmentFault)
     assert (problem.what, "ended by SIGKILL" in str(problem)) == ("outside", True)
+
+
+@pytest.mark.needs("bubblewrap")
+@pytest.mark.parametrize("failing", [1, 1000])
+def test_a_process_that_cannot_be_started_is_no_crash_of_its_controller(
+    failing, plant_file, pid_file, tmp_path, monkeypatch
+):
+    """As where its user may have no more processes for a moment: an honest PID had no place in a round by that."""
+    starts, program = tmp_path / "starts", tmp_path / "bwrap"
+    program.write_text(
+        f"""#!/bin/sh
+case "$*" in *controller_host*) echo >> {starts}; [ $(wc -l < {starts}) -gt {failing} ] || exit 1;; esac
+exec {shutil.which("bwrap")} "$@"
+"""
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    own = replace(bench(plant_file, pid_file, limit=60.0), isolated=True, sandbox=True)
+    if failing == 1:
+        (found,) = run(own, short_cases((STRUCK,)))
+        assert found.result.status is Status.DONE
+    else:
+        assert refusal(run, own, short_cases((STRUCK,)), kind=EnvironmentFault).what == "outside"
 
 
 @pytest.mark.needs("bubblewrap")

@@ -7,14 +7,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.closed_loops import quiet
 
+from orchestrator.benchmark import protocol
+from orchestrator.benchmark.cases import cases
 from orchestrator.codec import Malformed, pack
-from orchestrator.documents.recording import OBSERVED
+from orchestrator.documents.recording import OBSERVED, record
 from orchestrator.errors import BenchmarkError, EnvironmentFault, FmuError, InputError
 from orchestrator.execution.messages import (
     MAX_TEXT,
@@ -32,8 +35,10 @@ from orchestrator.execution.messages import (
     read_frame,
     readable,
 )
+from orchestrator.loop.scenario import Recurrence
 from orchestrator.loop.trajectory import Ending, Status, blank
 from orchestrator.pairing import work
+from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 LARGEST = 1000
 
@@ -64,6 +69,22 @@ def test_a_signal_of_another_size_is_refused(name, shape):
     else:
         with pytest.raises(Malformed):
             work.trajectory(2, OBSERVED, sent)
+
+
+@pytest.mark.parametrize(
+    "other", [{}, {"again": Recurrence(1e-9, 10**9)}, {"id": "c99.other"}, {"roles": ()}, {"duration": 1e300}]
+)
+def test_a_recording_of_another_case_than_asked_for_is_refused(other):
+    """For each coming of a force a report has a place: one that told of 10^9 filled the memory of whoever wrote it."""
+    (case, *_), roles = cases(protocol.load("quick"), NOMINAL, 0), ("example",)
+    samples = case.scenario.samples
+    sent = record(case, roles, replace(blank(samples, OBSERVED), time=np.arange(samples + 1)))
+    sent = replace(sent, about=msgspec.structs.replace(sent.about, **other))
+    if not other:
+        assert work.recording(case, roles, pack(sent)).about == sent.about
+    else:
+        with pytest.raises(Malformed, match="another case"):
+            work.recording(case, roles, pack(sent))
 
 
 @pytest.mark.parametrize("extra", [{}, dict.fromkeys((*OBSERVED, "X"), np.zeros(3)), dict.fromkeys("ab", np.zeros(3))])

@@ -22,7 +22,7 @@ from ..bounded import MAX_RESULT_BYTES, read
 from ..codec import Finite, Malformed, NonNegative, Struct, from_json, to_json
 from ..errors import InputError
 from ..loop.scenario import Recurrence, later, turned
-from ..loop.trajectory import Status, Trajectory
+from ..loop.trajectory import Ending, Status, Trajectory
 from .files import TRAJECTORIES, streamed, write_bytes
 
 MOTION = ("t [s]", "x [m]", "z [m]", "q_a1 [rad]", "q_a2 [rad]")
@@ -167,7 +167,16 @@ def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recordin
     kept = bent(trajectory.time, tcp, [factor * MOTION_SLACK] * 3, MOST)
     slack = [factor * TORQUE_SLACK * limit for limit in limits]
     torque_kept = bent(trajectory.time, trajectory.torque, slack, 0 if factor == COARSE else MOST)
-    about = About(
+    about = about_case(case, roles, trajectory.u_m0, ending)
+    motion = np.column_stack([trajectory.time[kept], moved[kept]])
+    torque = np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]])
+    return Recording(about, motion.astype(np.float32), torque.astype(np.float32))
+
+
+def about_case(case: Case, roles: Sequence[str], u_m0: tuple[float, float], ending: Ending) -> About:
+    """What is said of the recording of a ``case`` with this ``ending``, at the torques ``u_m0`` [N.m] at rest."""
+    scenario = case.scenario
+    return About(
         id=case.id,
         roles=tuple(roles),
         configuration=case.configuration.index,
@@ -178,15 +187,12 @@ def record(case: Case, roles: Sequence[str], trajectory: Trajectory) -> Recordin
         force=scenario.pulse.force,
         window=(scenario.pulse.start, scenario.pulse.stop),
         chirp=(scenario.chirp.start, scenario.chirp.stop, scenario.chirp.f_start, scenario.chirp.f_stop),
-        u_m0=trajectory.u_m0,
+        u_m0=u_m0,
         status=ending.status,
         time=ending.time,
         message=ending.message,
         again=scenario.again if scenario.again.number > 1 else None,
     )
-    motion = np.column_stack([trajectory.time[kept], moved[kept]])
-    torque = np.column_stack([trajectory.time[torque_kept], trajectory.torque[torque_kept]])
-    return Recording(about, motion.astype(np.float32), torque.astype(np.float32))
 
 
 def bent(time: np.ndarray, signals: np.ndarray, slack: Sequence[float], most: int) -> np.ndarray:

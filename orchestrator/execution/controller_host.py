@@ -35,7 +35,7 @@ def main() -> None:
         from ..fmi.slaves import load
         from ..loop.controller import prepared
         from ..loop.serving import channel, serve, warm_up
-        from .isolation import Begin, Over, Ready
+        from .isolation import Begin, Over, Ready, Started
         from .messages import error_record, frame, read_frame, write_all
         from .process_tree import bind_to_parent
         from .seccomp import deny_covert_channels
@@ -61,6 +61,7 @@ def main() -> None:
         begin = read_frame(requests, Begin)
         # Before the first byte of the FMU runs, and after all that Python itself needs of the refused calls.
         deny_covert_channels(talking=begin.controller.library == WINE)
+        write_all(answers, frame(Started()))
         files, T_s = begin.controller, begin.sample_time
         try:
             # Loading may change how numbers are computed: code of -ffast-math

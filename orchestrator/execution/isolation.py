@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -14,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from ..codec import Finite, Malformed, NonNegative, Struct
-from ..errors import BenchmarkError, Crash, FmuError, InputError
+from ..errors import BenchmarkError, Crash, EnvironmentFault, FmuError, InputError
 from ..fmi import log, port, trace
 from ..fmi.archive import reopen
 from ..fmi.slaves import CLASSES
@@ -30,6 +31,9 @@ EXIT_TIMEOUT = 1.0
 """Seconds that a process that gives no answer may go on, computing or waiting, before it is said so."""
 
 
+START_PAUSES = (0.0, 0.5, 2.0, 8.0)
+"""Seconds before each attempt to start a process. It has seen nothing of the draws before it loads the FMU."""
+
 TAIL_BYTES = 8192
 """Bytes of what a controller's process prints that are handed on."""
 
@@ -43,6 +47,10 @@ class Begin(Struct, frozen=True):
     sample_time: Fraction
     stop_time: NonNegative
     first: tuple[Finite, Finite] | None
+
+
+class Started(Struct, frozen=True, tag=True):
+    """It has begun, and nothing of the FMU has run yet: until here, no end of it is the controller's."""
 
 
 class Ready(Struct, frozen=True, tag=True):
@@ -76,27 +84,44 @@ class Isolated:
     ) -> Iterator[port.Port]:
         """A process with an initialized instance; it ends with the block."""
         trace.current.note(trace.CONTROLLER, "starting its process")
-        pipe = subprocess.PIPE
-        variables = sandbox.environment(os.environ)
-        with (
-            _printed() as printed,
-            subprocess.Popen(
-                self._command, stdin=pipe, stdout=pipe, stderr=printed, env=variables, bufsize=0
-            ) as process,
-        ):
-            self._process = process
-            assert process.stdin is not None and process.stdout is not None
-            self._requests, self._answers = process.stdin.fileno(), process.stdout.fileno()
+        seen = None if first is None else (float(first[0]), float(first[1]))
+        begin = Begin(self._files, setup, steady, sample_time, stop_time, seen)
+        with _printed() as printed, self._started(begin, printed) as process:
             try:
-                seen = None if first is None else (float(first[0]), float(first[1]))
-                begin = Begin(self._files, setup, steady, sample_time, stop_time, seen)
-                self._ask(lambda: write_all(self._requests, frame(begin)), Ready)
+                self._reply(Ready)
                 trace.current.expect(trace.CONTROLLER, tuple(self.calls.values()))
                 yield self._port()
             finally:
                 # Before what it printed is read: it may print without end.
                 process.kill()
                 _hand_on(printed)
+
+    def _started(self, begin: Begin, printed: int) -> subprocess.Popen[bytes]:
+        """A process that is about to load the FMU.
+
+        Raises :class:`EnvironmentFault` where none can be started. While a user had no more processes for a moment,
+        bubblewrap could start none, which counted as the controller's crash: a PID had no place by that.
+        """
+        pipe, variables = subprocess.PIPE, sandbox.environment(os.environ)
+        for pause in START_PAUSES:
+            time.sleep(pause)
+            try:
+                process = subprocess.Popen(
+                    self._command, stdin=pipe, stdout=pipe, stderr=printed, env=variables, bufsize=0
+                )
+            except OSError:
+                continue
+            assert process.stdin is not None and process.stdout is not None
+            self._process, self._requests = process, process.stdin.fileno()
+            self._answers = process.stdout.fileno()
+            try:
+                write_all(self._requests, frame(begin))
+                read_frame(self._answers, Started, OVERHEAD)
+                return process
+            except (EOFError, OSError, Malformed):
+                with process:
+                    process.kill()
+        raise EnvironmentFault("No process can be started for the controller.", "no-process")
 
     def messages(self) -> tuple[str, ...]:
         """What the instance said last; it ends."""
@@ -124,6 +149,13 @@ class Isolated:
         """Send something and wait for a reply of this ``kind``; raises what came instead."""
         try:
             send()
+        except OSError:
+            raise self.lost() from None
+        return self._reply(kind)
+
+    def _reply(self, kind: type[Ready | Over]) -> Over:
+        """Wait for a reply of this ``kind``; raises what came instead."""
+        try:
             reply = read_frame(self._answers, Ready | Over, OVERHEAD)  # type: ignore[arg-type]  # a union of types
         except (EOFError, OSError, Malformed):
             raise self.lost() from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -20,11 +21,11 @@ from ..benchmark.metrics import AT_THE_END, Measured, continuation_if_in_doubt, 
 from ..benchmark.protocol import JudgingTables, Protocol
 from ..benchmark.results import Judgement
 from ..codec import Finite, Malformed, Natural, Struct, pack, unpack
-from ..documents.recording import OBSERVED, Recording, record
+from ..documents.recording import OBSERVED, Recording, about_case, record
 from ..errors import FmuError
 from ..loop.scenario import Pair, Scenario
 from ..loop.setup import Setup
-from ..loop.trajectory import Status, Trajectory, blank
+from ..loop.trajectory import Ending, Status, Trajectory, blank
 
 # Imports inside functions: a worker loads Numba and SciPy for the tasks that need them only.
 
@@ -256,10 +257,15 @@ def largest_trajectory(scenario: Scenario) -> int:
     return shortest + scenario.samples * (longer - shortest) + (1 << 16)
 
 
-def recording(value: bytes) -> Recording:
+def recording(case: Case, roles: Sequence[str], value: bytes) -> Recording:
     """What a worker sent for a :class:`RecordTask`, checked."""
     sent = unpack(value, Recording)
     sent.check()
+    # Of its own it has how it ended. One that told of 10^9 forces, for each of which a report has a place, filled the
+    # memory of the process that wrote the report.
+    told = sent.about
+    if about_case(case, roles, told.u_m0, Ending(told.status, told.time, told.message)) != told:
+        raise Malformed("a recording of another case")
     return sent
 
 

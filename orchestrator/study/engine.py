@@ -271,6 +271,10 @@ def record_shown(shown: Sequence[CaseToShow], pairing: Pairing, workers: int) ->
 
     What fails before its first sample, or takes its process with it, is left out: its status stands in the results.
     """
+
+    def checked(group: Sequence[CaseToShow]) -> Callable[[int, bytes], Recording]:
+        return lambda index, value: work.recording(group[index].case, group[index].roles, value)
+
     count = max(workers, math.ceil(len(shown) / GROUP_SIZE))
     groups = [group for first in range(count) if (group := shown[first::count])]
     jobs = [
@@ -278,7 +282,7 @@ def record_shown(shown: Sequence[CaseToShow], pairing: Pairing, workers: int) ->
             work.record_case.__name__,
             [work.RecordTask(pairing.setup, to_show.case, to_show.roles) for to_show in group],
             [to_show.case.scenario for to_show in group],
-            lambda _, value: work.recording(value),
+            checked(group),
             START_TIME,
             MAX_RECORDING_BYTES,
         )
