@@ -469,6 +469,34 @@ def test_beside_a_private_folder_nothing_is_compiled_without_a_fence(bubblewrap,
     assert not (room / "compiled").exists()
 
 
+@pytest.mark.needs("linux")  # a shell script stands for the compiler
+@pytest.mark.parametrize(
+    ("script", "kind"),
+    [
+        ("kill -9 $$", EnvironmentFault),
+        ('echo "cc: fatal error: Killed signal terminated program cc1" >&2; exit 1', EnvironmentFault),
+        ("kill -11 $$", InputError),
+    ],
+)
+def test_a_compiler_that_somebody_ends_is_no_fault_of_the_sources(script, kind, good, room, monkeypatch):
+    """Where memory was short, the check refused the controller for good, and in a round it had no place."""
+    compiler = room / "cc"
+    compiler.write_text(f"#!/bin/sh\n{script}\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b""})(good))
+    assert refusal(open_archive, file, kind=kind).what in ("not-compiled", "bad-sources")
+
+
+@pytest.mark.needs("bubblewrap")
+def test_a_disk_that_is_full_for_a_library_is_no_fault_of_the_sources(good, room, monkeypatch):
+    monkeypatch.setattr(compilation, "HANDED_OUT", compilation.HANDED_OUT.replace('"$0.out"', "/dev/full"))
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x;\n"})(good))
+    assert refusal(open_archive, file, kind=EnvironmentFault).what == "not-compiled"
+
+
 @pytest.mark.needs("bubblewrap")
 def test_a_compiler_beside_a_private_folder_shows_the_fmu_alone(tmp_path, monkeypatch):
     """All around it was shown, by its own path and by that of a link: <X>/service with <X>/bin/cc."""
