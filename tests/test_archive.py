@@ -469,6 +469,22 @@ def test_beside_a_private_folder_nothing_is_compiled_without_a_fence(bubblewrap,
     assert not (room / "compiled").exists()
 
 
+@pytest.mark.parametrize("damage", [b"", b"\x7fELF another"])
+def test_a_library_that_was_compiled_and_is_damaged_is_compiled_anew(damage, good, room):
+    """A power cut had left it empty: the FMU could not be loaded, and that was held against it, for good."""
+    require("compiler")
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x = 1;\n"})(good))
+    library = open_archive(file).library_file
+    whole = library.read_bytes()
+    assert not restore(open_archive(file))
+    for repair in (lambda opened: open_archive(opened.file), restore):
+        opened = open_archive(file)
+        library.write_bytes(damage)
+        repair(opened)
+        assert library.read_bytes()[:4] == whole[:4] and len(library.read_bytes()) == len(whole)
+
+
 @pytest.mark.needs("linux")  # a shell script stands for the compiler
 @pytest.mark.parametrize(
     ("script", "kind"),

@@ -18,7 +18,8 @@ from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compi
 
 from ..cache import DEVICES, PRIVATE, user_folders
 from ..errors import EnvironmentFault, InputError
-from .library import FLAGS
+from .entries import file_digest
+from .library import FLAGS, digest_file
 
 SYSTEM_TO_READ = (
     *("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--proc", "/proc"),
@@ -104,6 +105,9 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             message += f"Mend the sources or the compiler (the environment's CC), or {alternative}."
             raise InputError(message, "bad-sources", name) from None
         library.parent.mkdir(parents=True, exist_ok=True)
+        noted = Path(scratch) / "noted"
+        noted.write_text(file_digest(output))
+        os.replace(noted, digest_file(library))
         os.replace(output, library)
 
 
