@@ -185,9 +185,12 @@ def note_compiled(folder: Path, module: str) -> None:
     mark = folder / f"{module}{COMPILED_MARK}"
     with contextlib.suppress(OSError):
         noted = {str(file.relative_to(folder)): [file.stat().st_mtime_ns, _stored(file)] for file in _code(folder)}
-        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".part", delete=False) as part:
-            json.dump(noted, part)
-        os.replace(part.name, mark)
+        part = folder / f"{module}.{os.getpid()}.part"
+        try:
+            part.write_text(json.dumps(noted))
+            part.replace(mark)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _stored(file: Path) -> int:
