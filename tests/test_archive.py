@@ -469,6 +469,23 @@ def test_beside_a_private_folder_nothing_is_compiled_without_a_fence(bubblewrap,
     assert not (room / "compiled").exists()
 
 
+def test_an_fmu_that_is_opened_while_it_is_compiled_is_compiled(good, room, monkeypatch):
+    """Two people handed in the same sources: the second one's check removed the library of the first, as a file that
+    the FMU had left, and the first one was refused."""
+    require("compiler")
+    file, run = room / "own.fmu", compilation.run_compiler
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x = 1;\n"})(good))
+
+    def meanwhile(command, output, **options):
+        run(command, output, **options)
+        monkeypatch.setattr(compilation, "run_compiler", run)
+        open_archive(file)
+
+    monkeypatch.setattr(compilation, "run_compiler", meanwhile)
+    opened = open_archive(file)
+    assert opened.has_library and opened.added() == []
+
+
 @pytest.mark.parametrize("damage", [b"", b"\x7fELF another"])
 def test_a_library_that_was_compiled_and_is_damaged_is_compiled_anew(damage, good, room):
     """A power cut had left it empty: the FMU could not be loaded, and that was held against it, for good."""

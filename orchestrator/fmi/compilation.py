@@ -18,7 +18,7 @@ from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compi
 
 from ..cache import DEVICES, PRIVATE, user_folders
 from ..errors import EnvironmentFault, InputError
-from .entries import file_digest
+from .entries import COMPILED, file_digest
 from .library import FLAGS, digest_file
 
 SYSTEM_TO_READ = (
@@ -77,7 +77,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             message = f"{name} is refused: its source file {source!r} lies outside the FMU."
             raise InputError(message, "bad-sources", name, source)
     # Another process may compile the same FMU: the library appears by a rename, complete or not at all.
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(prefix=f"{COMPILED}-", dir=folder) as scratch:
         output = Path(scratch) / library.name
         command = [
             *compiler,
