@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import functools
 import hashlib
+import json
 import logging
 import os
 import platform
@@ -13,6 +14,7 @@ import re
 import shutil
 import sys
 import tempfile
+import zlib
 from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
@@ -142,36 +144,73 @@ COMPILED_MARK = ".compiled"
 
 
 def drop_damaged_code(folder: Path) -> None:
-    """Remove the files of a :func:`compiled_code_folder` that are not whole, and what :func:`note_compiled` wrote.
+    """Remove the files of a :func:`compiled_code_folder` that are not what was written, and what :func:`note_compiled`
+    wrote.
 
-    Numba takes what a power cut leaves of them, files without a byte, for whole: each start of each command failed, for
-    good. What is missing is compiled anew. Others may be at work there: Numba writes a file beside, and renames it.
+    Numba takes for whole what a power cut or the disk leaves of them: each start of each command failed, for good, and
+    in a sandbox the controller was told to have crashed. What is missing is compiled anew. Others may be at work there:
+    Numba writes a file beside, and renames it.
     """
-    damaged = [file for file in folder.rglob("*.nb[ci]") if not _is_pickle(file)]
+    noted = dict(item for mark in folder.glob(f"*{COMPILED_MARK}") for item in (_noted(mark) or {}).items())
+    damaged = [file for file in _code(folder) if not _is_whole(file, noted.get(str(file.relative_to(folder))))]
     if damaged:
         logger.warning("%s files of compiled code are damaged: they are compiled anew", len(damaged))
     for file in (*damaged, *(folder.glob(f"*{COMPILED_MARK}") if damaged else ())):
         file.unlink(missing_ok=True)
 
 
-def _is_pickle(file: Path) -> bool:
-    """Whether a file begins and ends as one of pickles does, or is gone meanwhile."""
+def drop_code(folder: Path) -> None:
+    """Remove all compiled code: with what there is, nothing can be started."""
+    for file in (*_code(folder), *folder.glob(f"*{COMPILED_MARK}")):
+        file.unlink(missing_ok=True)
+
+
+def _code(folder: Path) -> list[Path]:
+    return [*folder.rglob("*.nb[ci]")]
+
+
+def _is_whole(file: Path, noted: list[int] | None) -> bool:
+    """Whether a file begins and ends as one of pickles does, and is what was ``noted`` of it, if it was not written
+    since; or is gone meanwhile."""
     try:
-        content = file.read_bytes()
+        content, written = file.read_bytes(), file.stat().st_mtime_ns
     except OSError:
         return True
-    return content[:1] == b"\x80" and content[-1:] == b"."
+    same = noted is None or noted[0] != written or noted[1] == zlib.crc32(content)
+    return same and content[:1] == b"\x80" and content[-1:] == b"."
 
 
 def note_compiled(folder: Path, module: str) -> None:
-    """Write that all is compiled that workers of ``module`` need."""
+    """Write that all is compiled that workers of ``module`` need, with the time and a checksum of each file."""
+    mark = folder / f"{module}{COMPILED_MARK}"
     with contextlib.suppress(OSError):
-        (folder / f"{module}{COMPILED_MARK}").touch()
+        noted = {str(file.relative_to(folder)): [file.stat().st_mtime_ns, _stored(file)] for file in _code(folder)}
+        part = folder / f"{module}.{os.getpid()}.part"
+        try:
+            part.write_text(json.dumps(noted))
+            part.replace(mark)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _stored(file: Path) -> int:
+    """The checksum of a file, which is on the disk from now on."""
+    with file.open("rb") as stream:
+        os.fsync(stream.fileno())
+        return zlib.crc32(stream.read())
 
 
 def is_compiled(folder: Path, module: str) -> bool:
-    """Whether that was written."""
-    return (folder / f"{module}{COMPILED_MARK}").exists()
+    """Whether that was written, and all files are there."""
+    noted = _noted(folder / f"{module}{COMPILED_MARK}")
+    return noted is not None and all((folder / name).exists() for name in noted)
+
+
+def _noted(mark: Path) -> dict[str, list[int]] | None:
+    try:
+        return dict(json.loads(mark.read_bytes()))
+    except (OSError, ValueError):  # there is none, or not a whole one
+        return None
 
 
 @functools.cache

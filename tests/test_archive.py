@@ -469,6 +469,67 @@ def test_beside_a_private_folder_nothing_is_compiled_without_a_fence(bubblewrap,
     assert not (room / "compiled").exists()
 
 
+def test_an_fmu_that_is_opened_while_it_is_compiled_is_compiled(good, room, monkeypatch):
+    """Two people handed in the same sources: the second one's check removed the library of the first, as a file that
+    the FMU had left, and the first one was refused."""
+    require("compiler")
+    file, run = room / "own.fmu", compilation.run_compiler
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x = 1;\n"})(good))
+
+    def meanwhile(command, output, **options):
+        run(command, output, **options)
+        monkeypatch.setattr(compilation, "run_compiler", run)
+        open_archive(file)
+
+    monkeypatch.setattr(compilation, "run_compiler", meanwhile)
+    opened = open_archive(file)
+    assert opened.has_library and opened.added() == []
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x7fELF another"])
+def test_a_library_that_was_compiled_and_is_damaged_is_compiled_anew(damage, good, room):
+    """A power cut had left it empty: the FMU could not be loaded, and that was held against it, for good."""
+    require("compiler")
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x = 1;\n"})(good))
+    library = open_archive(file).library_file
+    whole = library.read_bytes()
+    assert not restore(open_archive(file))
+    for repair in (lambda opened: open_archive(opened.file), restore):
+        opened = open_archive(file)
+        library.write_bytes(damage)
+        repair(opened)
+        assert library.read_bytes()[:4] == whole[:4] and len(library.read_bytes()) == len(whole)
+
+
+@pytest.mark.needs("linux")  # a shell script stands for the compiler
+@pytest.mark.parametrize(
+    ("script", "kind"),
+    [
+        ("kill -9 $$", EnvironmentFault),
+        ('echo "cc: fatal error: Killed signal terminated program cc1" >&2; exit 1', EnvironmentFault),
+        ("kill -11 $$", InputError),
+    ],
+)
+def test_a_compiler_that_somebody_ends_is_no_fault_of_the_sources(script, kind, good, room, monkeypatch):
+    """Where memory was short, the check refused the controller for good, and in a round it had no place."""
+    compiler = room / "cc"
+    compiler.write_text(f"#!/bin/sh\n{script}\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b""})(good))
+    assert refusal(open_archive, file, kind=kind).what in ("not-compiled", "bad-sources")
+
+
+@pytest.mark.needs("bubblewrap")
+def test_a_disk_that_is_full_for_a_library_is_no_fault_of_the_sources(good, room, monkeypatch):
+    monkeypatch.setattr(compilation, "HANDED_OUT", compilation.HANDED_OUT.replace('"$0.out"', "/dev/full"))
+    file = room / "own.fmu"
+    file.write_bytes(described(fmus.edited(), **{"sources/model.c": b"int x;\n"})(good))
+    assert refusal(open_archive, file, kind=EnvironmentFault).what == "not-compiled"
+
+
 @pytest.mark.needs("bubblewrap")
 def test_a_compiler_beside_a_private_folder_shows_the_fmu_alone(tmp_path, monkeypatch):
     """All around it was shown, by its own path and by that of a link: <X>/service with <X>/bin/cc."""

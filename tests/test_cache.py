@@ -2,6 +2,7 @@
 with no other."""
 
 import ast
+import os
 import pickle
 import subprocess
 import sys
@@ -139,6 +140,32 @@ def test_damaged_files_of_compiled_code_are_removed(tmp_path, caplog):
     note_compiled(tmp_path, "work")
     drop_damaged_code(tmp_path)
     assert is_compiled(tmp_path, "work")
+
+
+@pytest.mark.parametrize("same_time", [True, False])
+def test_one_byte_of_compiled_code_that_is_another_is_told(tmp_path, same_time):
+    """It begins and ends as before: in a sandbox the controller was told to have crashed. What Numba has written since
+    is another file."""
+    file, content = tmp_path / "a.1.nbc", pickle.dumps("machine code")
+    file.write_bytes(content)
+    note_compiled(tmp_path, "work")
+    written = file.stat().st_mtime_ns
+    file.write_bytes(content.replace(b"code", b"coda"))
+    os.utime(file, ns=(written, written if same_time else written + 1))
+    drop_damaged_code(tmp_path)
+    assert (file.exists(), is_compiled(tmp_path, "work")) == (not same_time, not same_time)
+
+
+def test_compiled_code_of_which_a_file_is_gone_is_compiled_again(tmp_path):
+    (tmp_path / "a.1.nbc").write_bytes(pickle.dumps("machine code"))
+    note_compiled(tmp_path, "work")
+    mark = next(tmp_path.glob("*.compiled"))
+    assert is_compiled(tmp_path, "work") and [file.name for file in tmp_path.iterdir() if file.suffix == ".part"] == []
+    (tmp_path / "a.1.nbc").unlink()
+    assert not is_compiled(tmp_path, "work")
+    mark.write_bytes(b"")  # of a power cut
+    assert not is_compiled(tmp_path, "work")
+    drop_damaged_code(tmp_path)
 
 
 def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, caplog):

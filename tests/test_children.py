@@ -3,6 +3,7 @@
 import csv
 import multiprocessing
 import os
+import pickle
 import resource
 import signal
 import subprocess
@@ -170,6 +171,29 @@ def test_what_a_sandbox_needs_is_compiled_once_and_again_if_it_is_damaged(monkey
     stop.set()
     with pytest.raises(launch.Stopped):
         launch._compile("hostile.prepared", stop)
+
+
+@pytest.mark.parametrize("sandbox", [True, False])
+def test_compiled_code_with_which_nothing_starts_is_removed(sandbox, harmless, monkeypatch, tmp_path):
+    """Nobody had noted what it was: no command went on until somebody removed the cache. In a sandbox the controller
+    was told to have crashed."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    spoiled = compiled_code_folder() / "spoiled.1.nbc"
+    spoiled.parent.mkdir(parents=True)
+    spoiled.write_bytes(pickle.dumps("machine code"))
+    if sandbox:
+        launch._compile("hostile.prepared", threading.Event())
+    else:
+        made = replace(job(harmless, "echo", b"a"), prepared_by="hostile.prepared")
+        assert [outcome.value for outcome in run_isolated(made)] == [b"a"]
+    assert not spoiled.exists()
+
+
+def test_what_cannot_be_compiled_is_a_fault_of_the_machine(monkeypatch, tmp_path):
+    """A worker in a sandbox compiled itself then, on the time of its controller."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    error = refusal(launch._compile, "hostile.nothing", threading.Event(), kind=EnvironmentFault)
+    assert error.what == "no-process" and "hostile.nothing" in str(error)
 
 
 def test_a_start_that_fails_or_is_interrupted_leaves_nothing(harmless, monkeypatch):

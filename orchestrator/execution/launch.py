@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Protocol
 
-from ..cache import VARIABLE, cache_folder, compiled_code_folder, drop_damaged_code, is_compiled
+from ..cache import VARIABLE, cache_folder, compiled_code_folder, drop_code, drop_damaged_code, is_compiled
 from ..errors import EnvironmentFault
 from ..fmi.library import WINE
 from . import sandbox
@@ -181,7 +181,7 @@ class ForkServer:
                 except subprocess.TimeoutExpired:
                     self._process.kill()
                     self._process.wait()
-                self._words = os.pread(self._output.fileno(), 1 << 20, 0)[-2000:].decode(errors="replace").strip()
+                self._words = _last_words(self._output.fileno())
                 self._resources.close()
             return self._words
 
@@ -227,16 +227,31 @@ def _compile(module: str, stop: threading.Event) -> None:
         if is_compiled(folder, module):
             return
         logger.info("compiling for the sandbox, once: this takes some ten seconds")
-        command = program(f"from {__package__}.fork_server import load; load({module!a})")
-        with TemporaryFile() as output:
-            process = _spawned(command, output.fileno(), (), environment())
-            try:
-                while process.poll() is None:
-                    if stop.wait(POLL_INTERVAL):
-                        raise Stopped
-            finally:
-                process.kill()
-                process.wait()
+        words = _loaded(module, stop)
+        if words is not None:
+            drop_code(folder)  # damaged before it was noted what it was
+            words = _loaded(module, stop)
+        if words is not None:
+            raise _cannot_start(f"what it needs cannot be compiled\n  {words}")
+
+
+def _loaded(module: str, stop: threading.Event) -> str | None:
+    """Load ``module`` in a process of its own; what that says if it fails."""
+    command = program(f"from {__package__}.fork_server import load; load({module!a})")
+    with TemporaryFile() as output:
+        process = _spawned(command, output.fileno(), (), environment())
+        try:
+            while process.poll() is None:
+                if stop.wait(POLL_INTERVAL):
+                    raise Stopped
+        finally:
+            process.kill()
+            process.wait()
+        return None if process.returncode == 0 else _last_words(output.fileno())
+
+
+def _last_words(output: int) -> str:
+    return os.pread(output, 1 << 20, 0)[-2000:].decode(errors="replace").strip()
 
 
 def _discard(server: ForkServer) -> str:
@@ -271,7 +286,9 @@ class _ForkedProcess:
     def __init__(self, job: Job, descriptors: tuple[int, ...], stop: threading.Event) -> None:
         self._code: int | None = None
         words = ""
-        for _ in range(ATTEMPTS):
+        for attempt in range(ATTEMPTS):
+            if attempt == ATTEMPTS - 1:
+                drop_code(compiled_code_folder())  # it may be damaged, and be what each of them ends by
             # A worker with an isolated controller starts a sandbox, which takes rights that a protected one gives up.
             server = _fork_server(_preparing(job), not job.isolated)
             self._status, far = socket.socketpair()

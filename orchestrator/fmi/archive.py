@@ -40,7 +40,7 @@ from .entries import (
     pieces,
     refused,
 )
-from .library import FLAGS, SOURCE, WINE, LibraryKind, choose, has_sources
+from .library import FLAGS, SOURCE, WINE, LibraryKind, choose, digest_file, has_sources
 from .variables import variables
 
 logger = logging.getLogger(__name__)
@@ -130,6 +130,16 @@ class Archive:
         return Path(self.folder, place, "binaries", platform, name)
 
     @property
+    def has_library(self) -> bool:
+        """Whether it is there, and what was compiled: one that a power cut or the disk had left empty was held against
+        its controller, for good."""
+        file = self.library_file
+        try:
+            return file.is_file() and (self.library != SOURCE or digest_file(file).read_text() == file_digest(file))
+        except (OSError, ValueError):
+            return False
+
+    @property
     def is_python(self) -> bool:
         """Whether it brings modules of Python, which use this machine's Python and the packages that are installed."""
         return any((self.folder / "resources").rglob("*.py"))
@@ -165,12 +175,12 @@ def open_archive(file: Path, library: LibraryKind | None = None) -> Archive:
     variables(description)  # raises if one cannot be understood
     content = file.read_bytes() if file.stat().st_size <= SMALL_ARCHIVE else None
     archive = Archive(file, sha256, _extract(file, sha256), description, kind, content)
-    if library != archive.library and (library is not None or not archive.library_file.is_file()):
+    if library != archive.library and (library is not None or not archive.has_library):
         windows = replace(archive, library=WINE).library_file.is_file()
         tool = description.generationTool or "the tool of its exporter"
         needed = tool if str(archive.interface.needsExecutionTool).lower() in ("true", "1") else ""
         archive = replace(archive, library=choose(archive.name, archive.folder, windows, needed, library))
-    if not archive.library_file.is_file():
+    if not archive.has_library:
         _compile_library(archive)
     return archive
 
@@ -202,7 +212,7 @@ def restore(archive: Archive) -> bool:
     """
     try:
         with archive.opened() as opened:
-            if is_intact(archive.folder, opened) and archive.library_file.is_file():
+            if is_intact(archive.folder, opened) and archive.has_library:
                 return False
         with tempfile.TemporaryDirectory(prefix="flexible-manipulator-") as scratch:
             file = archive.file

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,8 +17,9 @@ from fmpy.model_description import ModelDescription
 from controller_fmu.export import COMPILERS, FMI_HEADERS, BuildError, find_compiler, run_compiler
 
 from ..cache import DEVICES, PRIVATE, user_folders
-from ..errors import InputError
-from .library import FLAGS
+from ..errors import EnvironmentFault, InputError
+from .entries import COMPILED, file_digest
+from .library import FLAGS, digest_file
 
 SYSTEM_TO_READ = (
     *("--unshare-all", "--die-with-parent", "--ro-bind", "/", "/", "--proc", "/proc"),
@@ -32,6 +34,13 @@ HANDED_OUT = '"$@" && { [ ! -e "$0" ] || cat "$0" > "$0.out"; }'
 """Words of a shell that runs the compiler and hands its library out of the fence, by the contents: linkers replace the
 file that they write."""
 
+OUTSIDE = re.compile(r"^cat: |\bKilled\b|ended by signal 9\b", re.MULTILINE)
+"""In what is told of a compiler that sources have no part in: the disk is full for the library that is handed out, or
+somebody has ended it, as where memory is short. Its controller was refused for that."""
+
+FULL = re.compile(r"No space left on device|Disk quota exceeded")
+"""The same without a fence, in which a compiler fills nothing but its own bounded memory."""
+
 COMPILERS_OWN = (
     *("PATH", "HOME", "LANG", "LANGUAGE", "TMPDIR", "XDG_CACHE_HOME", "LD_LIBRARY_PATH", "PYTHONPATH"),
     *("SDKROOT", "CPATH", "LIBRARY_PATH"),
@@ -44,7 +53,8 @@ COMPILERS_OWN_BEGINNINGS = ("LC_", "C_INCLUDE_", "GCC_", "COMPILER_", "NIX_", "C
 def compile_sources(name: str, folder: Path, identifier: str, description: ModelDescription, library: Path) -> None:
     """Compile the sources that the description of the FMU ``name`` lists into ``library``.
 
-    Raises :class:`InputError` if there is no compiler or the sources do not compile, and as :func:`_has_fence`.
+    Raises :class:`InputError` if there is no compiler or the sources do not compile, and as :func:`_has_fence`;
+    :class:`EnvironmentFault` if it is this machine that keeps them from that.
     """
     alternative = f"export the FMU with a binary for {fmpy.platform}"
     try:
@@ -67,7 +77,7 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             message = f"{name} is refused: its source file {source!r} lies outside the FMU."
             raise InputError(message, "bad-sources", name, source)
     # Another process may compile the same FMU: the library appears by a rename, complete or not at all.
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(prefix=f"{COMPILED}-", dir=folder) as scratch:
         output = Path(scratch) / library.name
         command = [
             *compiler,
@@ -83,6 +93,11 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
         except BuildError as problem:
             if fence and str(problem).startswith("bwrap"):  # its own words: it is gone since it was tried
                 raise InputError(f"The sources of {name} cannot be compiled now: {problem}", "no-sandbox") from None
+            if fence:
+                _has_fence()  # else it may be the fence that has failed
+            if OUTSIDE.search(str(problem)) or not fence and FULL.search(str(problem)):
+                message = f"The sources of {name} cannot be compiled now: {problem}"
+                raise EnvironmentFault(message, "not-compiled") from problem
             told = str(problem).replace(f"{folder}{os.sep}", "").splitlines()
             # Behind a page of warnings, the reason was cut off.
             lines = "\n  ".join(sorted(told, key=lambda line: "error:" not in line)[:5])
@@ -90,6 +105,9 @@ def compile_sources(name: str, folder: Path, identifier: str, description: Model
             message += f"Mend the sources or the compiler (the environment's CC), or {alternative}."
             raise InputError(message, "bad-sources", name) from None
         library.parent.mkdir(parents=True, exist_ok=True)
+        noted = Path(scratch) / "noted"
+        noted.write_text(file_digest(output))
+        os.replace(noted, digest_file(library))
         os.replace(output, library)
 
 

@@ -232,8 +232,9 @@ def added_files(folder: Path, archive: zipfile.ZipFile) -> list[Path]:
     """Files in ``folder`` that are not of the archive, nor compiled of what is."""
     archived, added = {folder / name for name in files_of(archive)}, []
     for place, folders, names in os.walk(folder):
-        # Pruned in place, which is how os.walk is told; both folders hold what this program, or Python, has compiled.
-        folders[:] = [name for name in folders if name not in (COMPILED, "__pycache__")]
+        # Pruned in place, which is how os.walk is told; they hold what this program, or Python, has compiled, or is
+        # compiling: of an FMU that was opened twice at a time, the library of one was removed while it was written.
+        folders[:] = [name for name in folders if name != "__pycache__" and not name.startswith(COMPILED)]
         added += [file for name in names if (file := Path(place, name)) not in archived]
     return sorted(added)
 

@@ -22,6 +22,11 @@ LibraryKind = Literal["native", "source", "wine"]
 """Where the library comes from: the FMU's binary for this platform, its sources, its binary for Windows under Wine."""
 
 
+def digest_file(compiled: Path) -> Path:
+    """Where the SHA-256 of a library stands that was compiled here."""
+    return compiled.with_name(f"{compiled.name}.sha256")
+
+
 def choose(name: str, folder: Path, windows: bool, tool: str, library: LibraryKind | None) -> LibraryKind:
     """Where the library of the FMU ``name`` in ``folder`` comes from, which has no binary for this platform or of which
     another ``library`` is asked for: its sources if there is a compiler, else that for Windows if it has one,

@@ -61,7 +61,15 @@ GRACE = 10.0
 
 EXIT_ORPHANED = 75
 
-FAULTS = ("no-sandbox", "folder-in-use", "folder-not-writable", "no-dask", "no-scheduler", "other-version")
+FAULTS = (
+    "no-sandbox",
+    "no-compiler",
+    "folder-in-use",
+    "folder-not-writable",
+    "no-dask",
+    "no-scheduler",
+    "other-version",
+)
 """Codes of errors that are those of this machine."""
 
 ADVICE = {
