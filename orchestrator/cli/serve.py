@@ -143,8 +143,12 @@ def _parser() -> Parser:
 
 def _url(text: str) -> str:
     """The address of a service in links. A link that begins with a mere name leads nowhere."""
-    parts = urlsplit(text)
-    if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
+    try:
+        parts = urlsplit(text)
+        is_one = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # of its port, or of brackets
+        is_one = False
+    if not is_one or parts.path.strip("/") or parts.query or " " in parts.netloc:
         raise argparse.ArgumentTypeError(f"{text} is no address such as https://bench.example.org")
     return f"{parts.scheme}://{parts.netloc}"
 
@@ -183,9 +187,9 @@ def _serve(given: argparse.Namespace, settings: Settings) -> int:
     family = socket.AF_INET6 if ":" in given.host else socket.AF_INET
     try:
         listening = socket.create_server((given.host, given.port), family=family, backlog=512)
-    except OSError as problem:
-        message = f"{given.host}:{given.port} cannot be listened on: {problem.strerror or problem}."
-        is_port = problem.errno in (errno.EADDRINUSE, errno.EACCES)
+    except (OSError, TypeError) as problem:  # the latter of a name that none can have
+        message = f"{given.host}:{given.port} cannot be listened on: {getattr(problem, 'strerror', None) or problem}."
+        is_port = isinstance(problem, OSError) and problem.errno in (errno.EADDRINUSE, errno.EACCES)
         raise InputError(message, "no-port" if is_port else "no-host", given.port) from None
     # asyncio does so for sockets of its own making alone: the second answer on a connection came 40 ms late.
     listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import re
 import socket
 from types import FrameType
@@ -178,6 +179,9 @@ class Server(uvicorn.Server):
             # Which pages people look at is nobody's business.
             access_log=False,
             server_header=False,
+            # A server in front on this machine tells the client's address; uvicorn believes that of 127.0.0.1 alone.
+            forwarded_allow_ips=os.environ.get("FORWARDED_ALLOW_IPS", "127.0.0.1,::1"),
+            use_colors=False,  # else it asks standard output whether it is a terminal, which may be closed
             timeout_graceful_shutdown=GRACE,
             limit_concurrency=MAX_CONNECTIONS,
         )

@@ -106,7 +106,8 @@ def test_people_are_invited_listed_and_removed_on_the_command_line(tmp_path):
     link = call("serve", *place, "--invite", "Ada", "--url", "https://bench.example.org/", folder=tmp_path)
     assert re.fullmatch(r"https://bench\.example\.org/join#[0-9a-f]{24}\.[\w-]{43}\n", link.out), link
     assert call("serve", *place, "--people", folder=tmp_path).out == "Ada\n"
-    for wrong in ("bench", "bench.example.org:8080", "https://", "ftp://bench", "https://bench.example.org/path"):
+    wrongs = ("bench", "bench.example.org:8080", "https://", "ftp://bench", "https://bench.example.org/path")
+    for wrong in (*wrongs, "https://bench example.org", "https://bench:99999", "https://[::1"):
         refused = call("serve", *place, "--invite", "Ben", "--url", wrong, folder=tmp_path)
         assert refused.code == 2 and "no address such as" in refused.err, wrong
     slip = call("serve", *place, "--organizer", "ada", folder=tmp_path)
@@ -122,6 +123,7 @@ def test_people_are_invited_listed_and_removed_on_the_command_line(tmp_path):
     [
         (("--host", "0.0.0.0"), "Give --accounts"),
         (("--host", "::"), "Give --accounts"),
+        (("--host", "ä..x", "--accounts", "--trust"), "cannot be listened on"),
         (("--protocol", "nowhere"), "nowhere"),
         (("--data", "/proc/nowhere"), "cannot be written"),
         (("--invite", "<b>"), "cannot be a name"),
