@@ -113,6 +113,19 @@ def of_method(data: bytes, method: int) -> bytes:
     return bytes(changed)
 
 
+def beginning_at(data: bytes, offset: int) -> bytes:
+    """The archive with its first entry said to begin at ``offset``, by a field for large files."""
+    entry, end = data.find(b"PK\x01\x02"), data.rfind(b"PK\x05\x06")
+    name, extra = struct.unpack_from("<HH", data, entry + 28)
+    field = struct.pack("<HHQ", 1, 8, offset)
+    changed = bytearray(data)
+    struct.pack_into("<I", changed, end + 12, struct.unpack_from("<I", data, end + 12)[0] + len(field))
+    struct.pack_into("<H", changed, entry + 30, extra + len(field))
+    struct.pack_into("<I", changed, entry + 42, 0xFFFFFFFF)
+    behind = entry + 46 + name + extra
+    return bytes(changed[:behind] + field + changed[behind:])
+
+
 def damaged(files: dict[str, bytes], name: str, method: int) -> bytes:
     """The archive, packed by ``method``, with some bytes in the middle of its entry ``name`` inverted."""
     buffer = io.BytesIO()
@@ -158,6 +171,12 @@ REFUSED = {
     "a name that is too long": (more("resources/" + "n" * 256), "bad-entry"),
     "drive letter": (more("c:/precious"), "bad-entry"),
     "link": (more(*link("resources/passwords", "/etc/passwd")), "bad-entry"),
+    "a library as if it was compiled here": (more("compiled/x/binaries/linux64/x.so"), "bad-entry"),
+    "a file in the place of what is compiled": (more("Compiled"), "bad-entry"),
+    "an entry that begins where no file has a place": (
+        lambda good: beginning_at(pack(good), (1 << 63) - 1),
+        "cannot-extract",
+    ),
     "encrypted": (lambda good: encrypted(pack(good)), "bad-entry"),
     **{
         f"compressed by method {method}": (lambda good, method=method: of_method(pack(good), method), "bad-entry")

@@ -87,7 +87,10 @@ def test_a_process_that_cannot_be_started_is_no_crash_of_its_controller(
     starts, program = tmp_path / "starts", tmp_path / "bwrap"
     program.write_text(
         f"""#!/bin/sh
-case "$*" in *controller_host*) echo >> {starts}; [ $(wc -l < {starts}) -gt {failing} ] || exit 1;; esac
+case "$*" in *controller_host*)
+    echo >> {starts}
+    [ $(wc -l < {starts}) -gt {failing} ] || {{ echo no room >&2; exit 1; }};;
+esac
 exec {shutil.which("bwrap")} "$@"
 """
     )
@@ -98,7 +101,8 @@ exec {shutil.which("bwrap")} "$@"
         (found,) = run(own, short_cases((STRUCK,)))
         assert found.result.status is Status.DONE
     else:
-        assert refusal(run, own, short_cases((STRUCK,)), kind=EnvironmentFault).what == "outside"
+        problem = refusal(run, own, short_cases((STRUCK,)), kind=EnvironmentFault)
+        assert problem.what == "outside" and "no room" in str(problem)
 
 
 @pytest.mark.needs("bubblewrap")

@@ -121,7 +121,9 @@ class Isolated:
             except (EOFError, OSError, Malformed):
                 with process:
                     process.kill()
-        raise EnvironmentFault("No process can be started for the controller.", "no-process")
+        # Nothing of an FMU is in it, and without it nobody could tell what this machine lacks.
+        words = os.pread(printed, TAIL_BYTES, log.SIZE).decode(errors="replace").strip()
+        raise EnvironmentFault(f"No process can be started for the controller.\n  {words}".rstrip(), "no-process")
 
     def messages(self) -> tuple[str, ...]:
         """What the instance said last; it ends."""

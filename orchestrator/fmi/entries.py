@@ -6,6 +6,7 @@ format asks for.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import os
@@ -147,6 +148,9 @@ def _flaw(member: zipfile.ZipInfo) -> str:
     # Another spelling of a path is another file to whoever reads the archive, and the same one on the disk.
     if any(part in ("", ".") for part in parts[: len(parts) - name.endswith("/")]):
         return "has an empty part or a dot as a part of its path: pack it with plain names"
+    # A library there was taken for what this machine had compiled of the sources, which were others.
+    if parts[0].lower() == COMPILED:
+        return f"lies in a folder {COMPILED!r}, where this program puts what it compiles: pack it with another name"
     # The next entry could be written through the link, wherever it points.
     if stat.S_ISLNK(member.external_attr >> 16):
         return "is a link"
@@ -196,9 +200,10 @@ def pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]
         with archive.open(member) as source:
             while piece := source.read(PIECE_BYTES):
                 yield piece
-    except OSError:  # the disk's, and not the file's fault
-        raise
     except Exception as problem:  # zipfile and its decompressor have many kinds
+        # The disk's is not the file's fault; but no disk has the place where some entries are said to begin.
+        if isinstance(problem, OSError) and problem.errno != errno.EINVAL:
+            raise
         message = f"its entry {member.filename!r} is damaged ({problem or type(problem).__name__})"
         raise Damaged(message) from problem
 

@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from shutil import rmtree
 from typing import IO, TYPE_CHECKING
@@ -233,7 +234,9 @@ def _check_protocol(task: Task) -> None:
 
 def _size(folder: Path) -> int:
     """What all that is in a folder takes [bytes]."""
-    return sum(map(_taken, folder.rglob("*")))
+    # Not rglob, which fails where a folder goes meanwhile, as that of a compiler at another run of the same FMU does:
+    # the job ended without its outcome.
+    return sum(_taken(Path(place, name)) for place, *found in os.walk(folder) for name in chain(*found))
 
 
 def _taken(path: Path) -> int:

@@ -76,7 +76,8 @@ class Parser(h11.Connection):
             received, _ = self.trailing_data
             end = END_OF_HEAD.search(received, max(self._seen - len("\n\r"), 0))
             size = end.start() if end else len(received)
-            if size > MAX_HEAD or any(received.count(sign, 0, size) > most for sign, most in FEW.items()):
+            # Of a whole head alone, which is read: for each packet of one byte they were counted in 16 kB anew.
+            if size > MAX_HEAD or end and any(received.count(sign, 0, size) > most for sign, most in FEW.items()):
                 self._refuse(431, "The head of this request is too long.")
             # A carriage return ends a line if a line feed follows, which may not be here yet.
             lines = received[max(self._seen - 1, 0) : size].removesuffix(b"\r").replace(b"\r\n", b"\n")

@@ -130,6 +130,16 @@ def test_a_head_has_few_bytes_and_signs(address, line):
         assert b" 431 " in answer(client)
 
 
+def test_signs_are_counted_in_whole_heads_alone():
+    """In each packet of one byte they were counted anew, in 16 kB: 380 connections had others wait for 0.7 s."""
+    parser = server.Parser(h11.SERVER)
+    parser.receive_data(b"GET / HTTP/1.1\r\nHost: a\r\n" + 150 * b"a: b\r\n")
+    assert parser.next_event() is h11.NEED_DATA
+    parser.receive_data(b"\r\n")
+    with pytest.raises(h11.RemoteProtocolError):
+        parser.next_event()
+
+
 @pytest.mark.parametrize("length, status", [(4096, b" 200 "), (4097, b" 414 ")])
 def test_an_address_that_is_asked_for_is_short(address, length, status):
     """Of 8,000 signs in it, each was read: 380 connections had others wait for 1.8 s."""

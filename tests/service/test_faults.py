@@ -388,6 +388,21 @@ def id_of(course: Course, name: str) -> str:
     return next(person.id for person in course.people.people() if person.name == name)
 
 
+def test_what_goes_while_it_is_measured_ends_no_job(tmp_path, monkeypatch):
+    """As the folder of a compiler does, at another run of the same FMU: the outcome was lost by that."""
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "file").touch()
+
+    def taken(path: Path) -> int:
+        for other in set(tmp_path.iterdir()) - {path.parent} if path.name == "file" else ():
+            shutil.rmtree(other)
+        return 1
+
+    monkeypatch.setattr(job, "_taken", taken)
+    assert job._size(tmp_path) == 3
+
+
 def test_half_a_copy_of_an_fmu_is_not_taken_for_the_whole(tmp_path, monkeypatch):
     """Where there are no hard links, and the power goes."""
 
