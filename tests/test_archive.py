@@ -528,6 +528,7 @@ def test_a_library_that_was_compiled_and_is_damaged_is_compiled_anew(damage, goo
         ("kill -9 $$", EnvironmentFault),
         ('echo "cc: fatal error: Killed signal terminated program cc1" >&2; exit 1', EnvironmentFault),
         ("kill -11 $$", InputError),
+        ('echo "model.c:1:2: error: #error Killed" >&2; exit 1', InputError),
     ],
 )
 def test_a_compiler_that_somebody_ends_is_no_fault_of_the_sources(script, kind, good, room, monkeypatch):

@@ -239,7 +239,8 @@ def added_files(folder: Path, archive: zipfile.ZipFile) -> list[Path]:
     for place, folders, names in os.walk(folder):
         # Pruned in place, which is how os.walk is told; they hold what this program, or Python, has compiled, or is
         # compiling: of an FMU that was opened twice at a time, the library of one was removed while it was written.
-        folders[:] = [name for name in folders if name != "__pycache__" and not name.startswith(COMPILED)]
+        own = ("__pycache__", COMPILED) if Path(place) == folder else ("__pycache__",)
+        folders[:] = [name for name in folders if not name.startswith(own)]
         added += [file for name in names if (file := Path(place, name)) not in archived]
     return sorted(added)
 
