@@ -35,8 +35,9 @@ HANDED_OUT = '"$@" && { [ ! -e "$0" ] || cat "$0" > "$0.out"; }'
 file that they write."""
 
 OUTSIDE = re.compile(r"^(?!.*(?::\d+:|\|))(?:cat: |.*\bKilled\b|.*\bended by signal 9\b)", re.MULTILINE)
-"""In what is told of a compiler that sources have no part in, as they have in lines with their line: the disk is full for
-the library that is handed out, or somebody has ended it, as where memory is short. Its controller was refused for that."""
+"""In what is told of a compiler that sources have no part in, as they have in lines with a number or a bar: the disk is
+full for the library that is handed out, or somebody has ended it, as where memory is short. Its controller was refused
+for that."""
 
 FULL = re.compile(r"No space left on device|Disk quota exceeded")
 """The same without a fence, in which a compiler fills nothing but its own bounded memory."""
