@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import functools
 import hashlib
+import itertools
 import json
 import logging
 import os
@@ -132,13 +133,18 @@ def user_folders() -> set[str]:
 
 
 def compiled_code_folder() -> Path:
-    """Folder of Numba's cache, named by the hash of the sources compiled.
+    """Folder of Numba's cache, named by the hash of the sources compiled, and of all by which Numba finds code there.
 
     Numba itself looks only at the file of the function it compiles, and would run stale machine code after a change in
-    a helper from another module.
+    a helper from another module. Code of another Python, place or processor it does not take, and :func:`is_compiled`
+    said that it was there: after an upgrade of Python, each worker in a sandbox, which can keep nothing, compiled on
+    the time of its controller, and honest ones had timeouts.
     """
     return cache_folder() / "numba" / _compiled_code()[:16]
 
+
+PROCESSOR = ("vendor_id", "cpu family", "model", "flags", "CPU ", "Features", "isa")
+"""What the lines of /proc/cpuinfo begin with that say what a processor can do."""
 
 COMPILED_MARK = ".compiled"
 
@@ -215,7 +221,19 @@ def _noted(mark: Path) -> dict[str, list[int]] | None:
 
 @functools.cache
 def _compiled_code() -> str:
-    return source_hash([*closure(*COMPILED), *OWN])
+    sources = closure(*COMPILED)
+    # Before they were hashed, Numba knew its sources by their times.
+    times = [file.stat().st_mtime_ns for file in sources]
+    place, settings = os.path.abspath(__file__), [*map(os.environ.get, ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"))]
+    found_by = place, times, sys.version, metadata.version("numba"), settings, _processor()
+    return hashlib.sha256(repr((source_hash([*sources, *OWN]), found_by)).encode()).hexdigest()
+
+
+def _processor() -> list[str]:
+    """What the machine code is for, of the first processor: the home folder or the virtual machine may move."""
+    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:
+        return [line for line in itertools.takewhile(str.strip, lines) if line.startswith(PROCESSOR)]
+    return [platform.machine(), platform.processor()]
 
 
 @functools.cache

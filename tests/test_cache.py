@@ -168,6 +168,25 @@ def test_compiled_code_of_which_a_file_is_gone_is_compiled_again(tmp_path):
     drop_damaged_code(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda patch, folder: patch.setenv("NUMBA_CPU_NAME", "generic"),
+        lambda patch, folder: patch.setattr(cache, "_processor", lambda: ["flags: sse2"]),
+        lambda patch, folder: patch.setattr(sys, "version", "3.99.0"),
+        lambda patch, folder: patch.setattr(cache.metadata, "version", lambda name: "0.99"),
+        lambda patch, folder: patch.setattr(cache, "__file__", str(folder / "cache.py")),
+    ],
+)
+def test_compiled_code_that_numba_does_not_find_is_not_said_to_be_there(other, monkeypatch, tmp_path):
+    """With another Python, place or processor, each worker in a sandbox compiled on the time of its controller: a PID
+    had timeouts in all cases."""
+    before = cache._compiled_code.__wrapped__()
+    assert cache._compiled_code.__wrapped__() == before
+    other(monkeypatch, tmp_path)
+    assert cache._compiled_code.__wrapped__() != before
+
+
 def test_the_cache_folder_is_where_the_variable_says(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "a" / "b"))
     assert cache_folder() == tmp_path / "a" / "b"
