@@ -51,7 +51,7 @@ from orchestrator.documents import verification as certificates  # noqa: E402
 from orchestrator.documents.evaluation import Evaluation  # noqa: E402
 from orchestrator.documents.files import RESULTS, TRAJECTORIES, VERIFICATION  # noqa: E402
 from orchestrator.documents.head import SampleTimeRecord  # noqa: E402
-from orchestrator.documents.recording import OBSERVED, Recording  # noqa: E402
+from orchestrator.documents.recording import OBSERVED, Recording, about_case  # noqa: E402
 from orchestrator.documents.verification import CHECKED, Verification, differences  # noqa: E402
 from orchestrator.errors import BenchmarkError, FmuError, InputError  # noqa: E402
 from orchestrator.execution.isolation import Isolated, Over, Ready  # noqa: E402
@@ -75,6 +75,7 @@ from plant_fmu.flexible_manipulator.parameters import NOMINAL  # noqa: E402
 PROTOCOL = protocols.load("quick")
 CASE = cases(PROTOCOL, NOMINAL, 0)[0]
 SAMPLES = 5
+ROLES = ("B5",)
 
 NONSENSE: tuple[Any, ...] = (
     None, True, 0, -1, 2**63 - 1, -(2**63), 2**64 - 1, 10**400, 0.5, -1e-300, 1e308, -1e308, math.nan, math.inf,
@@ -162,6 +163,12 @@ def check_recording(found: Recording) -> None:
     assert np.isfinite(found.motion).all() and np.isfinite(found.torque).all()
 
 
+def check_sent_recording(found: Recording) -> None:
+    check_recording(found)
+    told = found.about
+    assert about_case(CASE, ROLES, told.u_m0, Ending(told.status, told.time, told.message)) == told
+
+
 def _trajectory() -> Trajectory:
     rows, pairs = np.arange(SAMPLES + 1) * 0.25e-3, np.zeros((SAMPLES + 1, 2))
     extra = dict.fromkeys(OBSERVED, rows)
@@ -174,6 +181,11 @@ def _judgement() -> Judgement:
     return Judgement(status=Status.DONE, time=1.0, message="why", measurements=measured, warnings=3)
 
 
+def _recording() -> Recording:
+    about = about_case(CASE, ROLES, (1.0, 2.0), Ending(Status.DONE, 1.25e-3))
+    return Recording(about, RECORDINGS[0].motion, RECORDINGS[0].torque)
+
+
 VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
     "judgement": (_judgement(), lambda value: work.judged(PROTOCOL, CASE, value), check_judgement),
     "beginning": (
@@ -183,7 +195,7 @@ VALUES: dict[str, tuple[Any, Callable[[bytes], Any], Callable[[Any], None]]] = {
     ),
     "times": (np.ones(SAMPLES), lambda value: work.times(SAMPLES, value), lambda found: check_sense(found.tolist())),
     "trajectory": (_trajectory(), lambda value: work.trajectory(SAMPLES, OBSERVED, value), check_trajectory),
-    "recording": (RECORDINGS[0], work.recording, check_recording),
+    "recording": (_recording(), lambda value: work.recording(CASE, ROLES, value), check_sent_recording),
 }
 """What workers send: a sample, how it is decoded, and what must be true of it."""
 
