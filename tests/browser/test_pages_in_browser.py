@@ -114,7 +114,8 @@ def test_targets_are_in_sight_wherever_one_looks(open_page, size, scheme):
     assert dashes(page, error, 6.3) < 5, "what is counted are no lines of the chart"
     for section, target in {"Chirp": 0.5, "Force": 7, "Settling": 0.1, "Last": 0.1, "Whole": 7}.items():
         page.locator("#case button:visible", has_text=section).click()
-        assert dashes(page, error, target) > 4, section
+        # Beside a line there are none; on a phone, the one of B5 has five, of which the peak may hide one.
+        assert dashes(page, error, target) > 3, section
     zoom(page, error, [11, 12])
     assert dashes(page, error, 7) > 5, "both ends outside"
     grid, place = option(page, path)["grid"][0], page.locator(f"#{path}")
