@@ -4,6 +4,8 @@
                                                             own, and the lists of counterexamples/ (two minutes)
     python benchmarks/counterexamples.py RobustLinearLQG    another controller
     python benchmarks/counterexamples.py --claims           the claims alone (half a minute)
+    python benchmarks/counterexamples.py SteadyLQG --parameters controller_fmu/steady_c/next_weights.json
+                                                            the lists with other parameters
 
 The claims are those of docs/claims.json (benchmarks/claims.py). Each is simulated by its command, and with eight other
 realizations of the noise.
@@ -18,6 +20,8 @@ steady         somebody attacked the SteadyLQG before its slow feedback, from th
                of eight arms at once, and moved the begin of the chirp, too
 weak           somebody attacked the present SteadyLQG, from "steady" on: forces in the direction that loads the joints
                least, after a chirp, for B6. Where "steady" has the larger value, it is that arm
+ringing        the project attacked SteadyLQG with the parameters of next_weights.json, from all arms above on, with such
+               a simulator of others
 
 The files have, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1, the
 direction of the force [rad], the sweep [Hz], the seed of the noise, the begin t_3 [s] of the chirp where it is not that
@@ -34,6 +38,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from statistics import mean
@@ -71,8 +76,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Worse cases than the leaderboard's searches have found.")
     parser.add_argument("name", nargs="?", default="RobustLQG", metavar="NAME", help="one of the project's controllers")
     parser.add_argument("--claims", action="store_true", help="only the claims, not the lists")
+    parser.add_argument("--parameters", type=Path, metavar="FILE", help="only the lists, with these parameters")
     given = parser.parse_args()
     controller, bench = Controller.built_in(given.name), Benchmark("strict")
+    if given.parameters:
+        on_lists(replace(controller, parameters=given.parameters), bench)
+        return
     file = build_fmus.build(given.name, ROOT / "build" / "fmus")
     for command in dict.fromkeys(claim.command for claim in claims() if claim.controller == given.name):
         if command.startswith(COMMAND):

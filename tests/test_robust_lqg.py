@@ -71,8 +71,8 @@ class Reference(NamedTuple):
 
 
 def reference(signals, p, steady=False):
-    """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, and the threshold
-    of an event falls slowly after the dither."""
+    """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, the threshold
+    of an event falls slowly after the dither, and a motion that dies out while there is a dither is an event."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
@@ -87,7 +87,8 @@ def reference(signals, p, steady=False):
     fast, jumps, peaks = np.zeros(2), 0.0, 0.0
     event = first_event = sway = -math.inf
     peak, dither_left, peak_left = -math.inf, p["dither_time"], p["peak_time"]
-    at_limit, angle, slowly = np.zeros(2), np.zeros(2), False
+    at_limit, angle, slowly, last_slowly = np.zeros(2), np.zeros(2), False, -math.inf
+    lately, before = 0.0, 0.0
     stiffness, damping = (np.array([p[f"slow_{name}[{axis}]"] for axis in (1, 2)]) for name in ("stiffness", "damping"))
 
     def fading(time):
@@ -113,13 +114,18 @@ def reference(signals, p, steady=False):
         passed = (k - 1 - max(event, sway)) * T_S - over
         still = math.exp(-max(passed, 0.0) / p["average_time"]) if steady else float(passed < 0)
         factor = p["spent"] if dither_left <= 0 else 1.0 + (p["dithered"] - 1.0) * still
-        if moved > factor * p["threshold"] / reach and moved > p["contrast"] * unrest:
+        rings = steady and p["ringing"] < lately < p["ringing_fall"] * before and (k - 1 - event) * T_S < over
+        if steady:
+            lately = moved + fading(p["ringing_time"]) * (lately - moved)
+            before = moved + fading(p["ringing_memory"]) * (before - moved)
+        if rings or moved > factor * p["threshold"] / reach and moved > p["contrast"] * unrest:
             if (k - 1 - event) * T_S >= over:
                 first_event = k - 1
             event = k
         if moved > p["sway"] / reach and dither_left > 0:
             sway = k
-        unrest = moved + fading(p["average_time"]) * (unrest - moved)
+        average_time = p["contrast_time" if steady and moved > unrest else "average_time"]
+        unrest = moved + fading(average_time) * (unrest - moved)
         level = max(np.linalg.norm(error[0]), fading(p["memory"]) * level)
 
         allowed = float(np.clip((level - p["off"]) / p["rise"], 0, 1))
@@ -132,7 +138,8 @@ def reference(signals, p, steady=False):
 
         sign = 1 if k % (p["period"] / T_S) < p["period"] / T_S / 2 else -1
         later = (1 - share) * feedback[0] + share * feedback[1]
-        wanted = u_0 + (1 - peaks) * later + peaks * feedback[2] + dither * sign * amplitude
+        third = 0.0 if (k - 1 - last_slowly) * T_S < p["peak_pause"] else peaks
+        wanted = u_0 + (1 - third) * later + third * feedback[2] + dither * sign * amplitude
         here = np.abs(wanted) >= TORQUE_LIMIT
         at_limit = here + fading(p["overload_time"]) * (at_limit - here)
         slowly = at_limit.max() > (p["recovered"] if slowly else p["overload"])
@@ -140,6 +147,7 @@ def reference(signals, p, steady=False):
         velocity = (e - angle) / p["velocity_time"]
         angle = e + fading(p["velocity_time"]) * (angle - e)
         if slowly:
+            last_slowly = k
             wanted = u_0 - np.clip(stiffness * e, -most, most) - damping * velocity
         u_m = np.clip(wanted, -TORQUE_LIMIT, TORQUE_LIMIT)
         found.append((u_m, dither, share, peaks, by_sway > by_event, slowly))

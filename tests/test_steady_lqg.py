@@ -57,6 +57,22 @@ def test_torques_are_those_of_the_law(file):
 
 
 @needs_compiler
+@pytest.mark.slow
+def test_torques_are_those_of_the_law_with_the_parts_that_are_off(file):
+    signals, starts = signals_of(file)
+    short = {"jump": 1e-4, "jump_contrast": 3.0, "hold": 0.3, "decay": 0.2, "dithered": 60.0}
+    # The pause ends between two samples, which the sum of sample times in C and the product here cannot tell apart.
+    added = {"ringing": 1e-5, "contrast_time": 1.0, "peak_pause": 0.5001}
+    expected = reference(signals, {**starts, **ENDLESS, **short, **added}, steady=True)
+    for name in added:
+        without = {**starts, **ENDLESS, **short, **added, name: starts[name]}
+        assert not np.array_equal(reference(signals, without, steady=True).u_m, expected.u_m), name
+    found = in_child(torques, file, signals, {**short, **added})
+    drive = TORQUE_LIMIT / 2**11
+    assert_allclose(found / drive, expected.u_m / drive, rtol=0.0, atol=0.05)
+
+
+@needs_compiler
 def test_the_arm_on_which_robust_lqg_fails_a2_comes_to_rest(file):
     (command,) = {claim.command for claim in claims() if claim.figure == "A2"}
     result = counterexamples.repeated(command, file)

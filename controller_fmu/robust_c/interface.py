@@ -53,6 +53,7 @@ class Slow(NamedTuple):
     slow_damping: Annotated[Pair, "N.m.s/rad", "Damping of the slow feedback", 0.0]
     slow_share: Annotated[float, "1", "Largest share of the limit that its stiffness asks for", 0.0]
     velocity_time: Annotated[float, "s", "Time constant of its velocity", POSITIVE]
+    peak_pause: Annotated[float, "s", "Time after it for which the third law rests", 0.0]
 
 
 def weights_for(prefix: str, when: str) -> tuple[Variable, ...]:

@@ -91,13 +91,15 @@ bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE
         if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
     const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
     const double shake = share.dither > 0.0 ? share.dither * square(&lqg->watch.errors, of->period, lqg->T_s) : 0.0;
+    /* The hand-over from the slow feedback is a jump to the third law, which would drive the torques to their limits again. */
+    const double peak = lqg->overload.since < lqg->slow.peak_pause ? 0.0 : share.peak;
     double wanted[AXES], slow[AXES];
     for (int i = 0; i < AXES; i++) {
         const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
-        const double feedback = (1.0 - share.peak) * later + share.peak * next[IN_PEAK][U + i];
+        const double feedback = (1.0 - peak) * later + peak * next[IN_PEAK][U + i];
         wanted[i] = lqg->u_0[i] + feedback + lqg->amplitude[i] * shake;
     }
-    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted);
+    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted, lqg->T_s);
     feed_back_slowly(&lqg->overload, &lqg->slow, lqg->vectors[AT_REST] + E, slow);
     for (int i = 0; i < AXES; i++) {
         of->u_m[i] = limited(slowly ? lqg->u_0[i] + slow[i] : wanted[i], -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);

@@ -13,28 +13,30 @@
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
-    double overload, time, recovered, stiffness[2], damping[2], share, velocity_time;
+    double overload, time, recovered, stiffness[2], damping[2], share, velocity_time, peak_pause;
 } Slow;
 
 /* The average share of the samples in which each axis is asked for its limit; the average angles [rad]; what is left of both
- * averages after a sample; whether the slow feedback acts. */
+ * averages after a sample; time [s] since the slow feedback acted; whether it acts. */
 typedef struct {
-    double at_limit[2], angle[2], limit_left, angle_left;
+    double at_limit[2], angle[2], limit_left, angle_left, since;
     bool acts;
 } Overload;
 
 /* At rest. */
 static inline Overload overload(const Slow *by, double T_s)
 {
-    return (Overload){.limit_left = left_of(by->time, T_s), .angle_left = left_of(by->velocity_time, T_s)};
+    return (Overload){.limit_left = left_of(by->time, T_s), .angle_left = left_of(by->velocity_time, T_s),
+                      .since = INFINITY};
 }
 
 /* Whether the slow feedback acts in this sample, in which these torques [N.m] are wanted. */
-static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2])
+static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2], double T_s)
 {
     for (int i = 0; i < 2; i++)
         smooth(&on->at_limit[i], fabs(wanted[i]) >= TORQUE_LIMIT[i] ? 1.0 : 0.0, on->limit_left);
     on->acts = fmax(on->at_limit[0], on->at_limit[1]) > (on->acts ? by->recovered : by->overload);
+    on->since = on->acts ? 0.0 : on->since + T_s;
     return on->acts;
 }
 

@@ -3,6 +3,8 @@
 #ifndef SWITCHING_H
 #define SWITCHING_H
 
+#include <stdbool.h>
+
 #include "events.h"
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
@@ -10,14 +12,17 @@ typedef struct {
     double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, dithered;
     double wait, hold, decay;
     double jump, jump_contrast, jump_time, peak_hold, peak_decay;
+    double contrast_time, ringing, ringing_fall, ringing_time, ringing_memory;
 } Switching;
 
 /* The errors; the slow average of the motion [m]; the level [m]; the fast average of the third estimate, and the slow
- * average of its jumps [m]; times [s] since the last event, the first one of those that still act, and the last peak. */
+ * average of its jumps [m]; the fast and the slow average of the motion that tell whether it dies out [m]; times [s] since the
+ * last event, the first one of those that still act, and the last peak. */
 typedef struct {
     Errors errors;
     Left left;
-    double unrest, level, fast[2], jumps, since_event, since_first, since_peak;
+    double left_rising, left_lately, left_before;
+    double unrest, level, fast[2], jumps, lately, before, since_event, since_first, since_peak;
 } Watch;
 
 /* The thresholds of an arm with this reach, relative to the stretched one. */
@@ -32,6 +37,9 @@ static inline Watch watch(const Switching *by, double T_s)
 {
     return (Watch){.errors.window = (int)window_of(by->period, T_s),
                    .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
+                   .left_rising = left_of(by->contrast_time, T_s),
+                   .left_lately = left_of(by->ringing_time, T_s),
+                   .left_before = left_of(by->ringing_memory, T_s),
                    .since_event = INFINITY, .since_first = INFINITY, .since_peak = INFINITY};
 }
 
@@ -50,6 +58,16 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     return faded(by->peak_hold, by->peak_decay, on->since_peak);
 }
 
+/* Whether the arm rings on, while there still is a dither: a motion that dies out is a free one, over motors that are held by
+ * friction. One that does not die out may be the dither's own, with the delay of A2, which must not keep it up. */
+static inline bool rings(Watch *on, const Switching *by, double moved)
+{
+    const bool found = on->lately > by->ringing && on->lately < by->ringing_fall * on->before && on->since_event < by->hold + by->decay;
+    smooth(&on->lately, moved, on->left_lately);
+    smooth(&on->before, moved, on->left_before);
+    return found;
+}
+
 /* Takes the TCP error [m] of this sample as the event's filter and the peak's estimate it. */
 static inline Shares shares(Watch *on, const Switching *by, const double error[2], const double peak[2], double T_s)
 {
@@ -58,14 +76,15 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
      * slow average, which forgets as the threshold falls. */
     const double still = elementary_exp(-fmax(on->since_event - over, 0.0) / by->average_time);
     const double least = by->threshold * (1.0 + (by->dithered - 1.0) * still);
-    if (moved > least && moved > by->contrast * on->unrest) {
+    const bool ringing = rings(on, by, moved);
+    if (ringing || (moved > least && moved > by->contrast * on->unrest)) {
         /* A further event does not bring back the first law: the damping one acts already. */
         if (on->since_event >= over) on->since_first = 0.0;
         on->since_event = 0.0;
     } else
         on->since_event += T_s;
     on->since_first += T_s;
-    smooth(&on->unrest, moved, on->left.average);
+    smooth(&on->unrest, moved, moved > on->unrest ? on->left_rising : on->left.average);
     on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     const double dither = fmin(wanted, faded(by->hold, by->decay, on->since_event));

@@ -43,7 +43,6 @@ TARGETS: Mapping[str, Target] = {
     "x86_64-musl-O2": _zig("x86_64-linux-musl", "-O2", HERE),
     "x86_64-windows-O0": _zig("x86_64-windows-gnu", "-O0", "wine", HERE, runner=("wine",)),
     "x86_64-windows-O2": _zig("x86_64-windows-gnu", "-O2", "wine", HERE, runner=("wine",)),
-    "aarch64-musl-O0": _zig("aarch64-linux-musl", "-O0", "qemu-aarch64", runner=("qemu-aarch64",)),
     "aarch64-musl-O2": _zig("aarch64-linux-musl", "-O2", "qemu-aarch64", runner=("qemu-aarch64",)),
     "wasm32": _zig("wasm32-wasi", "-O2", "node", runner=WASI),
     "x86_64-macos-O2": _zig("x86_64-macos", "-O2", runner=None),
