@@ -138,7 +138,7 @@ def kind_of(name):
     return (found[2], found[1] == "me") if found else ("2", False)
 
 
-# Each initialization of an LQG solves Riccati equations: 100,000 calls take a minute. benchmarks/random_calls.py makes more.
+# Each initialization of an LQG solves Riccati equations: 100,000 calls take a minute. The benchmark makes more.
 SLOW, CALLS_OF_LQG = {name: [pytest.mark.slow] for name in LQGS}, 40_000
 
 

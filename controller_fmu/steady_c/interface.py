@@ -12,7 +12,7 @@ LEFT_OUT = ("spent", "dither_time", "sway", "sway_share", "peak_time", "peak_reg
 
 
 class Ringing(NamedTuple):
-    """What else begins an event, and how an event stands out; annotations as in flexible_manipulator_lqg/interface.py."""
+    """What else begins an event, and how one stands out; annotations as in flexible_manipulator_lqg/interface.py."""
 
     contrast_time: Annotated[float, "s", "Time constant with which the average of the motion rises", POSITIVE]
     ringing: Annotated[float, "m", "Average motion of the estimated TCP above which one that dies out is an event", 0.0]

@@ -62,7 +62,8 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
  * friction. One that does not die out may be the dither's own, with the delay of A2, which must not keep it up. */
 static inline bool rings(Watch *on, const Switching *by, double moved)
 {
-    const bool found = on->lately > by->ringing && on->lately < by->ringing_fall * on->before && on->since_event < by->hold + by->decay;
+    const bool dithered = on->since_event < by->hold + by->decay, dies_out = on->lately < by->ringing_fall * on->before;
+    const bool found = dithered && dies_out && on->lately > by->ringing;
     smooth(&on->lately, moved, on->left_lately);
     smooth(&on->before, moved, on->left_before);
     return found;
