@@ -1,5 +1,7 @@
 """What the draws of a verification follow from: nothing that a controller could have known."""
 
+import subprocess
+import sys
 from datetime import datetime, timezone
 
 import pytest
@@ -35,6 +37,24 @@ def test_its_signature_is_checked():
     assert from_beacon(ROUND, BEFORE).beacon.checked
     for wrong in (ROUND.replace(":123:", ":124:"), ROUND[:-1] + "3", f"drand:{QUICKNET}:123:{'0' * 96}"):
         assert refusal(from_beacon, wrong, BEFORE).what == "wrong-signature"
+
+
+AFTER_A_CHECK = """
+import json, sys
+from orchestrator.benchmark.draws import from_beacon
+assert from_beacon(sys.argv[1], sys.argv[2]).beacon.checked
+try:
+    json.loads("[" * 200_000)
+except RecursionError:
+    print("refused")
+"""
+
+
+@pytest.mark.needs("py_ecc")
+def test_a_check_leaves_deep_files_refused():
+    words = [sys.executable, "-c", AFTER_A_CHECK, ROUND, BEFORE]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.stdout == "refused\n", done
 
 
 @pytest.mark.parametrize(

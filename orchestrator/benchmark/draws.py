@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import secrets
+import sys
 from collections.abc import Mapping
 from datetime import datetime, timedelta, timezone
 from typing import Any, Literal, NamedTuple, TypeGuard
@@ -171,6 +172,7 @@ def check(chain: Chain, number: int, signature: str) -> bool:
     It is a point S of G1 with e(S, g_2) = e(H(m), P): BLS on the curve BLS12-381, with m the SHA-256 of the round's
     number in eight bytes and H as in RFC 9380. Raises :class:`InputError` if it is wrong.
     """
+    limit = sys.getrecursionlimit()
     try:
         from py_ecc.bls.g2_primitives import subgroup_check
         from py_ecc.bls.hash_to_curve import hash_to_G1
@@ -178,6 +180,10 @@ def check(chain: Chain, number: int, signature: str) -> bool:
         from py_ecc.optimized_bls12_381 import G2, pairing
     except ImportError:
         return False
+    finally:
+        # The import raises it to 100,000 for the whole process, in which a JSON file of so many brackets then
+        # overflowed the stack. What is used of the package has loops.
+        sys.setrecursionlimit(limit)
     # The scheme bls-unchained-g1-rfc9380: the message is the number
     # alone, so a round can be checked without the one before.
     tag = b"BLS_SIG_BLS12381G1_XMD:SHA-256_SSWU_RO_NUL_"
