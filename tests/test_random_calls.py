@@ -139,7 +139,7 @@ def kind_of(name):
 
 
 # Each initialization of an LQG solves Riccati equations: 100,000 calls take a minute. The benchmark makes more.
-SLOW, CALLS_OF_LQG = {name: [pytest.mark.slow] for name in LQGS}, 40_000
+SLOW, CALLS_OF_LQG = {name: [pytest.mark.slow] for name in LQGS}, 60_000
 
 
 @needs_sanitizers
