@@ -1,4 +1,4 @@
-"""The variables of SteadyLQG: those of RobustLQG without what limits a part in time or keeps the dither on, and its own."""
+"""The variables of SteadyLQG: RobustLQG's without what limits a part in time or keeps the dither on, and its own."""
 
 from __future__ import annotations
 
