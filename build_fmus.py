@@ -51,7 +51,7 @@ DEFAULT_OUTPUT_DIR = Path("build", "fmus")
 EXIT_OK, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
 
-_DESIGN = ("checks.h", "design.c", "design.h", "matrix.h")
+_DESIGN = ("checks.h", "design.c", "design.h", "law.h", "matrix.h")
 """Files of lqg_c that other controllers share."""
 
 Platforms = Sequence[str]
@@ -125,7 +125,7 @@ def _steady_lqg(target: Path, platforms: Platforms) -> Path:
     what = "Three LQG controllers: a stiff one, a damping one with a dither, a strong one; no part is limited in time"
     sources = [
         *(designs / name for name in _DESIGN),
-        *(shared / name for name in ("events.h", "model.c", "overload.h")),
+        *(shared / name for name in ("events.h", "feedback.h", "model.c", "overload.h")),
     ]
     root = description(STEADY_ROWS, _starts(own / "steady_weights.json"), what, BASE_UNITS)
     return _described_in_c(root, [*sources, own / "switching.h"], target, platforms)

@@ -48,6 +48,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
 import build_fmus  # noqa: E402
 from benchmarks.claims import ROOT, claims  # noqa: E402
+from benchmarks.lanes import InLanes  # noqa: E402
 from orchestrator import Benchmark, Controller  # noqa: E402
 from orchestrator.benchmark.protocol import Protocol  # noqa: E402
 from orchestrator.benchmark.results import CaseResult, rules  # noqa: E402
@@ -58,7 +59,6 @@ from orchestrator.execution import store  # noqa: E402
 from orchestrator.search.member import Member, case_of, names  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
-from orchestrator.study.engine import local_executor  # noqa: E402
 from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 
 LISTS = Path(__file__).with_suffix("")
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--claims", action="store_true", help="only the claims, not the lists")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="only the lists, with these parameters")
     given = parser.parse_args()
-    controller, bench = Controller.built_in(given.name), Benchmark("strict")
+    controller, bench = Controller.built_in(given.name), InLanes("strict")
     if given.parameters:
         on_lists(replace(controller, parameters=given.parameters), bench)
         return
@@ -155,7 +155,7 @@ def simulated(
     own = [case_of(member(arm, test, protocol), protocol, bench.nominal) for arm in arms]
     entry = BatchEntry(protocol, pairing, (*before, *own))
     with store.opened(None) as known:
-        results = [run.result for run in batch.run(Batch((entry,)), local_executor(bench), known)[0]]
+        results = [run.result for run in batch.run(Batch((entry,)), bench.engine(here=True).execute, known)[0]]
     return results[: len(before)], results[len(before) :]
 
 

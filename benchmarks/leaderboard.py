@@ -42,6 +42,7 @@ import build_fmus  # noqa: E402
 from benchmarks.claims import OWN, Claim, Figures, add, counting, name_of  # noqa: E402
 from benchmarks.counterexamples import SEEDS as OTHER_SEEDS  # noqa: E402
 from benchmarks.counterexamples import fails, repeated  # noqa: E402
+from benchmarks.lanes import InLanes  # noqa: E402
 from benchmarks.leaderboard_tables import PAGES, PICTURE, draw, pages  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
 from orchestrator.benchmark.scorecard import kind  # noqa: E402
@@ -87,7 +88,7 @@ def evaluate(
 ) -> dict[str, Any]:
     """The figures of one controller: on ``paper``, with both builds of the plant; on ``strict``; the worst found; over
     the seeds. With the figures from ``before``, with the native plant alone, and with their seeds and time per step."""
-    return Benchmark().engine(folder / name).run(studied(name, folder / name, before, budgets))
+    return InLanes().engine(folder / name).run(studied(name, folder / name, before, budgets))
 
 
 def studied(name: str, folder: Path, before: Figures | None, budgets: Sequence[int]) -> Requests[dict[str, Any]]:
@@ -113,7 +114,7 @@ def evaluated_anew(figures: Figures, folder: Path) -> dict[str, Any]:
     """The ``figures`` of a controller with those on ``paper`` and ``strict`` as they are now; what was searched for
     stays, with the version of the benchmark that it is of."""
     name = name_of(figures)
-    measured = Benchmark().engine(folder / name).run(_evaluated(name, folder / name, ("native",)))
+    measured = InLanes().engine(folder / name).run(_evaluated(name, folder / name, ("native",)))
     found = {"benchmark": figures["benchmark"], **figures["robustness"]}
     return {**measured, **_kept(figures, "seeds", "computing_time"), "robustness": found}
 
@@ -215,7 +216,7 @@ def same(figures: Figures, folder: Path) -> dict[str, Any]:
     """
     name = name_of(figures)
     controller = built(name)
-    results = Benchmark().evaluate(controller, folder=folder / "same" / name, recordings=False).results
+    results = InLanes().evaluate(controller, folder=folder / "same" / name, recordings=False).results
     cases = hashlib.sha256((folder / "same" / name / "cases.csv").read_bytes()).hexdigest()
     if cases != figures["cases"] or results.cost != figures["cost"]:
         raise SystemExit(f"{name}: not the results that are kept; evaluate it anew")

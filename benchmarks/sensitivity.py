@@ -24,10 +24,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.lanes import InLanes  # noqa: E402
 from benchmarks.leaderboard import searched_as  # noqa: E402
 from benchmarks.leaderboard_tables import PAGES  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
-from orchestrator import Benchmark  # noqa: E402
 from orchestrator.benchmark.case import Case  # noqa: E402
 from orchestrator.benchmark.results import rules  # noqa: E402
 from orchestrator.benchmark.scorecard import score  # noqa: E402
@@ -39,7 +39,7 @@ FIGURES, PAGE = (ROOT / "docs" / name for name in ("sensitivity.json", "robustne
 WORK = ROOT / "runs" / "sensitivity"
 MAKER = "benchmarks/sensitivity.py"
 
-BENCH = Benchmark("paper")
+BENCH = InLanes("paper")
 T_S = BENCH.rules.sample_time
 
 Figures = Mapping[str, Mapping[str, Any]]

@@ -28,11 +28,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.claims import best_known, claims, counting, name_of  # noqa: E402
+from benchmarks.lanes import InLanes  # noqa: E402
 from benchmarks.leaderboard import FIGURES as LEADERBOARD  # noqa: E402
 from benchmarks.leaderboard import built, searched_as  # noqa: E402
 from benchmarks.leaderboard_tables import PAGES, shown, standing, verdicts  # noqa: E402
 from benchmarks.marked_tables import with_table  # noqa: E402
-from orchestrator import Benchmark, Reliability  # noqa: E402
+from orchestrator import Reliability  # noqa: E402
 from orchestrator.benchmark.reliability import Distribution, draws_needed  # noqa: E402
 from orchestrator.benchmark.tail import tail  # noqa: E402
 
@@ -69,7 +70,7 @@ def drawn(name: str, draws: int, distribution: Distribution = "box", only: Seque
     """What a sample of a controller comes to: its failures, and V and the heaviest criteria of the draws, if their
     tests are simulated."""
     cases, folder = cases_of(name), RUNS / "-".join((name, str(draws), distribution, *only))
-    found = Benchmark(seed=SEED).reliability(
+    found = InLanes(seed=SEED).reliability(
         searched_as(name), draws=draws, distribution=distribution, only=only, confidence=CONFIDENCE, folder=folder
     )
     return {"benchmark": found.benchmark, "draws": draws, "cases": cases, **_kept(found)}
@@ -108,7 +109,7 @@ def without_limit() -> dict[str, Any]:
     found = {}
     for words, values in (("limited", {}), ("not limited", UNLIMITED)):
         controller = built(RATIONED).with_parameters(values)
-        results = Benchmark("strict").evaluate(controller, folder=RUNS / words, recordings=False).results
+        results = InLanes("strict").evaluate(controller, folder=RUNS / words, recordings=False).results
         found[words] = {
             "cost": results.cost,
             "requirements": {name: entry.passed for name, entry in results.stability.items()},

@@ -1,22 +1,34 @@
 /* Sine, cosine, exponential, logarithm, length and hyperbolic tangent from exact operations, the same bits on every
  * platform: twin of plant_fmu/flexible_manipulator/formulas.py, where ranges, errors and sources are told.
  *
- * Compile without contraction to fused multiply-add (-ffp-contract=off) and without fast-math. The functions whose
- * names end on _within have no branches, so that compilers can compute several side by side.
+ * Compile without contraction to fused multiply-add (-ffp-contract=off) and without fast-math. There are no branches, so that
+ * compilers can compute several numbers side by side.
  */
 #ifndef ELEMENTARY_H
 #define ELEMENTARY_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
+
+#ifndef LANES /* benchmarks/lanes_cpp computes eight arms side by side from the same sources: its numbers have these of their own */
+static inline double choose(bool condition, double then, double otherwise) { return condition ? then : otherwise; }
+
+static inline bool any(bool condition) { return condition; }
+
+/* What is the same for all of them, and one of 64. */
+typedef double Constant;
+
+static inline double entry(const Constant table[64], uint64_t at) { return table[at]; }
+#endif
 
 static const double ELEMENTARY_ROUND = 6755399441055744.0; /* 1.5 * 2^52 */
 static const double ELEMENTARY_ANGLE_MAX = 1e6, ELEMENTARY_EXP_MIN = -708.0, ELEMENTARY_EXP_MAX = 709.0;
 static const double ELEMENTARY_LN_2_1 = 0.6931471803691238, ELEMENTARY_LN_2_2 = 1.9082149292705877e-10;
 
 /* 2^(i / 64), rounded, and what was rounded off. */
-static const double ELEMENTARY_POWERS[64] = {
+static const Constant ELEMENTARY_POWERS[64] = {
     1.0, 1.0108892860517005, 1.0218971486541166, 1.0330248790212284, 1.0442737824274138, 1.0556451783605572,
     1.0671404006768237, 1.0787607977571199, 1.0905077326652577, 1.102382583307841, 1.1143867425958924,
     1.1265216186082418, 1.1387886347566916, 1.1511892299529827, 1.1637248587775775, 1.1763969916502812,
@@ -30,7 +42,7 @@ static const double ELEMENTARY_POWERS[64] = {
     1.7947090750031072, 1.8142521755003989, 1.8340080864093424, 1.8539791250833855, 1.8741676341103, 1.8945759815869656,
     1.9152065613971474, 1.9360617934922943, 1.9571441241754002, 1.978456026387951,
 };
-static const double ELEMENTARY_POWERS_REST[64] = {
+static const Constant ELEMENTARY_POWERS_REST[64] = {
     0.0, -1.5234778603368577e-17, 5.109225028973444e-17, 7.600838874027088e-18, 8.551889705537965e-17,
     1.759325738772092e-18, -7.899853966841582e-17, -6.656660436056593e-17, -3.046782079812471e-17,
     5.2660368715706944e-17, 1.0410278456845571e-16, 5.165856758795457e-17, 8.912812676025408e-17, 3.250710218863827e-17,
@@ -89,7 +101,9 @@ static inline void elementary_sin_cos_within(double x, double *sine, double *cos
 static inline void elementary_sin_cos(double x, double *sine, double *cosine)
 {
     elementary_sin_cos_within(x, sine, cosine);
-    if (!(fabs(x) <= ELEMENTARY_ANGLE_MAX)) *sine = *cosine = NAN;
+    const bool within = fabs(x) <= ELEMENTARY_ANGLE_MAX;
+    *sine = choose(within, *sine, NAN);
+    *cosine = choose(within, *cosine, NAN);
 }
 
 static inline double elementary_sin(double x)
@@ -115,34 +129,33 @@ static inline double elementary_exp_within(double x)
         (0.49999999999985073 + 0.16666666666664534 * r) + r * r * (0.04166670739519196 + 0.008333339151693497 * r);
     /* The last bits of `shifted` are those of k. */
     const uint64_t bits = elementary_bits(shifted), part = bits & 63;
-    const double power = ELEMENTARY_POWERS[part], power_of_two = elementary_number(((bits >> 6) + 1023) << 52);
-    return (power + (ELEMENTARY_POWERS_REST[part] + power * (r + r * r * rest))) * power_of_two;
+    const double power = entry(ELEMENTARY_POWERS, part), power_of_two = elementary_number(((bits >> 6) + 1023) << 52);
+    return (power + (entry(ELEMENTARY_POWERS_REST, part) + power * (r + r * r * rest))) * power_of_two;
 }
 
 static inline double elementary_exp(double x)
 {
-    if (x < ELEMENTARY_EXP_MIN) return 0.0;
-    if (x > ELEMENTARY_EXP_MAX) return INFINITY;
-    return elementary_exp_within(x);
+    const double within = choose(x > ELEMENTARY_EXP_MAX, INFINITY, elementary_exp_within(x));
+    return choose(x < ELEMENTARY_EXP_MIN, 0.0, within);
 }
 
 /* Of a positive normal number; not a number otherwise. */
 static inline double elementary_log(double x)
 {
-    if (!(x >= 2.2250738585072014e-308 && x <= 1.7976931348623157e308)) return NAN;
+    const bool normal = x >= 2.2250738585072014e-308 && x <= 1.7976931348623157e308;
     const uint64_t bits = elementary_bits(x), mantissa = bits & 0xfffffffffffff;
-    double fraction = elementary_number(mantissa | (uint64_t)1022 << 52), k = (double)((int)(bits >> 52) - 1022);
-    if (fraction < 0.7071067811865476) {
-        fraction = 2.0 * fraction;
-        k -= 1.0;
-    }
+    const double half_to_1 = elementary_number(mantissa | (uint64_t)1022 << 52);
+    /* As the last bits of 2^52, the exponent is a number. */
+    const double exponent = elementary_number(bits >> 52 | (uint64_t)1075 << 52) - (4503599627370496.0 + 1022.0);
+    const bool low = half_to_1 < 0.7071067811865476;
+    const double fraction = choose(low, 2.0 * half_to_1, half_to_1), k = choose(low, exponent - 1.0, exponent);
     const double f = fraction - 1.0, s = f / (2.0 + f), z = s * s;
     const double rest_3 =
         0.2222221113479508 + z * (0.18182889125261723 + z * (0.15331721600556042 + z * 0.14616449685043406));
     const double rest =
         z * (0.666666666666667 + z * (0.39999999999899505 + z * (0.28571428625975487 + z * rest_3)));
     const double half = 0.5 * f * f;
-    return k * ELEMENTARY_LN_2_1 - ((half - (s * (half + rest) + k * ELEMENTARY_LN_2_2)) - f);
+    return choose(normal, k * ELEMENTARY_LN_2_1 - ((half - (s * (half + rest) + k * ELEMENTARY_LN_2_2)) - f), NAN);
 }
 
 /* x^2 - square exactly, where square is x * x rounded (Dekker). */
@@ -155,11 +168,10 @@ static inline double elementary_rounded_off(double x, double square)
 static inline double elementary_hypot(double x, double y)
 {
     const double p = x * x, q = y * y, total = p + q, root = sqrt(total);
-    if (!(root > 0.0)) return root;
     const double back = total - p, lost = (p - (total - back)) + (q - back), square = root * root;
     const double rest = ((total - square) - elementary_rounded_off(root, square)) +
                         (lost + elementary_rounded_off(x, p) + elementary_rounded_off(y, q));
-    return root + rest / (2.0 * root);
+    return choose(root > 0.0, root + rest / (2.0 * root), root);
 }
 
 /* Error below 2 units of the last place of 1. */

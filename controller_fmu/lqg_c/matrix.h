@@ -2,10 +2,7 @@
 #ifndef MATRIX_H
 #define MATRIX_H
 
-#include <math.h>
-#include <stdbool.h>
-
-enum { N = 12 };
+#include "law.h"
 
 typedef struct {
     double of[N][N];

@@ -5,15 +5,13 @@
 
 #include "checks.h"
 #include "design.h"
-#include "elementary.h"
+#include "feedback.h"
 
 typedef struct {
     Variables of;
 
-    Law law;
-    double vector[LAW]; /* z, u, e */
-    double T_s, u_0[AXES];
-    double period, full, forget, level, sample; /* of the dither: [samples], [m], [1], [m], a whole number */
+    double T_s;
+    Feedback feedback;
 } DitheredLqg;
 
 ASSERT_LAYOUT(starts_are_the_variables, sizeof START == sizeof(Variables));
@@ -29,38 +27,30 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 {
     DitheredLqg *lqg = model;
     Variables *of = &lqg->of;
-    *lqg = (DitheredLqg){.of = *of, .T_s = of->T_s};
-    for (int i = 0; i < AXES; i++)
-        of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
+    Feedback *on = &lqg->feedback;
+    lqg->T_s = of->T_s;
+    *on = (Feedback){.off = of->off, .full = of->off + of->rise};
+    for (int i = 0; i < AXES; i++) {
+        of->u_m[i] = on->u_0[i] = of->u_m0[i];
+        on->q_m_ref[i] = of->q_m_ref[i];
+        on->amplitude[i] = of->amplitude[i];
+    }
     if (!check_ranges(of, message)) return false;
-    lqg->period = of->period / of->T_s;
-    lqg->full = of->off + of->rise;
-    lqg->forget = elementary_exp(-of->T_s / of->memory);
+    on->period = of->period / of->T_s;
+    on->forget = elementary_exp(-of->T_s / of->memory);
     Weights weights;
     memcpy(&weights, of->stiffness, sizeof weights);
-    return design(&weights, of->q_m_ref, of->u_m0, of->T_s, &lqg->law, message);
+    return design(&weights, of->q_m_ref, of->u_m0, of->T_s, &on->law, message);
 }
 
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     DitheredLqg *lqg = model;
-    Variables *of = &lqg->of;
-    double next[LAW];
+    double next[LAWS][LAW];
+    estimate(&lqg->feedback, lqg->of.q_m, next);
     for (int i = 0; i < AXES; i++)
-        lqg->vector[E + i] = of->q_m[i] - of->q_m_ref[i];
-    apply(&lqg->law, lqg->vector, next);
-    for (int i = 0; i < AXES; i++)
-        if (!check_torque(i, next[U + i], t, message)) return false;
-    lqg->level = fmax(elementary_hypot(next[E], next[E + 1]), lqg->forget * lqg->level);
-    const double strength = fmin(fmax((lqg->level - of->off) / (lqg->full - of->off), 0.0), 1.0);
-    const double shake = strength * elementary_sin(2.0 * PI * fmod(lqg->sample, lqg->period) / lqg->period);
-    lqg->sample += 1.0;
-    for (int i = 0; i < AXES; i++) {
-        const double wanted = lqg->u_0[i] + next[U + i] + of->amplitude[i] * shake;
-        of->u_m[i] = fmin(fmax(wanted, -TORQUE_LIMIT[i]), TORQUE_LIMIT[i]);
-        next[U + i] = of->u_m[i] - lqg->u_0[i];
-    }
-    memcpy(lqg->vector, next, sizeof next);
+        if (!check_torque(i, asked_in_all(next, i), t, message)) return false;
+    command(&lqg->feedback, next, lqg->of.u_m);
     return true;
 }
 

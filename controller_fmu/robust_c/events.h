@@ -58,7 +58,7 @@ static inline double motion(Errors *of, const double error[2], double left)
 static inline double square(const Errors *of, double length, double T_s)
 {
     const double period = length / T_s, phase = fmod(of->sample - 1.0, period);
-    return phase < 0.5 * period ? 1.0 : -1.0;
+    return choose(phase < 0.5 * period, 1.0, -1.0);
 }
 
 /* What an axis is shaken with [N.m], up to `most`: a loop gain up to the headroom leaves torque and dither together

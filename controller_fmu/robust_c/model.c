@@ -7,21 +7,12 @@
 
 #include "checks.h"
 #include "design.h"
-#include "overload.h"
-#include "switching.h"
-
-enum { AT_REST, AFTER_EVENT, IN_PEAK, LAWS };
+#include "feedback.h"
 
 typedef struct {
     Variables of;
 
-    Law laws[LAWS];
-    double vectors[LAWS][LAW]; /* of each law: z, u, e */
-    Switching switching;
-    Watch watch;
-    Slow slow;
-    Overload overload;
-    double T_s, u_0[AXES], amplitude[AXES];
+    Feedback feedback;
 } RobustLqg;
 
 ASSERT_LAYOUT(starts_are_the_variables, sizeof START == sizeof(Variables));
@@ -53,26 +44,29 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 {
     RobustLqg *lqg = model;
     Variables *of = &lqg->of;
-    *lqg = (RobustLqg){.of = *of, .T_s = of->T_s};
-    for (int i = 0; i < AXES; i++)
-        of->u_m[i] = lqg->u_0[i] = of->u_m0[i];
+    Feedback *on = &lqg->feedback;
+    *on = (Feedback){.T_s = of->T_s};
+    for (int i = 0; i < AXES; i++) {
+        of->u_m[i] = on->u_0[i] = of->u_m0[i];
+        on->q_m_ref[i] = of->q_m_ref[i];
+    }
     if (!check_ranges(of, message)) return false;
-    memcpy(&lqg->switching, of->amplitude, sizeof lqg->switching);
-    memcpy(&lqg->slow, &of->overload, sizeof lqg->slow);
-    if (window_of(of->period, lqg->T_s) < 1.0 || window_of(of->period, lqg->T_s) > WINDOW) {
+    memcpy(&on->switching, of->amplitude, sizeof on->switching);
+    memcpy(&on->slow, &of->overload, sizeof on->slow);
+    if (window_of(of->period, on->T_s) < 1.0 || window_of(of->period, on->T_s) > WINDOW) {
         snprintf(message, MODEL_MESSAGE_SIZE, "parameter period = %g s: it must have 1 to %d samples", of->period, WINDOW / 2);
         return false;
     }
-    scale(&lqg->switching, reach(of->q_m_ref));
-    lqg->watch = watch(&lqg->switching, lqg->T_s);
-    lqg->overload = overload(&lqg->slow, lqg->T_s);
+    scale(&on->switching, reach(of->q_m_ref));
+    on->watch = watch(&on->switching, on->T_s);
+    on->overload = overload(&on->slow, on->T_s);
     for (int i = 0; i < AXES; i++)
-        lqg->amplitude[i] = shaken_with(of->amplitude[i], of->headroom, of->u_m0[i], TORQUE_LIMIT[i]);
+        on->amplitude[i] = shaken_with(of->amplitude[i], of->headroom, of->u_m0[i], TORQUE_LIMIT[i]);
     const double *given[LAWS] = {of->stiffness, of->event_stiffness, of->peak_stiffness};
     for (int law = 0; law < LAWS; law++) {
         Weights weights;
         memcpy(&weights, given[law], sizeof weights);
-        if (!design(&weights, of->q_m_ref, of->u_m0, of->T_s, &lqg->laws[law], message)) return false;
+        if (!design(&weights, of->q_m_ref, of->u_m0, of->T_s, &on->laws[law], message)) return false;
     }
     return true;
 }
@@ -80,34 +74,12 @@ bool model_initialize(void *model, char message[MODEL_MESSAGE_SIZE])
 bool model_step(void *model, double t, double h, char message[MODEL_MESSAGE_SIZE])
 {
     RobustLqg *lqg = model;
-    Variables *of = &lqg->of;
     double next[LAWS][LAW];
-    for (int law = 0; law < LAWS; law++) {
-        for (int i = 0; i < AXES; i++)
-            lqg->vectors[law][E + i] = of->q_m[i] - of->q_m_ref[i];
-        apply(&lqg->laws[law], lqg->vectors[law], next[law]);
-    }
+    estimate(&lqg->feedback, lqg->of.q_m, next);
     for (int i = 0; i < AXES; i++)
-        if (!check_torque(i, next[AT_REST][U + i] + next[AFTER_EVENT][U + i] + next[IN_PEAK][U + i], t, message)) return false;
-    const Shares share = shares(&lqg->watch, &lqg->switching, next[AFTER_EVENT] + E, next[IN_PEAK] + E, lqg->T_s);
-    const double shake = share.dither > 0.0 ? share.dither * square(&lqg->watch.errors, of->period, lqg->T_s) : 0.0;
-    /* The hand-over from the slow feedback is a jump to the third law, which would drive the torques to their limits again. */
-    const double peak = lqg->overload.since < lqg->slow.peak_pause ? 0.0 : share.peak;
-    double wanted[AXES], slow[AXES];
-    for (int i = 0; i < AXES; i++) {
-        const double later = (1.0 - share.event) * next[AT_REST][U + i] + share.event * next[AFTER_EVENT][U + i];
-        const double feedback = (1.0 - peak) * later + peak * next[IN_PEAK][U + i];
-        wanted[i] = lqg->u_0[i] + feedback + lqg->amplitude[i] * shake;
-    }
-    const bool slowly = overloaded(&lqg->overload, &lqg->slow, wanted, lqg->T_s);
-    feed_back_slowly(&lqg->overload, &lqg->slow, lqg->vectors[AT_REST] + E, slow);
-    for (int i = 0; i < AXES; i++) {
-        of->u_m[i] = limited(slowly ? lqg->u_0[i] + slow[i] : wanted[i], -TORQUE_LIMIT[i], TORQUE_LIMIT[i]);
-        for (int law = 0; law < LAWS; law++)
-            next[law][U + i] = of->u_m[i] - lqg->u_0[i]; /* all filters know the torque that acts */
-    }
-    memcpy(lqg->vectors, next, sizeof next);
+        if (!check_torque(i, asked_in_all(next, i), t, message)) return false;
+    command(&lqg->feedback, next, lqg->of.u_m);
     return true;
 }
 
-double model_sample_time(const void *model) { return ((const RobustLqg *)model)->T_s; }
+double model_sample_time(const void *model) { return ((const RobustLqg *)model)->feedback.T_s; }

@@ -10,6 +10,7 @@
 #include <stdbool.h>
 
 #include "events.h"
+#include "law.h"
 
 /* Parameters of the FMU, in the order of interface.py, where units are told. */
 typedef struct {
@@ -17,10 +18,9 @@ typedef struct {
 } Slow;
 
 /* The average share of the samples in which each axis is asked for its limit; the average angles [rad]; what is left of both
- * averages after a sample; time [s] since the slow feedback acted; whether it acts. */
+ * averages after a sample; time [s] since the slow feedback acted, 0 while it acts. */
 typedef struct {
     double at_limit[2], angle[2], limit_left, angle_left, since;
-    bool acts;
 } Overload;
 
 /* At rest. */
@@ -34,10 +34,11 @@ static inline Overload overload(const Slow *by, double T_s)
 static inline bool overloaded(Overload *on, const Slow *by, const double wanted[2], double T_s)
 {
     for (int i = 0; i < 2; i++)
-        smooth(&on->at_limit[i], fabs(wanted[i]) >= TORQUE_LIMIT[i] ? 1.0 : 0.0, on->limit_left);
-    on->acts = fmax(on->at_limit[0], on->at_limit[1]) > (on->acts ? by->recovered : by->overload);
-    on->since = on->acts ? 0.0 : on->since + T_s;
-    return on->acts;
+        smooth(&on->at_limit[i], choose(fabs(wanted[i]) >= TORQUE_LIMIT[i], 1.0, 0.0), on->limit_left);
+    const double most = choose(on->since == 0.0, by->recovered, by->overload);
+    const bool acts = fmax(on->at_limit[0], on->at_limit[1]) > most;
+    on->since = choose(acts, 0.0, on->since + T_s);
+    return acts;
 }
 
 /* Its torques [N.m], for motor angles [rad] from where they should be. The stiffness asks for a share of the limit at the most:

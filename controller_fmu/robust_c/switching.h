@@ -34,10 +34,10 @@ static inline void scale(Switching *by, double reach)
 static inline Watch watch(const Switching *by, double T_s)
 {
     const double over = by->hold + by->decay;
-    return (Watch){.errors.window = (int)window_of(by->period, T_s),
+    return (Watch){.errors = {.window = (int)window_of(by->period, T_s)},
                    .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
-                   .dither_left = by->dither_time, .peak_left = by->peak_time, .since_event = over, .since_first = over,
-                   .since_sway = over, .since_peak = by->peak_hold + by->peak_decay};
+                   .since_event = over, .since_first = over, .since_sway = over, .since_peak = by->peak_hold + by->peak_decay,
+                   .dither_left = by->dither_time, .peak_left = by->peak_time};
 }
 
 /* How much of the third law acts, which a jump begins: its estimate is further than `jump` from its fast average, and than
@@ -50,9 +50,9 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     for (int i = 0; i < 2; i++)
         smooth(&on->fast[i], error[i], on->left.jump);
     smooth(&on->jumps, jump, on->left.average);
-    on->since_peak = begins ? 0.0 : on->since_peak + T_s;
+    on->since_peak = choose(begins, 0.0, on->since_peak + T_s);
     const double share = faded(by->peak_hold, by->peak_decay, on->since_peak);
-    on->peak_left = fmin(by->peak_time, on->peak_left + T_s * (by->peak_regain - (share > 0.0)));
+    on->peak_left = fmin(by->peak_time, on->peak_left + T_s * (by->peak_regain - choose(share > 0.0, 1.0, 0.0)));
     return share;
 }
 
@@ -62,24 +62,21 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
     const double over = by->hold + by->decay, moved = motion(&on->errors, error, on->left.average);
     const bool has_time = on->dither_left > 0.0, shaken = fmin(on->since_event, on->since_sway) < over;
     /* The dither's end moves the arm, and one that wakes itself again and again would be a limit cycle. */
-    const double least = by->threshold * (has_time ? (shaken ? by->dithered : 1.0) : by->spent);
-    if (moved > least && moved > by->contrast * on->unrest) {
-        /* A further event does not bring back the first law: the damping one acts already. */
-        if (on->since_event >= over) on->since_first = 0.0;
-        on->since_event = 0.0;
-    } else
-        on->since_event += T_s;
-    on->since_first += T_s;
-    on->since_sway = moved > by->sway && has_time ? 0.0 : on->since_sway + T_s;
+    const double least = by->threshold * choose(has_time, choose(shaken, by->dithered, 1.0), by->spent);
+    const bool event = moved > least && moved > by->contrast * on->unrest;
+    /* A further event does not bring back the first law: the damping one acts already. */
+    on->since_first = choose(event && on->since_event >= over, 0.0, on->since_first) + T_s;
+    on->since_event = choose(event, 0.0, on->since_event + T_s);
+    on->since_sway = choose(moved > by->sway && has_time, 0.0, on->since_sway + T_s);
     smooth(&on->unrest, moved, on->left.average);
     on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
-    const double event = faded(by->hold, by->decay, on->since_event);
-    const double dither = fmin(wanted, fmax(event, by->sway_share * faded(by->hold, by->decay, on->since_sway)));
+    const double acts = faded(by->hold, by->decay, on->since_event);
+    const double dither = fmin(wanted, fmax(acts, by->sway_share * faded(by->hold, by->decay, on->since_sway)));
     /* The stiff feedback keeps the first peak lower; the damping one is for what comes after it. */
     const double passed = limited(on->since_first / by->wait - 1.0, 0.0, 1.0);
-    on->dither_left -= T_s * (dither > 0.0);
-    return (Shares){dither, fmin(wanted, event) * passed, of_peak(on, by, peak, T_s)};
+    on->dither_left -= choose(dither > 0.0, T_s, 0.0);
+    return (Shares){dither, fmin(wanted, acts) * passed, of_peak(on, by, peak, T_s)};
 }
 
 #endif

@@ -35,7 +35,7 @@ static inline void scale(Switching *by, double reach)
 /* At rest: no event and no peak ever. */
 static inline Watch watch(const Switching *by, double T_s)
 {
-    return (Watch){.errors.window = (int)window_of(by->period, T_s),
+    return (Watch){.errors = {.window = (int)window_of(by->period, T_s)},
                    .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
                    .left_rising = left_of(by->contrast_time, T_s),
                    .left_lately = left_of(by->ringing_time, T_s),
@@ -54,7 +54,7 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     for (int i = 0; i < 2; i++)
         smooth(&on->fast[i], error[i], on->left.jump);
     smooth(&on->jumps, jump, on->left.average);
-    on->since_peak = begins ? 0.0 : on->since_peak + T_s;
+    on->since_peak = choose(begins, 0.0, on->since_peak + T_s);
     return faded(by->peak_hold, by->peak_decay, on->since_peak);
 }
 
@@ -62,8 +62,8 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
  * friction. One that does not die out may be the dither's own, with the delay of A2, which must not keep it up. */
 static inline bool rings(Watch *on, const Switching *by, double moved)
 {
-    const bool dithered = on->since_event < by->hold + by->decay, dies_out = on->lately < by->ringing_fall * on->before;
-    const bool found = dithered && dies_out && on->lately > by->ringing;
+    const bool shaken = on->since_event < by->hold + by->decay, dies_out = on->lately < by->ringing_fall * on->before;
+    const bool found = shaken && dies_out && on->lately > by->ringing;
     smooth(&on->lately, moved, on->left_lately);
     smooth(&on->before, moved, on->left_before);
     return found;
@@ -77,15 +77,11 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
      * slow average, which forgets as the threshold falls. */
     const double still = elementary_exp(-fmax(on->since_event - over, 0.0) / by->average_time);
     const double least = by->threshold * (1.0 + (by->dithered - 1.0) * still);
-    const bool ringing = rings(on, by, moved);
-    if (ringing || (moved > least && moved > by->contrast * on->unrest)) {
-        /* A further event does not bring back the first law: the damping one acts already. */
-        if (on->since_event >= over) on->since_first = 0.0;
-        on->since_event = 0.0;
-    } else
-        on->since_event += T_s;
-    on->since_first += T_s;
-    smooth(&on->unrest, moved, moved > on->unrest ? on->left_rising : on->left.average);
+    const bool ringing = rings(on, by, moved), event = ringing || (moved > least && moved > by->contrast * on->unrest);
+    /* A further event does not bring back the first law: the damping one acts already. */
+    on->since_first = choose(event && on->since_event >= over, 0.0, on->since_first) + T_s;
+    on->since_event = choose(event, 0.0, on->since_event + T_s);
+    smooth(&on->unrest, moved, choose(moved > on->unrest, on->left_rising, on->left.average));
     on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     const double dither = fmin(wanted, faded(by->hold, by->decay, on->since_event));

@@ -2,19 +2,8 @@
 #ifndef COEFFICIENTS_H
 #define COEFFICIENTS_H
 
-#include <math.h>
-
+#include "dynamics.h"
 #include "interface.h" /* written by the build: Variables, START, TABLE_1 */
-
-/* Constants of the rigid-body equations (3), (9) and (11); SI units. */
-typedef struct {
-    double a_1, a_2, b, c_1, c_2, l_1, l_2, det;
-} Arm;
-
-/* Constants of one motor and its gear, eq. (4)-(8); SI units. */
-typedef struct {
-    double per_j_m, per_n, gamma, d, k_1, k_3, psi, m_0, m_1, f_d, f_k, f_s, beta, alpha;
-} Joint;
 
 static Arm arm_of(const Variables *of)
 {

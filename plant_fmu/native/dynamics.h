@@ -7,8 +7,17 @@
 #ifndef DYNAMICS_H
 #define DYNAMICS_H
 
-#include "coefficients.h"
 #include "elementary.h"
+
+/* Constants of the rigid-body equations (3), (9) and (11); SI units. */
+typedef struct {
+    double a_1, a_2, b, c_1, c_2, l_1, l_2, det;
+} Arm;
+
+/* Constants of one motor and its gear, eq. (4)-(8); SI units. */
+typedef struct {
+    double per_j_m, per_n, gamma, d, k_1, k_3, psi, m_0, m_1, f_d, f_k, f_s, beta, alpha;
+} Joint;
 
 enum { Q_A = 0, Q_M = 2, W_A = 4, W_M = 6, STATES = 8 };
 
@@ -28,8 +37,9 @@ static inline void gravity(const Arm *arm, double s_1, double c_12, double torqu
 static inline double spring(const Joint *joint, double delta)
 {
     const double size = fabs(delta);
-    if (size <= joint->psi) return (joint->k_1 + joint->k_3 * delta * delta) * delta;
-    return copysign(joint->m_0 + joint->m_1 * (size - joint->psi), delta);
+    const double cubic = (joint->k_1 + joint->k_3 * delta * delta) * delta;
+    const double linear = copysign(joint->m_0 + joint->m_1 * (size - joint->psi), delta);
+    return choose(size <= joint->psi, cubic, linear);
 }
 
 /* Motor friction torques at motor speeds v, eq. (8), with exponentials of non-positive arguments only. The two axes
@@ -39,8 +49,8 @@ static inline void friction(const Joint joints[2], const double v[2], double tor
     double exponent[4], power[4];
     for (int i = 0; i < 2; i++) {
         const double size = fabs(v[i]), slow = -joints[i].beta * size, fast = -2.0 * joints[i].alpha * size;
-        exponent[i] = slow > ELEMENTARY_EXP_MIN ? slow : ELEMENTARY_EXP_MIN;
-        exponent[2 + i] = fast > ELEMENTARY_EXP_MIN ? fast : ELEMENTARY_EXP_MIN;
+        exponent[i] = choose(slow > ELEMENTARY_EXP_MIN, slow, ELEMENTARY_EXP_MIN);
+        exponent[2 + i] = choose(fast > ELEMENTARY_EXP_MIN, fast, ELEMENTARY_EXP_MIN);
     }
     for (int i = 0; i < 4; i++)
         power[i] = elementary_exp_within(exponent[i]);
@@ -49,6 +59,13 @@ static inline void friction(const Joint joints[2], const double v[2], double tor
         const double coulomb = (joints[i].f_k * square + joints[i].f_s * slow) * (1.0 - fast) / (square * (1.0 + fast));
         torques[i] = joints[i].f_d * v[i] + copysign(coulomb, v[i]);
     }
+}
+
+/* Torques of the motors [N.m] for those that are commanded and those that disturb them, eq. (2). */
+static inline void motor_torques(const Joint joints[2], const double u_m[2], const double u_d[2], double tau[2])
+{
+    for (int i = 0; i < 2; i++)
+        tau[i] = joints[i].gamma * u_m[i] + u_d[i];
 }
 
 /* Time derivative of the state, eq. (2) solved for the accelerations; tau = gamma u_m + u_d are the motors' torques

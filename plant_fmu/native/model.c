@@ -3,6 +3,7 @@
 
 #include <stdio.h>
 
+#include "coefficients.h"
 #include "equilibrium.h"
 #include "identity.h" /* written by the build: MODEL_STATES */
 #include "integrator.h"
@@ -14,14 +15,14 @@ typedef struct {
     double speeds[4]; /* of links and motors [rad/s] */
     double derivatives[STATES];
 
-    double substep; /* [s] */
     Arm arm;
     Joint joints[2];
+    double substep; /* [s] */
 } Manipulator;
 
 const size_t model_size = sizeof(Manipulator);
 const size_t model_variables =
-    (MODEL_STATES ? offsetof(Manipulator, substep) : sizeof(Variables)) / sizeof(double);
+    (MODEL_STATES ? offsetof(Manipulator, arm) : sizeof(Variables)) / sizeof(double);
 
 void model_start(void *model) { ((Manipulator *)model)->of = START; }
 
@@ -72,11 +73,9 @@ static State state_of(const Manipulator *plant)
     return (State){{q_a[0], q_a[1], q_m[0], q_m[1], w[0], w[1], w[2], w[3]}};
 }
 
-/* The motors' torques gamma u_m + u_d. */
 static void drive(const Manipulator *plant, double tau[2])
 {
-    for (int i = 0; i < 2; i++)
-        tau[i] = plant->joints[i].gamma * plant->of.u_m[i] + plant->of.u_d[i];
+    motor_torques(plant->joints, plant->of.u_m, plant->of.u_d, tau);
 }
 
 /* Finite, and angles within what sine and cosine are made for. NaN and infinity times 0 are both NaN. */

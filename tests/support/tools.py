@@ -98,6 +98,7 @@ TOOLS: Mapping[str, Tool] = {
     "ziglang": _package("ziglang", "native"),
     "sanitizers": Tool("needs AddressSanitizer (gcc or clang with its runtime)", lambda: bool(sanitizing_compiler())),
     "gcc": _program("gcc", "needs gcc"),
+    "g++": _program("g++", "needs g++"),
     "bash": _program("bash", "needs bash"),
     "curl": _program("curl", "needs curl"),
     "clang": _program("clang", "needs clang"),
