@@ -19,6 +19,8 @@ class Ringing(NamedTuple):
     ringing_fall: Annotated[float, "1", "Ratio of its fast average to its slow one below which a motion dies out", 0.0]
     ringing_time: Annotated[float, "s", "Time constant of the fast average", POSITIVE]
     ringing_memory: Annotated[float, "s", "Time constant of the slow average", POSITIVE]
+    ringing_rise: Annotated[float, "s", "Time constant with which the slow average rises", POSITIVE]
+    ringing_late: Annotated[float, "s", "Time after a dither in which a motion that dies out is an event", 0.0]
 
 
 OWN = tuple(row for row in ROBUST_ROWS if row.name not in LEFT_OUT and row not in SLOW)
