@@ -66,8 +66,8 @@ from orchestrator.study.batch import Execute  # noqa: E402
 from orchestrator.study.engine import Engine  # noqa: E402
 from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
 
-LANES = 8
-"""Of benchmarks/lanes_cpp/number.h."""
+LANES, WHOLE = 8, 0
+"""Of benchmarks/lanes_cpp: arms side by side, and the reason of a simulation that has come to its end."""
 
 HERE = Path(__file__).resolve().parent / "lanes_cpp"
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC")
@@ -158,8 +158,10 @@ class Program:
             ctypes.c_size_t(len(self.controller.start)),
         )
         return [
-            _trajectory(scenario, simulation, self.arrays[lane]) if simulation.reason == 0 else None
-            for lane, (scenario, simulation) in enumerate(zip(scenarios, simulations, strict=True))
+            _trajectory(scenarios[lane], simulations[lane], self.arrays[lane])
+            if simulations[lane].reason == WHOLE and not task.setup.mapping
+            else None
+            for lane, task in enumerate(tasks)
         ]
 
     def _entered(self, lane: int, scenario: Scenario, task: Task) -> tuple[_Simulation, list[np.ndarray]]:
@@ -289,7 +291,7 @@ def is_laned(job: Job) -> bool:
     has = all(
         (fmu.folder / "sources" / file).exists() for fmu, file in zip((job.plant, job.controller), OWN, strict=True)
     )
-    return has and job.work in WORK and not job.isolated
+    return has and job.work in WORK and not job.isolated and not job.sandbox
 
 
 class Place(NamedTuple):
