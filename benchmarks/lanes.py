@@ -31,6 +31,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from msgspec import structs
 
@@ -46,7 +47,6 @@ from orchestrator.documents.flat_case import controller_values  # noqa: E402
 from orchestrator.execution import pool, store  # noqa: E402
 from orchestrator.execution.job import Done, Job, Outcome  # noqa: E402
 from orchestrator.fmi.archive import Archive, open_archive  # noqa: E402
-from orchestrator.jit import compiled  # noqa: E402
 from orchestrator.loop import random_streams  # noqa: E402
 from orchestrator.loop.scenario import (  # noqa: E402
     CELLS,
@@ -226,7 +226,7 @@ def _answer(task: Task, kind: str, trajectory: Trajectory) -> bytes | None:
     return pack(work.Digested(judgement, work.digest_of_beginning(trajectory, task.case.scenario)))
 
 
-@compiled
+@numba.njit
 def fill_driven(driven: np.ndarray, samples: int, plan: Plan, sweep: ChirpSignal, force: PulseSignal) -> None:
     """u_d [N.m] and F [N] at the begin of each part, ``driven`` of shape (samples, parts, 4)."""
     rows, parts = plan.step.shape
