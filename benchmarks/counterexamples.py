@@ -20,8 +20,8 @@ steady         somebody attacked the SteadyLQG before its slow feedback, from th
                of eight arms at once, and moved the begin of the chirp, too
 weak           somebody attacked the present SteadyLQG, from "steady" on: forces in the direction that loads the joints
                least, after a chirp, for B6. Where "steady" has the larger value, it is that arm
-ringing        the project attacked SteadyLQG with the parameters of next_weights.json as they were, ringing_rise=0.6
-               and ringing_late=0, from all arms above on, with a simulator of that kind
+ringing        the project attacked SteadyLQG with the parameters of next_weights.json, from all arms above on, with a
+               simulator of that kind
 held           somebody attacked the same, from all arms above on, with many directions of the force after one chirp:
                friction holds the motors of its worst arms for B6 while they ring on
 

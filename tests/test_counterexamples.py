@@ -16,15 +16,13 @@ POSES = {"genetic": 22, "continued": 22}
 """Of the lists that are older than version 4 of the benchmark."""
 
 NEXT = Path(__file__).parents[1] / "controller_fmu" / "steady_c" / "next_weights.json"
-FORMER = {**json.loads(NEXT.read_text(encoding="utf-8")), "ringing_rise": 0.6, "ringing_late": 0.0}
-"""The parameters of the next version when the lists were made."""
 
 ATTACKED = {
     "continued": ("RobustLQG", {}),
     "steady": ("SteadyLQG", {}),
     "weak": ("SteadyLQG", {}),
-    "ringing": ("SteadyLQG", FORMER),
-    "held": ("SteadyLQG", FORMER),
+    "ringing": ("SteadyLQG", NEXT),
+    "held": ("SteadyLQG", NEXT),
 }
 """The controllers of which a list was made, where they are still what they were in the cases of the list, and their
 parameters."""

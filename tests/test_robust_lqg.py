@@ -114,8 +114,7 @@ def reference(signals, p, steady=False):
         passed = (k - 1 - max(event, sway)) * T_S - over
         still = math.exp(-max(passed, 0.0) / p["average_time"]) if steady else float(passed < 0)
         factor = p["spent"] if dither_left <= 0 else 1.0 + (p["dithered"] - 1.0) * still
-        rings = steady and p["ringing"] < lately < p["ringing_fall"] * before
-        rings = rings and (k - 1 - event) * T_S < over + p["ringing_late"]
+        rings = steady and p["ringing"] < lately < p["ringing_fall"] * before and (k - 1 - event) * T_S < over
         if steady:
             lately = moved + fading(p["ringing_time"]) * (lately - moved)
             before = moved + fading(p["ringing_rise" if moved > before else "ringing_memory"]) * (before - moved)

@@ -20,7 +20,6 @@ class Ringing(NamedTuple):
     ringing_time: Annotated[float, "s", "Time constant of the fast average", POSITIVE]
     ringing_memory: Annotated[float, "s", "Time constant of the slow average", POSITIVE]
     ringing_rise: Annotated[float, "s", "Time constant with which the slow average rises", POSITIVE]
-    ringing_late: Annotated[float, "s", "Time after a dither in which a motion that dies out is an event", 0.0]
 
 
 OWN = tuple(row for row in ROBUST_ROWS if row.name not in LEFT_OUT and row not in SLOW)

@@ -12,7 +12,7 @@ typedef struct {
     double amplitude[2], period, headroom, off, rise, memory, threshold, contrast, average_time, dithered;
     double wait, hold, decay;
     double jump, jump_contrast, jump_time, peak_hold, peak_decay;
-    double contrast_time, ringing, ringing_fall, ringing_time, ringing_memory, ringing_rise, ringing_late;
+    double contrast_time, ringing, ringing_fall, ringing_time, ringing_memory, ringing_rise;
 } Switching;
 
 /* The errors; the slow average of the motion [m]; the level [m]; the fast average of the third estimate, and the slow
@@ -59,14 +59,14 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     return faded(by->peak_hold, by->peak_decay, on->since_peak);
 }
 
-/* Whether the arm rings on, while there is a dither or for some time after it: a motion that dies out is a free one, over motors
- * that are held by friction. One that does not die out may be the dither's own, with the delay of A2, which must not keep it up.
- * The average that it falls below rises faster than it falls: else a force before its motion has filled it is seen too late. */
+/* Whether the arm rings on, while there is a dither: a motion that dies out is a free one, over motors that are held by friction.
+ * One that does not die out may be the dither's own, with the delay of A2, which must not keep it up. After the dither its end
+ * leaves a motion that dies out, too: where that was an event, dithers followed each other for ever, with 1.5 ms on axis 2.
+ * The average that a motion falls below may rise faster than it falls: else that of a force fills it too late. */
 static inline bool rings(Watch *on, const Switching *by, double moved)
 {
-    const bool lately = on->since_event < by->hold + by->decay + by->ringing_late;
-    const bool dies_out = on->lately < by->ringing_fall * on->before;
-    const bool found = lately && dies_out && on->lately > by->ringing;
+    const bool shaken = on->since_event < by->hold + by->decay, dies_out = on->lately < by->ringing_fall * on->before;
+    const bool found = shaken && dies_out && on->lately > by->ringing;
     smooth(&on->lately, moved, on->left_lately);
     smooth(&on->before, moved, choose(moved > on->before, on->left_before_rising, on->left_before));
     return found;
