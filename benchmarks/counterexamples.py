@@ -4,7 +4,7 @@
                                                             own, and the lists of counterexamples/ (two minutes)
     python benchmarks/counterexamples.py RobustLinearLQG    another controller
     python benchmarks/counterexamples.py --claims           the claims alone (half a minute)
-    python benchmarks/counterexamples.py SteadyLQG --parameters controller_fmu/steady_c/next_weights.json
+    python benchmarks/counterexamples.py SteadyLQG --parameters controller_fmu/steady_c/former_weights.json
                                                             the lists with other parameters
 
 The claims are those of docs/claims.json (benchmarks/claims.py). Each is simulated by its command, and with eight other
@@ -18,12 +18,14 @@ continued      somebody who had not seen the work before attacked the RobustLQG 
                our own search on, whose V was 99.2
 steady         somebody attacked the SteadyLQG before its slow feedback, from the two lists above on, with a simulator
                of eight arms at once, and moved the begin of the chirp, too
-weak           somebody attacked the present SteadyLQG, from "steady" on: forces in the direction that loads the joints
-               least, after a chirp, for B6. Where "steady" has the larger value, it is that arm
-ringing        the project attacked SteadyLQG with the parameters of next_weights.json, from all arms above on, with a
-               simulator of that kind
+weak           somebody attacked the SteadyLQG with the parameters of former_weights.json, from "steady" on: forces in
+               the direction that loads the joints least, after a chirp, for B6. Where "steady" has the larger value, it
+               is that arm
+ringing        the project attacked the next SteadyLQG, for which an arm that rings on was an event while there was a
+               dither, from all arms above on, with a simulator of that kind
 held           somebody attacked the same, from all arms above on, with many directions of the force after one chirp:
                friction holds the motors of its worst arms for B6 while they ring on
+raised         somebody attacked the present SteadyLQG, from all arms above on
 
 The files have, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1, the
 direction of the force [rad], the sweep [Hz], the seed of the noise, the begin t_3 [s] of the chirp where it is not that

@@ -27,6 +27,7 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing
 from dataclasses import replace
+from fractions import Fraction
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -58,6 +59,7 @@ from orchestrator.loop.scenario import (  # noqa: E402
     make_plan,
     pulse_signal,
 )
+from orchestrator.loop.setup import Setup  # noqa: E402
 from orchestrator.loop.signals import chirp, pulse  # noqa: E402
 from orchestrator.loop.trajectory import Ending, Status, Trajectory  # noqa: E402
 from orchestrator.pairing import work  # noqa: E402
@@ -143,6 +145,7 @@ class Program:
         self.simulate = ctypes.CDLL(str(library(plant, controller))).simulate
         self.simulate.restype = None
         self.arrays: list[dict[str, np.ndarray]] = [{} for _ in range(LANES)]
+        self.given: dict[tuple[bytes, Fraction], np.ndarray] = {}
 
     def trajectories(self, tasks: Sequence[Task]) -> list[Trajectory | None]:
         """The trajectories of at most eight tasks; None for one that is not whole."""
@@ -182,12 +185,9 @@ class Program:
             chirp_signal(scenario.chirp, scenario.again),
             pulse_signal(scenario.pulse, scenario.again),
         )
-        values = (
-            self.plant.set(dict(scenario.parameters)),
-            self.controller.set(controller_values(self.archive, task.setup, scenario)),
-        )
+        values = (self.plant.set(dict(scenario.parameters)), self._given(task.setup, scenario))
         kept = [plan.step, plan.drive_lag, plan.sample_part, plan.sensor_lag]
-        kept += [random_streams.noise(sensor.noise, samples + 1), arrays["driven"]]
+        kept += [_noise(sensor.noise, samples + 1), arrays["driven"]]
         kept += [random_streams.dropped(sensor.noise.seed, drive.dropout, samples), *values]
         pointers = [array.ctypes.data for array in kept]
         made = _Simulation(
@@ -205,10 +205,21 @@ class Program:
         )
         return made, kept
 
+    def _given(self, setup: Setup, scenario: Scenario) -> np.ndarray:
+        """All values of the controller; a search has the same setup in all its cases."""
+        key = pack(setup), scenario.sample_time
+        if key not in self.given:
+            self.given[key] = self.controller.set(controller_values(self.archive, setup, scenario))
+        return self.given[key]
+
     def answers(self, tasks: Sequence[Task], kinds: Sequence[str]) -> list[bytes | None]:
         """What workers would send for at most eight tasks of these kinds; None for one that is left to them."""
         found = zip(tasks, kinds, self.trajectories(tasks), strict=True)
         return [None if trajectory is None else _answer(task, kind, trajectory) for task, kind, trajectory in found]
+
+
+_noise = functools.lru_cache(maxsize=200)(random_streams.noise.__wrapped__)
+"""The members of a search share some seeds at each pose: 200 arrays of at most 1.7 MB in place of the master's four."""
 
 
 def _answer(task: Task, kind: str, trajectory: Trajectory) -> bytes | None:

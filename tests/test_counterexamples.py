@@ -15,14 +15,13 @@ LISTS = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in cou
 POSES = {"genetic": 22, "continued": 22}
 """Of the lists that are older than version 4 of the benchmark."""
 
-NEXT = Path(__file__).parents[1] / "controller_fmu" / "steady_c" / "next_weights.json"
+FORMER = Path(__file__).parents[1] / "controller_fmu" / "steady_c" / "former_weights.json"
 
 ATTACKED = {
     "continued": ("RobustLQG", {}),
-    "steady": ("SteadyLQG", {}),
-    "weak": ("SteadyLQG", {}),
-    "ringing": ("SteadyLQG", NEXT),
-    "held": ("SteadyLQG", NEXT),
+    "steady": ("SteadyLQG", FORMER),
+    "weak": ("SteadyLQG", FORMER),
+    "raised": ("SteadyLQG", {}),
 }
 """The controllers of which a list was made, where they are still what they were in the cases of the list, and their
 parameters."""

@@ -72,7 +72,7 @@ class Reference(NamedTuple):
 
 def reference(signals, p, steady=False):
     """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, the threshold
-    of an event falls slowly after the dither, and a motion that dies out while there is a dither is an event."""
+    of an event falls slowly after the dither, and a motion that dies out is an event."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
@@ -114,7 +114,8 @@ def reference(signals, p, steady=False):
         passed = (k - 1 - max(event, sway)) * T_S - over
         still = math.exp(-max(passed, 0.0) / p["average_time"]) if steady else float(passed < 0)
         factor = p["spent"] if dither_left <= 0 else 1.0 + (p["dithered"] - 1.0) * still
-        rings = steady and p["ringing"] < lately < p["ringing_fall"] * before and (k - 1 - event) * T_S < over
+        raised = factor if (k - 1 - event) * T_S >= p["hold"] else 1.0
+        rings = steady and raised * p["ringing"] < lately < p["ringing_fall"] * before
         if steady:
             lately = moved + fading(p["ringing_time"]) * (lately - moved)
             before = moved + fading(p["ringing_rise" if moved > before else "ringing_memory"]) * (before - moved)

@@ -59,14 +59,14 @@ static inline double of_peak(Watch *on, const Switching *by, const double error[
     return faded(by->peak_hold, by->peak_decay, on->since_peak);
 }
 
-/* Whether the arm rings on, while there is a dither: a motion that dies out is a free one, over motors that are held by friction.
- * One that does not die out may be the dither's own, with the delay of A2, which must not keep it up. After the dither its end
- * leaves a motion that dies out, too: where that was an event, dithers followed each other for ever, with 1.5 ms on axis 2.
- * The average that a motion falls below may rise faster than it falls: else that of a force fills it too late. */
-static inline bool rings(Watch *on, const Switching *by, double moved)
+/* Whether the arm rings on: a motion that dies out is a free one, over motors that are held by friction. One that does not
+ * die out may be the dither's own, with the delay of A2, which must not keep it up. The dither's end moves the arm, too, in a
+ * pulse that dies out: while what must be passed was not `raised` for that, dithers followed each other for ever, with 1.125
+ * ms on axis 2. The average that a motion falls below may rise faster than it falls: else that of a force fills too late. */
+static inline bool rings(Watch *on, const Switching *by, double moved, double raised)
 {
-    const bool shaken = on->since_event < by->hold + by->decay, dies_out = on->lately < by->ringing_fall * on->before;
-    const bool found = shaken && dies_out && on->lately > by->ringing;
+    const double least = by->ringing * choose(on->since_event < by->hold, 1.0, raised);
+    const bool found = on->lately > least && on->lately < by->ringing_fall * on->before;
     smooth(&on->lately, moved, on->left_lately);
     smooth(&on->before, moved, choose(moved > on->before, on->left_before_rising, on->left_before));
     return found;
@@ -79,8 +79,9 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
     /* The dither's end moves the arm, which must not wake it again, nor may what that leaves behind: the motion is from a
      * slow average, which forgets as the threshold falls. */
     const double still = elementary_exp(-fmax(on->since_event - over, 0.0) / by->average_time);
-    const double least = by->threshold * (1.0 + (by->dithered - 1.0) * still);
-    const bool ringing = rings(on, by, moved), event = ringing || (moved > least && moved > by->contrast * on->unrest);
+    const double raised = 1.0 + (by->dithered - 1.0) * still;
+    const bool stands_out = moved > by->threshold * raised && moved > by->contrast * on->unrest;
+    const bool event = rings(on, by, moved, raised) || stands_out;
     /* A further event does not bring back the first law: the damping one acts already. */
     on->since_first = choose(event && on->since_event >= over, 0.0, on->since_first) + T_s;
     on->since_event = choose(event, 0.0, on->since_event + T_s);
