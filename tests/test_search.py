@@ -145,10 +145,9 @@ def test_a_controller_that_fails_only_there_is_found(planted):
         return {"limit_cycle": 1e-4 if planted(member) else small, "limit_cycle_ratio": 1.0}
 
     hunt = hunt_of(500, listed=False)
-    hunt.limit = 500
     begin = spelled(Member((0.0, -90.0), DELAY.test, system="slippery"), STRICT, DELAY.test)
     as_it_is = Levels("delay_2", DELAY, (None,), lambda member, _: member)
-    found = run(descend(hunt, as_it_is, [begin], 0), of)
+    found = run(descend(hunt, as_it_is, [begin], 0, hunt.share(1.0)), of)
     assert found is not None and planted(found[1]) and found[1].short is None
     assert fails(hunt.history.result_of[found[1]], STRICT.stability) and hunt.history.spent <= 500
 
@@ -166,8 +165,8 @@ def test_a_margin_is_searched_for_at_the_level_that_fails():
     scale = [round(0.1 * step, 1) for step in range(11, 100)]
     levels = Levels("gain_1", gain, scale, lambda member, value: replace(member, gain=(value, 1.0)))
     hunt = hunt_of(600, listed=False)
-    hunt.limit = 600
-    step, member = run(descend(hunt, levels, [Member((0.0, -90.0), gain.test, system="slippery")], 0), of)
+    begin = Member((0.0, -90.0), gain.test, system="slippery")
+    step, member = run(descend(hunt, levels, [begin], 0, hunt.share(1.0)), of)
     assert scale[step] < 4.0 and member.gain == (scale[step], 1.0) and matches(member) > 12
 
 
@@ -203,7 +202,7 @@ def failing_beyond(gain, delay):
 
 def test_a_margin_that_the_budget_did_not_last_for_is_at_most_what_any_stage_has_met():
     """The list fails A2 at 1.5 ms: no margin is larger, however few steps were tried; the gain fails at 20 or less."""
-    hunt = hunt_of(972)
+    hunt = hunt_of(1020)
 
     def asked():
         yield from hunt.history.results(hunt.listed)

@@ -11,7 +11,7 @@ from ..benchmark.scorecard import kind
 from .descent import Levels, contenders, descend
 from .findings import ConfigurationFound, CriterionSearched, Effect, Found, PeakFound, RequirementSearched
 from .history import Asking
-from .hunt import CONFIRMED, Hunt, card, possible
+from .hunt import CONFIRMED, Hunt, Share, card, possible
 from .member import Member, Pair, loose, spelled
 from .short import short
 from .target import NICHES, Target, fails, severity
@@ -73,9 +73,9 @@ def heard(hunt: Hunt) -> Asking[None]:
     worst = [member for (target, _), member in worst_at_each(hunt).items() if target.criterion in NICHES]
     if not worst:
         return
-    hunt.allot(HEARD)
     # Seed by seed, so that a small budget tries each pose with some.
-    yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in FEW_SEEDS for member in worst]))
+    others = [replace(member, seed=seed) for seed in FEW_SEEDS for member in worst]
+    yield from hunt.history.results(hunt.share(HEARD).afford(others))
     yield from hunt.note("V with other noise")
 
 
@@ -128,26 +128,25 @@ def configurations(hunt: Hunt) -> tuple[ConfigurationFound, ...]:
 def requirements(hunt: Hunt) -> Asking[dict[str, RequirementSearched]]:
     """The requirements, each with the worst case found; where it fails it is tried with other noise. What the search
     for a margin has found counts: A1 and A2 ask for all smaller changes of gain and delay, too."""
-    answers = {}
-    hunt.allot(CONFIRMED)
+    answers, share = {}, hunt.share(CONFIRMED)
     for name in ("A1", "A2", "A3"):
         members = _judged_by(hunt, name)
         if members:
-            answers[name] = yield from _answer(hunt, name, members)
+            answers[name] = yield from _answer(hunt, name, members, share)
     yield from hunt.note("other noise")
     return answers
 
 
 def broken_since(hunt: Hunt, answers: Mapping[str, RequirementSearched]) -> Asking[dict[str, RequirementSearched]]:
     """The same, where a failure was met since with that as the worst case."""
-    by_name, limits = dict(answers), hunt.protocol.stability
+    by_name, limits, share = dict(answers), hunt.protocol.stability, hunt.share(1.0)
     for name, answer in answers.items():
         members = _judged_by(hunt, name)
         if answer.passed is not False and any(fails(hunt.history.result_of[member], limits) for _, member in members):
             for roles in hunt.shown.values():
                 roles[:] = [role for role in roles if not role.startswith(f"{name} ")]
             hunt.shown = {member: roles for member, roles in hunt.shown.items() if roles}
-            by_name[name] = yield from _answer(hunt, name, members)
+            by_name[name] = yield from _answer(hunt, name, members, share)
     return by_name
 
 
@@ -157,12 +156,14 @@ def _judged_by(hunt: Hunt, name: str) -> list[tuple[float, Member]]:
     return [pair for test in tests for pair in hunt.history.severities(Target(test.name, test.name))]
 
 
-def _answer(hunt: Hunt, name: str, members: Sequence[tuple[float, Member]]) -> Asking[RequirementSearched]:
+def _answer(
+    hunt: Hunt, name: str, members: Sequence[tuple[float, Member]], share: Share
+) -> Asking[RequirementSearched]:
     """A requirement by the worst of its ``members``, which is to be shown."""
     result_of, limits = hunt.history.result_of, hunt.protocol.stability
     # A simulation that crashed has no severity, but fails all the same.
     _, worst = max(members, key=lambda pair: (fails(result_of[pair[1]], limits), pair[0]))
-    answer = yield from _judged(hunt, worst, all(result_of[member].judged for _, member in members))
+    answer = yield from _judged(hunt, worst, all(result_of[member].judged for _, member in members), share)
     test = hunt.protocol.test(worst.test)
     if result_of[worst].simulated:
         hunt.shown.setdefault(worst, []).append(f"{name} {test.name if name == 'A3' else test.axis}")
@@ -171,20 +172,20 @@ def _answer(hunt: Hunt, name: str, members: Sequence[tuple[float, Member]]) -> A
 
 def disturbed(hunt: Hunt, seed: int) -> Asking[None]:
     """Search for members that do not come to rest in the loop as it is."""
-    hunt.allot(LEVEL)
     test = next((target.test for target in hunt.targets if target.criterion), None)
     if test is not None and (members := contenders(hunt, Target(test, test))):
-        yield from descend(hunt, Levels(test, Target(test, test), (None,), lambda member, _: member), members, seed)
+        as_it_is = Levels(test, Target(test, test), (None,), lambda member, _: member)
+        yield from descend(hunt, as_it_is, members, seed, hunt.share(LEVEL))
     hunt.cut = False  # a longer search may always find one
     yield from hunt.note("rest")
 
 
-def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementSearched]:
+def _judged(hunt: Hunt, worst: Member, whole: bool, share: Share) -> Asking[RequirementSearched]:
     """What is known of a requirement by its worst case, if the ``whole`` of its simulations says something."""
     limits = hunt.protocol.stability
     (result,) = yield from hunt.history.results([worst])
     broken = fails(result, limits)
-    failed, tried = (yield from other_noise(hunt, worst)) if broken and result.simulated else (0, 0)
+    failed, tried = (yield from other_noise(hunt, worst, share)) if broken and result.simulated else (0, 0)
     figures = result.measurements
     return RequirementSearched(
         passed=False if broken else True if whole else None,
@@ -199,18 +200,18 @@ def _judged(hunt: Hunt, worst: Member, whole: bool) -> Asking[RequirementSearche
     )
 
 
-def other_noise(hunt: Hunt, member: Member) -> Asking[tuple[int, int]]:
-    """With how many of the other realizations of the noise a member fails, and how many were tried."""
+def other_noise(hunt: Hunt, member: Member, share: Share) -> Asking[tuple[int, int]]:
+    """With how many of the other realizations of the noise a member fails, and how many were tried: as many as the
+    ``share`` lasts for."""
     # Whether a cycle begins may be up to the noise: RobustLQG had an arm that failed with one of three seeds.
-    results = yield from hunt.history.results(hunt.afford([replace(member, seed=seed) for seed in SEEDS]))
+    results = yield from hunt.history.results(share.afford([replace(member, seed=seed) for seed in SEEDS]))
     return sum(fails(result, hunt.protocol.stability) for result in results), sum(result.judged for result in results)
 
 
 def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
     """How the largest values of the heaviest criteria change with each parameter at its other end, in short
     simulations."""
-    entries = []
-    hunt.allot(CONFIRMED)
+    entries, share = [], hunt.share(CONFIRMED)
     for target, worst in worst_members(hunt).items():
         as_found = replace(worst, short=short(hunt.protocol, target, SETTLING))
         signs = dict(as_found.deviations)
@@ -218,7 +219,7 @@ def effects(hunt: Hunt) -> Asking[tuple[Effect, ...]]:
             name: replace(as_found, deviations=tuple({**signs, name: -sign or 1.0}.items()))
             for name, sign in signs.items()
         }
-        tried = hunt.afford([as_found, *others.values()])
+        tried = share.afford([as_found, *others.values()])
         results = dict(zip(tried, (yield from hunt.history.results(tried)), strict=True))
         for name, member in others.items():
             if as_found in results and member in results:

@@ -23,7 +23,7 @@ from ..benchmark.protocol import Protocol
 from ..loop.random_streams import stable_stream
 from . import moves
 from .history import Asking
-from .hunt import Hunt
+from .hunt import Hunt, Share
 from .member import Member, spelled
 from .short import short
 from .target import Scores, Target, fails, scores_of, suspect
@@ -81,8 +81,10 @@ def contenders(hunt: Hunt, target: Target) -> list[Member]:
     return worst or [Member(hunt.poses[0], target.test)]
 
 
-def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) -> Asking[tuple[int, Member] | None]:
-    """The smallest step found to fail and the member that fails there, within the stage's share; None if none does.
+def descend(
+    hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int, share: Share
+) -> Asking[tuple[int, Member] | None]:
+    """The smallest step found to fail and the member that fails there, within the ``share``; None if none does.
 
     Begins with a race of the ``members``. Then the level goes down in small steps, with the population that was near a
     failure above it: a cycle that begins all at once announces itself by longer vibrations only near its level.
@@ -92,7 +94,7 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
     stream = stable_stream((seed, zlib.crc32(levels.name.encode()), len(scale)))
 
     def fail(some: Sequence[Member]) -> Asking[list[bool]]:
-        return (yield from failing(hunt, some))
+        return (yield from failing(hunt, some, share))
 
     best = yield from race(members, scale, at, fail)
     parents = [_plain(spelled(member, protocol, levels.target.test)) for member in members]
@@ -109,7 +111,7 @@ def descend(hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int) ->
             *(_drawn(parents[0], protocol, stream) for _ in range(DRAWN)),
         ]
         shown = {member: replace(at(member, scale[level]), short=view) for member in tried}
-        if not (afforded := hunt.afford(list(shown.values()))):
+        if not (afforded := share.afford(list(shown.values()))):
             return best
         results = dict(zip(afforded, (yield from hunt.history.results(afforded)), strict=True))
         fresh = {member: results[case] for member, case in shown.items() if case in results}
@@ -142,9 +144,9 @@ def _parents(scores: Mapping[Member, Scores]) -> list[Member]:
     return list(dict.fromkeys(chain.from_iterable(zip(by_vibration, by_unrest, strict=True))))[:PARENTS]
 
 
-def failing(hunt: Hunt, members: Sequence[Member]) -> Asking[list[bool]]:
-    """Whether members are known to fail: one that the stage's share does not last for is not."""
-    tried = set(hunt.afford(members))
+def failing(hunt: Hunt, members: Sequence[Member], share: Share) -> Asking[list[bool]]:
+    """Whether members are known to fail: one that the ``share`` does not last for is not."""
+    tried = set(share.afford(members))
     yield from hunt.history.results([member for member in members if member in tried])
     return [member in tried and fails(hunt.history.result_of[member], hunt.protocol.stability) for member in members]
 

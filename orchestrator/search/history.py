@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any, TypeVar
 
 from ..benchmark.protocol import Protocol
@@ -27,6 +28,27 @@ Asking = Generator[Ask | Step, Any, T]
 """What asks for simulations, and is sent their results; and tells each stage, and is sent whether to go on."""
 
 
+def side_by_side(parts: Sequence[Asking[T]]) -> Asking[list[T]]:
+    """What ``parts`` of a stage return, in their order. What they ask for next is asked for together, so that
+    processors do not wait for one part's last simulation."""
+    returned: dict[int, T] = {}
+    replies: dict[int, Any] = dict.fromkeys(range(len(parts)))
+    while replies:
+        asked = {}
+        for number, reply in replies.items():
+            try:
+                request = parts[number].send(reply)
+            except StopIteration as end:
+                returned[number] = end.value
+            else:
+                assert isinstance(request, Ask)  # a part of a stage does not end it
+                asked[number] = request.members
+        every = tuple(dict.fromkeys(chain.from_iterable(asked.values())))
+        results = dict(zip(every, (yield Ask(every)), strict=True)) if every else {}
+        replies = {number: [results[member] for member in members] for number, members in asked.items()}
+    return [returned[number] for number in range(len(parts))]
+
+
 @dataclass
 class History:
     """Members with the ``result_of`` each, which is simulated once. ``spent`` is what they took, in whole cases."""
@@ -40,8 +62,9 @@ class History:
         new = tuple(dict.fromkeys(member for member in members if member not in self.result_of))
         if new:
             results: Sequence[CaseResult] = yield Ask(new)
+            # What runs beside this may have asked for one of them, too.
+            self.spent += sum(cost(member, self.protocol) for member in new if member not in self.result_of)
             self.result_of.update(zip(new, results, strict=True))
-            self.spent += sum(cost(member, self.protocol) for member in new)
         return [self.result_of[member] for member in members]
 
     def severities(self, target: Target) -> Iterator[tuple[float, Member]]:

@@ -30,8 +30,8 @@ class Hunt:
     ``targets``, and how a member's case is repeated. V by pose is searched for from ``restarts`` independent starts.
 
     ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
-    ``starts`` is V found by each start. ``limit`` is where the stage's share of the ``budget`` ends; both in whole
-    cases.
+    ``starts`` is V found by each start. ``budget`` is in whole cases; ``cut`` is whether a share of the present stage
+    did not last.
     """
 
     history: History
@@ -46,7 +46,6 @@ class Hunt:
     shown: dict[Member, list[str]] = field(default_factory=dict)
     starts: list[float | None] = field(default_factory=list)
     complete: bool = True
-    limit: float = 0.0
     cut: bool = False
     cut_short: list[str] = field(default_factory=list)
 
@@ -55,21 +54,9 @@ class Hunt:
         """The protocol whose uncertainty is searched."""
         return self.history.protocol
 
-    def allot(self, share: float) -> None:
-        """Give the next stage a share of what is left of the budget."""
-        self.limit = self.history.spent + share * (self.budget - self.history.spent)
-
-    def afford(self, members: Sequence[Member]) -> list[Member]:
-        """Those of ``members`` that the stage's share lasts for: all that are known, and the first of the others."""
-        result_of, spent = self.history.result_of, self.history.spent
-        dropped = set()
-        for member in dict.fromkeys(members):
-            if member not in result_of:
-                spent += cost(member, self.protocol)
-                if spent > self.limit:
-                    dropped.add(member)
-        self.cut = self.cut or bool(dropped)
-        return [member for member in members if member not in dropped]
+    def share(self, part: float) -> Share:
+        """A part of what is left of the budget."""
+        return Share(self, part * (self.budget - self.history.spent))
 
     def note(self, stage: str) -> Asking[bool]:
         """Write down what is known at the end of a stage; asks, and returns, whether to go on."""
@@ -82,6 +69,28 @@ class Hunt:
         goes_on: bool = yield self.path[-1]
         self.complete = self.complete and goes_on
         return self.complete
+
+
+@dataclass
+class Share:
+    """What a stage may spend, of which so many whole cases are ``left``. Stages side by side have one each."""
+
+    hunt: Hunt
+    left: float
+
+    def afford(self, members: Sequence[Member]) -> list[Member]:
+        """Those of ``members`` that the share lasts for: all that are known, and the first of the others, which it pays
+        for."""
+        dropped = set()
+        for member in dict.fromkeys(members):
+            if member not in self.hunt.history.result_of:
+                price = cost(member, self.hunt.protocol)
+                if dropped or price > self.left:
+                    dropped.add(member)
+                else:
+                    self.left -= price
+        self.hunt.cut = self.hunt.cut or bool(dropped)
+        return [member for member in members if member not in dropped]
 
 
 def least(protocol: Protocol, listed: Sequence[Member], targets: Sequence[Target]) -> float:

@@ -11,8 +11,8 @@ from ..benchmark.protocol import Protocol
 from .answers import SEEDS, other_noise
 from .descent import STEP, Levels, contenders, descend
 from .findings import Margin
-from .history import Asking
-from .hunt import Hunt
+from .history import Asking, side_by_side
+from .hunt import Hunt, Share
 from .member import UNCHANGED, Member, changes, within
 from .radius import COST, STABILITY, whole
 from .target import Target, fails, suspect
@@ -31,34 +31,27 @@ SHARES = {"gain": 2, "gain down": 1, "delay": 2}
 
 def margins(hunt: Hunt, seed: int) -> Asking[dict[str, Margin]]:
     """Gain up and down and delay of each axis, at which any member was found to fail."""
-    by_name = {}
-    after = STABILITY + COST if whole(hunt) else 0
-    levels = {
-        axis: [entry for entry in _levels(hunt.protocol, axis) if entry.target in hunt.targets] for axis in (1, 2)
-    }
-    left = sum(SHARES[entry.kind] for entries in levels.values() for entry in entries)
-    for axis, entries in levels.items():
-        for entry in entries:
-            hunt.allot(SHARES[entry.kind] / (left + after))
-            left -= SHARES[entry.kind]
-            if (margin := (yield from _margin(hunt, entry, axis, seed))) is not None:
-                by_name[entry.name] = margin
-        hunt.cut = any(entry.name not in by_name for entry in entries)  # a longer search may always find less
-        yield from hunt.note(f"margins of axis {axis}")
-    return by_name
+    every = ((entry, axis) for axis in (1, 2) for entry in _levels(hunt.protocol, axis))
+    levels = [(entry, axis) for entry, axis in every if entry.target in hunt.targets]
+    whole_of_it = sum(SHARES[entry.kind] for entry, _ in levels) + (STABILITY + COST if whole(hunt) else 0)
+    found = yield from side_by_side(
+        [_margin(hunt, entry, axis, seed, hunt.share(SHARES[entry.kind] / whole_of_it)) for entry, axis in levels]
+    )
+    hunt.cut = None in found  # a longer search may always find less
+    yield from hunt.note("margins")
+    return {entry.name: margin for (entry, _), margin in zip(levels, found, strict=True) if margin is not None}
 
 
 def lowered(hunt: Hunt, margins: Mapping[str, Margin]) -> Asking[dict[str, Margin]]:
     """The margins, where a later stage has met a failure below them with that as their value."""
-    by_name = dict(margins)
-    hunt.allot(1.0)
+    by_name, share = dict(margins), hunt.share(1.0)
     for axis in (1, 2):
         for entry in _levels(hunt.protocol, axis):
             margin, least = margins.get(entry.name), _least_known(hunt, entry, axis)
             if margin is not None and least is not None:
                 value, member = least
                 if margin.value is None or _harm(entry, value) < _harm(entry, margin.value):
-                    by_name[entry.name] = yield from _found(hunt, entry, axis, value, member)
+                    by_name[entry.name] = yield from _found(hunt, entry, axis, value, member, share)
     return by_name
 
 
@@ -86,25 +79,25 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
     return Target(name, name)
 
 
-def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int) -> Asking[Margin | None]:
-    """The margin, within the stage's share; None if that does not last for a single member, and no failure is known."""
+def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int, share: Share) -> Asking[Margin | None]:
+    """The margin, within the ``share``; None if that does not last for a single member, and no failure is known."""
     limit, members = float(entry.scale[-1]), contenders(hunt, entry.target)
     # A margin that is found is tried with other noise: the descent may not spend what that takes.
-    share, hunt.limit = hunt.limit, hunt.limit - len(SEEDS)
-    affordable = bool(members and hunt.afford([entry.at(members[0], entry.scale[-1])]))
-    smallest = (yield from descend(hunt, entry, members, seed)) if affordable else None
-    hunt.limit = share
+    share.left -= len(SEEDS)
+    affordable = bool(members and share.afford([entry.at(members[0], entry.scale[-1])]))
+    smallest = (yield from descend(hunt, entry, members, seed, share)) if affordable else None
+    share.left += len(SEEDS)
     least = _least_known(hunt, entry, axis)
     if least is None:
         return Margin(None, limit) if affordable else None
     value, member = least
     if smallest is not None and entry.scale[smallest[0]] == value:
         member = smallest[1]
-    return (yield from _found(hunt, entry, axis, value, member))
+    return (yield from _found(hunt, entry, axis, value, member, share))
 
 
-def _found(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member) -> Asking[Margin]:
-    failed, tried = yield from other_noise(hunt, member)
+def _found(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member, share: Share) -> Asking[Margin]:
+    failed, tried = yield from other_noise(hunt, member, share)
     refined = _refined(hunt, entry, axis, value, member)
     return Margin(float(value), float(entry.scale[-1]), failed, tried, hunt.command(member), refined)
 

@@ -43,16 +43,15 @@ def radius(hunt: Hunt) -> Asking[Radius | None]:
     def wider(member: Member, factor: float) -> Member:
         return scaled(loose(member, hunt.protocol), factor)
 
-    hunt.allot(STABILITY / (STABILITY + COST))
+    share = hunt.share(STABILITY / (STABILITY + COST))
     stability = [target for target in hunt.targets if not target.criterion]
     members = [member for target in stability for member in contenders(hunt, target)]
-    broken = any((yield from failing(hunt, members)))  # then the radius is at most 1, whatever happens beyond
+    broken = any((yield from failing(hunt, members, share)))  # then the radius is at most 1, whatever happens beyond
     scale = [factor for factor in SCALES if factor <= 1.0] if broken else SCALES
-    lasts = not members or bool(hunt.afford([wider(members[0], scale[-1])]))
-    smallest = yield from race(members, scale, wider, lambda tried: failing(hunt, tried))
+    lasts = not members or bool(share.afford([wider(members[0], scale[-1])]))
+    smallest = yield from race(members, scale, wider, lambda tried: failing(hunt, tried, share))
     stability_refined = not hunt.cut
     yield from hunt.note("radius of stability")
-    hunt.allot(1.0)
     try:
         cost, cost_refined = yield from _radius_of_cost(hunt)
     except Spent:
@@ -82,7 +81,7 @@ def _radius_of_cost(hunt: Hunt) -> Asking[tuple[float | None, bool]]:
     """
     # At each configuration: with three members for all of them, the radius could be 1.1 where V found was 112.
     worst = {key: loose(member, hunt.protocol) for key, member in worst_at_each(hunt).items()}
-    rules = hunt.rules
+    rules, share = hunt.rules, hunt.share(1.0)
     scorecard = card(hunt, possible(hunt))
     searched = {target.criterion for target, _ in worst}
     shares = [entry.share for name, entry in scorecard.criteria.items() if name not in searched]
@@ -95,7 +94,7 @@ def _radius_of_cost(hunt: Hunt) -> Asking[tuple[float | None, bool]]:
             key: scaled(replace(member, short=short(hunt.protocol, key[0], SETTLING)), steps[step])
             for key, member in worst.items()
         }
-        if len(hunt.afford(list(at.values()))) < len(at):
+        if len(share.afford(list(at.values()))) < len(at):
             raise Spent
         results = yield from hunt.history.results(list(at.values()))
         values = {

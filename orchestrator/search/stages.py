@@ -9,7 +9,7 @@ from dataclasses import replace
 from . import by_pose, moves
 from .by_pose import Climb
 from .history import Asking
-from .hunt import Hunt, card
+from .hunt import Hunt, Share, card
 from .member import Member, Pair, names, spelled
 from .moves import combined, single_effects
 from .target import Target, severity
@@ -42,11 +42,12 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
         confirmed = list[Member]()
         name = f"V by pose, start {start + 1}" if hunt.restarts > 1 else "V by pose"
         for leg, part in enumerate(LEGS):
-            hunt.limit = begin + part * (end - begin)
-            yield from by_pose.rise(climb, hunt.limit - _price_of_confirming(hunt, climb))
-            best = hunt.afford(by_pose.best(climb))
+            limit = begin + part * (end - begin)
+            yield from by_pose.rise(climb, limit - _price_of_confirming(hunt, climb))
+            rest = Share(hunt, limit - hunt.history.spent)
+            best = rest.afford(by_pose.best(climb))
             yield from hunt.history.results(best)
-            quiet = hunt.afford(_undisturbed(hunt, best))
+            quiet = rest.afford(_undisturbed(hunt, best))
             yield from hunt.history.results(quiet)
             confirmed += [*best, *quiet]
             hunt.cut = False  # what is not confirmed in this leg is in the next
