@@ -26,6 +26,8 @@ ringing        the project attacked the next SteadyLQG, for which an arm that ri
 held           somebody attacked the same, from all arms above on, with many directions of the force after one chirp:
                friction holds the motors of its worst arms for B6 while they ring on
 raised         somebody attacked the present SteadyLQG, from all arms above on
+restarted      the same by another search, which looked for what moves late after the force: a dither that fades before
+               its time and begins again
 
 The files have, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1, the
 direction of the force [rad], the sweep [Hz], the seed of the noise, the begin t_3 [s] of the chirp where it is not that

@@ -22,6 +22,7 @@ ATTACKED = {
     "steady": ("SteadyLQG", FORMER),
     "weak": ("SteadyLQG", FORMER),
     "raised": ("SteadyLQG", {}),
+    "restarted": ("SteadyLQG", {}),
 }
 """The controllers of which a list was made, where they are still what they were in the cases of the list, and their
 parameters."""

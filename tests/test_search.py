@@ -32,7 +32,7 @@ from orchestrator.search import answers, moves
 from orchestrator.search.answers import costs, effects, requirements
 from orchestrator.search.by_pose import ELITE, Elites, Peak
 from orchestrator.search.descent import Levels, descend, race
-from orchestrator.search.history import Ask, History
+from orchestrator.search.history import Ask, History, side_by_side
 from orchestrator.search.hunt import Hunt
 from orchestrator.search.margins import lowered, margins
 from orchestrator.search.member import (
@@ -212,6 +212,24 @@ def test_a_margin_that_the_budget_did_not_last_for_is_at_most_what_any_stage_has
     assert verdicts["A2"].passed is False
     assert found["delay_2"].value <= 1.5e-3 and not found["delay_2"].refined
     assert found["gain_2"].value > 3.0 and not found["gain_2"].refined
+
+
+def test_what_parts_ask_for_side_by_side_is_asked_for_together_and_paid_for_once():
+    known, arms, asked = History(STRICT), [Member(q_a, DELAY.test) for q_a in POSES[:4]], []
+
+    def part(*rounds):
+        seen = []
+        for members in rounds:
+            seen += [result.configuration.index for result in (yield from known.results(members))]
+        return seen
+
+    def watched(member):
+        asked.append(member)
+        return {}
+
+    short, none, long = part(arms[:2]), part(), part(arms[1:3], arms[:1], arms[3:])
+    assert run(side_by_side([short, none, long]), watched) == [[0, 1], [], [1, 2, 0, 3]]
+    assert asked == arms and known.spent == pytest.approx(sum(cost(member, STRICT) for member in arms))
 
 
 def test_a_margin_that_the_budget_lasts_for_is_refined():
