@@ -81,7 +81,7 @@ class Share:
     def afford(self, members: Sequence[Member]) -> list[Member]:
         """Those of ``members`` that the share lasts for: all that are known, and the first of the others, which it pays
         for."""
-        dropped = set()
+        dropped = set[Member]()
         for member in dict.fromkeys(members):
             if member not in self.hunt.history.result_of:
                 price = cost(member, self.hunt.protocol)
