@@ -72,7 +72,8 @@ class Reference(NamedTuple):
 
 def reference(signals, p, steady=False):
     """``steady``: the law of SteadyLQG. A jump while the third law acts does not begin its time anew, the threshold
-    of an event falls slowly after the dither, and a motion that dies out is an event."""
+    of an event falls slowly after the dither, a motion that dies out is an event, the dither is as strong whatever the
+    error is, and the second law's share rises evenly."""
     q_m_ref, u_0 = signals.q_m_ref[0], np.array(signals.u_m0)
     pose = lqg.pose(tuple(q_m_ref), tuple(u_0))
     prefixes = ("", "event_", "peak_")
@@ -88,7 +89,7 @@ def reference(signals, p, steady=False):
     event = first_event = sway = -math.inf
     peak, dither_left, peak_left = -math.inf, p["dither_time"], p["peak_time"]
     at_limit, angle, slowly, last_slowly = np.zeros(2), np.zeros(2), False, -math.inf
-    lately, before = 0.0, 0.0
+    lately, before, share = 0.0, 0.0, 0.0
     stiffness, damping = (np.array([p[f"slow_{name}[{axis}]"] for axis in (1, 2)]) for name in ("stiffness", "damping"))
 
     def fading(time):
@@ -114,8 +115,9 @@ def reference(signals, p, steady=False):
         passed = (k - 1 - max(event, sway)) * T_S - over
         still = math.exp(-max(passed, 0.0) / p["average_time"]) if steady else float(passed < 0)
         factor = p["spent"] if dither_left <= 0 else 1.0 + (p["dithered"] - 1.0) * still
-        raised = factor if (k - 1 - event) * T_S >= p["hold"] else 1.0
-        rings = steady and raised * p["ringing"] < lately < p["ringing_fall"] * before
+        if steady and (k - 1 - event) * T_S < p["hold"]:
+            factor = 1.0
+        rings = steady and factor * p["ringing"] < lately < p["ringing_fall"] * before
         if steady:
             lately = moved + fading(p["ringing_time"]) * (lately - moved)
             before = moved + fading(p["ringing_rise" if moved > before else "ringing_memory"]) * (before - moved)
@@ -127,12 +129,16 @@ def reference(signals, p, steady=False):
             sway = k
         average_time = p["contrast_time" if steady and moved > unrest else "average_time"]
         unrest = moved + fading(average_time) * (unrest - moved)
-        level = max(np.linalg.norm(error[0]), fading(p["memory"]) * level)
 
-        allowed = float(np.clip((level - p["off"]) / p["rise"], 0, 1))
         by_event, by_sway = (strength(k, since, p["hold"], p["decay"]) for since in (event, sway))
-        dither = min(allowed, max(by_event, p["sway_share"] * by_sway))
-        share = min(allowed, by_event) * float(np.clip((k - first_event) * T_S / p["wait"] - 1, 0, 1))
+        if steady:
+            dither = by_event
+            share = min(by_event, share + T_S / p["event_rise"])
+        else:
+            level = max(np.linalg.norm(error[0]), fading(p["memory"]) * level)
+            allowed = float(np.clip((level - p["off"]) / p["rise"], 0, 1))
+            dither = min(allowed, max(by_event, p["sway_share"] * by_sway))
+            share = min(allowed, by_event) * float(np.clip((k - first_event) * T_S / p["wait"] - 1, 0, 1))
         peaks = strength(k, peak, p["peak_hold"], p["peak_decay"])
         peak_left = min(p["peak_time"], peak_left + T_S * (p["peak_regain"] - (peaks > 0)))
         dither_left -= T_S * (dither > 0)

@@ -22,7 +22,7 @@ ENDLESS = {"dither_time": math.inf, "spent": 1.0, "sway": math.inf, "sway_share"
 ENDLESS |= {"peak_time": math.inf, "peak_regain": 0.0}
 """What SteadyLQG leaves out of RobustLQG, as if it were not there."""
 
-OWN = {"headroom", "threshold", "contrast", "dithered", "wait", "hold", "decay"}
+OWN = {"headroom", "threshold", "contrast", "dithered", "hold", "decay"}
 OWN |= {"overload", "slow_stiffness[1]", "slow_stiffness[2]", "peak_pause"}
 """Parameters with other values than those of RobustLQG, beside the weights of the damping feedback."""
 
@@ -55,7 +55,7 @@ SHORT = {"jump": 1e-4, "jump_contrast": 3.0, "hold": 0.3, "decay": 0.2, "peak_pa
     [
         pytest.param(
             {"contrast": 1.2, "dithered": 60.0, "ringing": 1.0},
-            {"contrast_time": 0.2484, "dithered": 1.0},
+            {"contrast_time": 0.2484, "dithered": 1.0, "event_rise": 0.01},
             id="events by contrast",
         ),
         # Little contrast, so that some of the motions that die out are no event by it.
@@ -141,6 +141,17 @@ def test_the_fade_of_the_dither_does_not_begin_it_anew(file):
     lower, own = (counterexamples.repeated(FADED + more, file) for more in (" --set dithered=1", ""))
     assert counterexamples.fails(lower, rules) and lower.measurements.limit_cycle_at_end > 5e-5
     assert not counterexamples.fails(own, rules) and own.measurements.limit_cycle < 2e-6
+
+
+@needs_compiler
+def test_the_dither_does_not_begin_again_by_itself():
+    """While its strength followed the estimate of the error, it faded before its time and began again."""
+    found = json.loads((counterexamples.LISTS / "restarted.json").read_text(encoding="utf-8"))["B6"]
+    late = [arm for arm in found if arm["value"] > 3.0 and arm["q_a"][1] != -90.0]
+    _, results = counterexamples.simulated(
+        Benchmark("strict"), Controller.built_in("SteadyLQG"), late, listed=False
+    )
+    assert len(results) == 6 and max(result.measurements.B6 for result in results) < 1.0
 
 
 @needs_compiler

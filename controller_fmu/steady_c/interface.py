@@ -8,13 +8,14 @@ from controller_fmu.lqg.flexible_manipulator_lqg.interface import POSITIVE, para
 from controller_fmu.robust_c.interface import ROWS as ROBUST_ROWS
 from controller_fmu.robust_c.interface import SLOW
 
-LEFT_OUT = ("spent", "dither_time", "sway", "sway_share", "peak_time", "peak_regain")
+LEFT_OUT = ("off", "rise", "memory", "wait", "spent", "dither_time", "sway", "sway_share", "peak_time", "peak_regain")
 
 
 class Ringing(NamedTuple):
     """What else begins an event, and how one stands out; annotations as in flexible_manipulator_lqg/interface.py."""
 
     contrast_time: Annotated[float, "s", "Time constant with which the average of the motion rises", POSITIVE]
+    event_rise: Annotated[float, "s", "Time in which the second law takes over from the first after an event", POSITIVE]
     ringing: Annotated[float, "m", "Average motion of the estimated TCP above which one that dies out is an event", 0.0]
     ringing_fall: Annotated[float, "1", "Ratio of its fast average to its slow one below which a motion dies out", 0.0]
     ringing_time: Annotated[float, "s", "Time constant of the fast average", POSITIVE]
