@@ -10,14 +10,20 @@ from contextlib import contextmanager
 import numba
 import numpy as np
 
-from orchestrator.fmi.connectors import PLANT, bind
-from orchestrator.fmi.lookup import find_values
-from orchestrator.fmi.port import Port, exchange
-from orchestrator.fmi.slaves import Slave
-from orchestrator.loop.controller import prepared
-from orchestrator.loop.master import steady_state
-from orchestrator.loop.scenario import Scenario
-from orchestrator.loop.setup import Setup
+from orchestrator.cache import compiled_code_folder
+
+# Before anything is compiled. Beside its sources, where Numba keeps it otherwise, code of a function stays when what it
+# calls has changed: a benchmark measured the plant as it had been.
+numba.config.CACHE_DIR = numba.config.CACHE_DIR or str(compiled_code_folder())
+
+from orchestrator.fmi.connectors import PLANT, bind  # noqa: E402
+from orchestrator.fmi.lookup import find_values  # noqa: E402
+from orchestrator.fmi.port import Port, exchange  # noqa: E402
+from orchestrator.fmi.slaves import Slave  # noqa: E402
+from orchestrator.loop.controller import prepared  # noqa: E402
+from orchestrator.loop.master import steady_state  # noqa: E402
+from orchestrator.loop.scenario import Scenario  # noqa: E402
+from orchestrator.loop.setup import Setup  # noqa: E402
 
 Contender = Callable[[], float]
 """Runs once and returns what a sample took [us]."""

@@ -46,7 +46,7 @@ COSTS = {
     ("DitheredLQG", "quick"): 75.335310703297,
     ("DitheredLQG", "paper-c07"): 109.84446557215205,
     ("RobustLQG", "strict-c00"): 78.77788340775069,
-    ("SteadyLQG", "strict-c00"): 76.06812250414808,
+    ("SteadyLQG", "strict-c00"): 76.04365582658573,
 }
 """V by controller and run."""
 

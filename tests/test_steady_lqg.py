@@ -148,9 +148,7 @@ def test_the_dither_does_not_begin_again_by_itself():
     """While its strength followed the estimate of the error, it faded before its time and began again."""
     found = json.loads((counterexamples.LISTS / "restarted.json").read_text(encoding="utf-8"))["B6"]
     late = [arm for arm in found if arm["value"] > 3.0 and arm["q_a"][1] != -90.0]
-    _, results = counterexamples.simulated(
-        Benchmark("strict"), Controller.built_in("SteadyLQG"), late, listed=False
-    )
+    _, results = counterexamples.simulated(Benchmark("strict"), Controller.built_in("SteadyLQG"), late, listed=False)
     assert len(results) == 6 and max(result.measurements.B6 for result in results) < 1.0
 
 

@@ -14,9 +14,9 @@ typedef struct {
     int window, now;
 } Errors;
 
-/* What is left after a sample of the averages of motion and jumps, of the fast average of the third estimate, and of the level. */
+/* What is left after a sample of the averages of motion and jumps, and of the fast average of the third estimate. */
 typedef struct {
-    double average, jump, level;
+    double average, jump;
 } Left;
 
 /* How much of the dither, of the event's feedback and of the peak's acts, 0 to 1. */

@@ -11,13 +11,13 @@ typedef struct {
     double jump, jump_contrast, jump_time, peak_hold, peak_decay, peak_time, peak_regain;
 } Switching;
 
-/* The errors; the slow average of the motion [m]; the level [m]; the fast average of the third estimate, and the slow
- * average of its jumps [m]; times [s] since the last event, the first one of those that still act, the last motion and the
- * last peak; times [s] that are left to the dither and to the third law. */
+/* The errors; the slow average of the motion [m]; the level [m], and what is left of it after a sample; the fast average of
+ * the third estimate, and the slow average of its jumps [m]; times [s] since the last event, the first one of those that
+ * still act, the last motion and the last peak; times [s] that are left to the dither and to the third law. */
 typedef struct {
     Errors errors;
     Left left;
-    double unrest, level, fast[2], jumps;
+    double left_level, unrest, level, fast[2], jumps;
     double since_event, since_first, since_sway, since_peak, dither_left, peak_left;
 } Watch;
 
@@ -35,7 +35,8 @@ static inline Watch watch(const Switching *by, double T_s)
 {
     const double over = by->hold + by->decay;
     return (Watch){.errors = {.window = (int)window_of(by->period, T_s)},
-                   .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s), left_of(by->memory, T_s)},
+                   .left = {left_of(by->average_time, T_s), left_of(by->jump_time, T_s)},
+                   .left_level = left_of(by->memory, T_s),
                    .since_event = over, .since_first = over, .since_sway = over, .since_peak = by->peak_hold + by->peak_decay,
                    .dither_left = by->dither_time, .peak_left = by->peak_time};
 }
@@ -69,7 +70,7 @@ static inline Shares shares(Watch *on, const Switching *by, const double error[2
     on->since_event = choose(event, 0.0, on->since_event + T_s);
     on->since_sway = choose(moved > by->sway && has_time, 0.0, on->since_sway + T_s);
     smooth(&on->unrest, moved, on->left.average);
-    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left.level);
+    on->level = fmax(elementary_hypot(error[0], error[1]), on->level * on->left_level);
     const double wanted = limited((on->level - by->off) / by->rise, 0.0, 1.0);
     const double acts = faded(by->hold, by->decay, on->since_event);
     const double dither = fmin(wanted, fmax(acts, by->sway_share * faded(by->hold, by->decay, on->since_sway)));
